@@ -1,0 +1,1 @@
+"""pfslam: particle-filter SLAM and floor texture mapping, small enough to read."""

@@ -1,0 +1,150 @@
+"""Where things are: planar poses SE(2), spatial transforms SE(3), angles, and trajectories.
+
+A planar pose is an array ``(x, y, theta)`` in metres and radians; many poses are an array ``(N, 3)``.
+``pose_wb`` places the body frame in the world: it turns body coordinates into world coordinates. A spatial
+transform ``T_wb`` is the 4 x 4 matrix that does the same. Adjacent letters cancel: ``T_wo = T_wb @ T_bo``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pfslam.errors import DataError
+
+
+def wrap_angle(theta):
+    """Angle(s) in radians, brought into (-pi, pi]."""
+    return -((-np.asarray(theta, dtype=float) + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def average_angle(theta, weights=None) -> float:
+    """Mean direction of angles ``(N,)`` with optional ``weights`` ``(N,)``, in radians.
+
+    The mean of the unit vectors is taken, so that 179 and -179 degrees average to 180, not to 0.
+    """
+    return float(np.arctan2(np.average(np.sin(theta), weights=weights), np.average(np.cos(theta), weights=weights)))
+
+
+def average_pose(poses, weights=None) -> np.ndarray:
+    """Weighted mean of poses ``(N, 3)`` as one pose ``(3,)``; the heading is averaged on the circle."""
+    poses = np.asarray(poses, dtype=float)
+    x, y = np.average(poses[:, :2], axis=0, weights=weights)
+    return np.array([x, y, average_angle(poses[:, 2], weights)])
+
+
+def compose(pose_ab, pose_bc) -> np.ndarray:
+    """``pose_ac``: first ``pose_ab``, then ``pose_bc`` in its frame. Shapes ``(..., 3)`` broadcast."""
+    a, b = np.asarray(pose_ab, dtype=float), np.asarray(pose_bc, dtype=float)
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    x = a[..., 0] + c * b[..., 0] - s * b[..., 1]
+    y = a[..., 1] + s * b[..., 0] + c * b[..., 1]
+    return np.stack([x, y, wrap_angle(a[..., 2] + b[..., 2])], axis=-1)
+
+
+def invert(pose_ab) -> np.ndarray:
+    """``pose_ba``, so that ``compose(pose_ab, pose_ba)`` is the identity. Shape ``(..., 3)``."""
+    a = np.asarray(pose_ab, dtype=float)
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    return np.stack([-c * a[..., 0] - s * a[..., 1], s * a[..., 0] - c * a[..., 1], wrap_angle(-a[..., 2])], axis=-1)
+
+
+def between(pose_wa, pose_wb) -> np.ndarray:
+    """``pose_ab``: pose b seen from pose a, both given in the world. Shapes ``(..., 3)`` broadcast."""
+    return compose(invert(pose_wa), pose_wb)
+
+
+def transform_points(pose_ab, points_b) -> np.ndarray:
+    """Points ``(M, 2)`` of frame b in frame a, for one pose ``(3,)``; ``(N, M, 2)`` for poses ``(N, 3)``."""
+    pose, points = np.asarray(pose_ab, dtype=float), np.asarray(points_b, dtype=float)
+    c, s = np.cos(pose[..., 2, None]), np.sin(pose[..., 2, None])
+    x = pose[..., 0, None] + c * points[:, 0] - s * points[:, 1]
+    y = pose[..., 1, None] + s * points[:, 0] + c * points[:, 1]
+    return np.stack([x, y], axis=-1)
+
+
+def rotation_matrix(roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> np.ndarray:
+    """Rotation ``Rz(yaw) Ry(pitch) Rx(roll)``, shape ``(3, 3)``; positive pitch turns x (forward) down."""
+    cr, sr, cp, sp, cy, sy = *_cos_sin(roll), *_cos_sin(pitch), *_cos_sin(yaw)
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return about_z @ about_y @ about_x
+
+
+def transform(rotation=None, translation=(0.0, 0.0, 0.0)) -> np.ndarray:
+    """A 4 x 4 transform from a rotation ``(3, 3)`` (identity if None) and a translation ``(3,)`` in metres."""
+    T = np.eye(4)
+    T[:3, :3] = np.eye(3) if rotation is None else rotation
+    T[:3, 3] = translation
+    return T
+
+
+def pose_to_transform(pose_wb, z: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
+    """``T_wb``, shape ``(4, 4)``, of a planar pose; height (m), pitch and roll (rad) for slopes."""
+    x, y, theta = pose_wb
+    return transform(rotation_matrix(roll, pitch, theta), (x, y, z))
+
+
+def invert_transform(T_ab: np.ndarray) -> np.ndarray:
+    """``T_ba``, shape ``(4, 4)``."""
+    R, p = T_ab[:3, :3], T_ab[:3, 3]
+    return transform(R.T, -R.T @ p)
+
+
+def apply_transform(T_ab: np.ndarray, points_b) -> np.ndarray:
+    """Points ``(..., 3)`` of frame b, in frame a."""
+    return np.asarray(points_b) @ T_ab[:3, :3].T + T_ab[:3, 3]
+
+
+def _cos_sin(angle: float) -> tuple[float, float]:
+    return float(np.cos(angle)), float(np.sin(angle))
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Poses over time: ``t (K,)`` in seconds, strictly increasing, and ``poses (K, 3)``."""
+
+    t: np.ndarray
+    poses: np.ndarray
+
+    def __post_init__(self):
+        t, poses = np.asarray(self.t, dtype=float), np.asarray(self.poses, dtype=float)
+        if t.ndim != 1 or len(t) == 0 or poses.shape != (len(t), 3):
+            raise DataError("Trajectory", "t, poses", f"shapes {t.shape}, {poses.shape}", "(K,), (K, 3) with K >= 1")
+        if not (np.isfinite(t).all() and np.isfinite(poses).all()):
+            raise DataError("Trajectory", "t, poses", "NaN or infinity", "finite numbers")
+        if (np.diff(t) <= 0).any():
+            at = int(np.argmax(np.diff(t) <= 0)) + 1
+            raise DataError("Trajectory", f"t[{at}]", f"{t[at]!r} after {t[at - 1]!r}", "increasing times")
+        object.__setattr__(self, "t", t)
+        object.__setattr__(self, "poses", np.column_stack([poses[:, :2], wrap_angle(poses[:, 2])]))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def covers(self, t) -> np.ndarray:
+        """Which of the times ``t`` lie within the trajectory's own time (bool, same shape)."""
+        t = np.asarray(t, dtype=float)
+        return (t >= self.t[0]) & (t <= self.t[-1])
+
+    def at(self, t) -> np.ndarray:
+        """Pose at time ``t`` (scalar: ``(3,)``; array ``(M,)``: ``(M, 3)``), interpolated, heading on the circle.
+
+        Raises ``DataError`` for a time outside the trajectory: a pose out there would be a guess.
+        """
+        times = np.asarray(t, dtype=float)
+        if not self.covers(times).all():
+            worst = times[~self.covers(times)].ravel()[0] if times.ndim else float(times)
+            raise DataError("Trajectory.at", "t", f"{worst:.6f} s", f"a time in [{self.t[0]:.6f}, {self.t[-1]:.6f}] s")
+        if len(self.t) == 1:
+            return np.broadcast_to(self.poses[0], times.shape + (3,)).copy()
+        i = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 2)
+        part = ((times - self.t[i]) / (self.t[i + 1] - self.t[i]))[..., None]
+        a, b = self.poses[i], self.poses[i + 1]
+        step = b - a
+        step[..., 2] = wrap_angle(step[..., 2])
+        pose = a + part * step
+        pose[..., 2] = wrap_angle(pose[..., 2])
+        return pose

@@ -1,0 +1,159 @@
+"""A data set in memory: what each instrument said, and when.
+
+Every stream keeps its own clock stamps ``t`` in seconds, one row per reading. Streams are paired by stamp, never by
+index. A stream that the robot did not have is ``None``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pfslam.errors import DataError
+from pfslam.poses import Trajectory
+from pfslam.sensors import RobotModel
+
+
+@dataclass(frozen=True, eq=False)
+class Encoders:
+    """``t (K,)`` s; ``counts (K, 4)`` since the previous reading, columns FR, FL, RR, RL, forward positive."""
+
+    t: np.ndarray
+    counts: np.ndarray
+
+    def __post_init__(self):
+        check_stamps(self.t, "encoders")
+        check_rows(self.counts, "encoders", "counts", (len(self.t), 4))
+
+
+@dataclass(frozen=True, eq=False)
+class Imu:
+    """``t (K,)`` s; ``angular_velocity (K, 3)`` rad/s; ``acceleration_g (K, 3)`` in units of gravity."""
+
+    t: np.ndarray
+    angular_velocity: np.ndarray
+    acceleration_g: np.ndarray
+
+    def __post_init__(self):
+        check_stamps(self.t, "imu")
+        check_rows(self.angular_velocity, "imu", "angular_velocity", (len(self.t), 3))
+        check_rows(self.acceleration_g, "imu", "acceleration_g", (len(self.t), 3))
+
+
+@dataclass(frozen=True, eq=False)
+class LidarScans:
+    """``t (K,)`` s; ``ranges (K, beams)`` m as reported, invalid readings included."""
+
+    t: np.ndarray
+    ranges: np.ndarray
+
+    def __post_init__(self):
+        check_stamps(self.t, "lidar")
+        if np.ndim(self.ranges) != 2 or self.ranges.shape[0] != len(self.t) or self.ranges.shape[1] == 0:
+            raise DataError("lidar", "ranges", f"shape {np.shape(self.ranges)}", f"({len(self.t)}, beams >= 1)")
+
+
+@dataclass(frozen=True, eq=False)
+class RgbdStream:
+    """Disparity and colour images with a clock each: ``disparity_t (K,)``, ``rgb_t (J,)`` in seconds.
+
+    Images are read (or rendered) one at a time: ``read_disparity(k) -> (480, 640) uint16`` and
+    ``read_rgb(j) -> (480, 640, 3) uint8``, indices from 0. ``disparity_index`` and ``rgb_index`` list the images that
+    exist, since a recording may keep only every n-th.
+    """
+
+    disparity_t: np.ndarray
+    rgb_t: np.ndarray
+    read_disparity: Callable[[int], np.ndarray]
+    read_rgb: Callable[[int], np.ndarray]
+    disparity_index: np.ndarray
+    rgb_index: np.ndarray
+
+    def __post_init__(self):
+        check_stamps(self.disparity_t, "camera (disparity)")
+        check_stamps(self.rgb_t, "camera (rgb)")
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One drive. ``odometry`` is for logs that hold integrated odometry poses instead of encoders and gyro."""
+
+    name: str
+    robot: RobotModel = field(default_factory=RobotModel)
+    encoders: Encoders | None = None
+    imu: Imu | None = None
+    odometry: Trajectory | None = None
+    lidar: LidarScans | None = None
+    camera: RgbdStream | None = None
+    truth: Trajectory | None = None
+    dropped: dict[str, int] = field(default_factory=dict)
+    """Readings left out while loading, by reason."""
+
+    def __post_init__(self):
+        if self.odometry is None and (self.encoders is None or self.imu is None):
+            raise DataError(self.name, "odometry", "neither encoders with IMU nor odometry poses", "one of the two")
+        if self.lidar is not None and self.lidar.ranges.shape[1] != self.robot.lidar.beams:
+            raise DataError(
+                self.name, "lidar ranges", f"{self.lidar.ranges.shape[1]} beams", f"{self.robot.lidar.beams} beams"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Images matched by time: ``disparity (P,)`` and ``rgb (P,)`` indices; ``unpaired`` counts what found no partner."""
+
+    disparity: np.ndarray
+    rgb: np.ndarray
+    unpaired: int
+
+
+def nearest_stamp(t: np.ndarray, query: np.ndarray) -> np.ndarray:
+    """Index ``(Q,)`` of the stamp in ``t (K,)`` (increasing, s) nearest to each ``query (Q,)``; ties go to the earlier."""
+    t, query = np.asarray(t, dtype=float), np.asarray(query, dtype=float)
+    right = np.clip(np.searchsorted(t, query), 1, max(len(t) - 1, 1))
+    left = right - 1
+    if len(t) == 1:
+        return np.zeros(query.shape, dtype=int)
+    return np.where(query - t[left] <= t[right] - query, left, right)
+
+
+def image_pairs(camera: RgbdStream, max_gap: float = 0.1, every: int = 1) -> Pairs:
+    """Each stored RGB image with the stored disparity image nearest in time, at most ``max_gap`` seconds away.
+
+    ``every`` keeps every n-th pair.
+    """
+    if len(camera.disparity_index) == 0 or len(camera.rgb_index) == 0:
+        none = np.zeros(0, dtype=int)
+        return Pairs(none, none, len(camera.rgb_index))
+    t_rgb, t_disparity = camera.rgb_t[camera.rgb_index], camera.disparity_t[camera.disparity_index]
+    nearest = nearest_stamp(t_disparity, t_rgb)
+    near = np.abs(t_disparity[nearest] - t_rgb) <= max_gap
+    return Pairs(
+        camera.disparity_index[nearest[near]][::every], camera.rgb_index[near][::every], int(np.count_nonzero(~near))
+    )
+
+
+def check_stamps(t: np.ndarray, source: str, field_name: str = "time_stamps") -> None:
+    """Raise ``DataError`` unless ``t`` is one finite, strictly increasing row of at least one stamp."""
+    t = np.asarray(t)
+    if t.ndim != 1 or len(t) == 0 or t.dtype.kind not in "fiu":
+        raise DataError(source, field_name, f"{t.dtype} of shape {t.shape}", "(K,) numbers with K >= 1")
+    if not np.isfinite(t).all():
+        at = int(np.argmin(np.isfinite(t)))
+        raise DataError(source, f"{field_name}[{at}]", t[at], "a finite time")
+    backwards = np.diff(t) <= 0
+    if backwards.any():
+        at = int(np.argmax(backwards)) + 1
+        raise DataError(source, f"{field_name}[{at}]", f"{t[at]:.6f} after {t[at - 1]:.6f}", "strictly increasing times")
+
+
+def check_rows(values: np.ndarray, source: str, field_name: str, shape: tuple[int, ...]) -> None:
+    """Raise ``DataError`` unless ``values`` are finite numbers of the given shape."""
+    values = np.asarray(values)
+    if values.shape != shape or values.dtype.kind not in "fiu":
+        raise DataError(source, field_name, f"{values.dtype} of shape {values.shape}", f"numbers of shape {shape}")
+    if not np.isfinite(values).all():
+        at = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
+        raise DataError(source, f"{field_name}{list(at)}", values[at], "a finite number")

@@ -1,0 +1,151 @@
+"""What each instrument is: where it sits, what its numbers mean, and how they become SI units.
+
+The defaults are the robot of the report. Positions are in the body frame b: origin on the floor under the
+chassis centre, x forward, y left, z up, metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pfslam.poses import apply_transform, rotation_matrix, transform
+
+STANDARD_GRAVITY = 9.80665  # m/s^2 in one g
+
+
+@dataclass(frozen=True)
+class EncoderModel:
+    """Four wheel encoders that report counts since their previous reading (columns FR, FL, RR, RL)."""
+
+    metres_per_count: float = 0.0022
+    """Travel per count. The report rounds pi * 0.254 m / 360 = 0.0022166 m to 0.0022 m, 0.75 % short."""
+    track: float = 0.394
+    """Distance between left and right wheels (m)."""
+
+
+@dataclass(frozen=True)
+class ImuModel:
+    """Gyro and accelerometer; the axes are the body's. ``yaw_axis`` is the column of the yaw rate."""
+
+    yaw_axis: int = 2
+    gyro_bias: float = 0.0
+    """Yaw rate that the gyro shows at rest (rad/s)."""
+    gyro_scale: float = 1.0
+    """True yaw rate over measured yaw rate."""
+
+    def yaw_rate(self, angular_velocity: np.ndarray) -> np.ndarray:
+        """True-scale yaw rate ``(K,)`` in rad/s from raw angular velocity ``(K, 3)`` in rad/s."""
+        return self.gyro_scale * (angular_velocity[:, self.yaw_axis] - self.gyro_bias)
+
+
+@dataclass(frozen=True)
+class LidarModel:
+    """A planar range finder. Beam i points at ``angle_min + i * increment``, counter-clockwise, 0 = forward."""
+
+    angle_min: float = float(np.deg2rad(-135.0))
+    angle_max: float = float(np.deg2rad(135.0))
+    beams: int = 1081
+    range_min: float = 0.1
+    range_max: float = 30.0
+    position_b: tuple[float, float, float] = (0.13323, 0.0, 0.51435)
+
+    @property
+    def angles(self) -> np.ndarray:
+        """Beam angles ``(beams,)`` in the LiDAR frame (rad)."""
+        return np.linspace(self.angle_min, self.angle_max, self.beams)
+
+    @property
+    def increment(self) -> float:
+        """Angle between neighbouring beams (rad)."""
+        return (self.angle_max - self.angle_min) / max(self.beams - 1, 1)
+
+    def valid(self, ranges: np.ndarray) -> np.ndarray:
+        """Which ranges are measurements: finite, at least ``range_min`` and at most ``range_max``."""
+        return np.isfinite(ranges) & (ranges >= self.range_min) & (ranges <= self.range_max)
+
+
+_OPTICAL_TO_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+@dataclass(frozen=True)
+class RgbdModel:
+    """A depth camera that reports disparity, and a colour camera beside it; the constants of Eq. 16 and 17.
+
+    ``pitch`` is positive downwards. Pixels are u (column) and v (row); images are ``[v, u]``.
+    """
+
+    width: int = 640
+    height: int = 480
+    focal_u: float = 585.05108211
+    focal_v: float = 585.05108211
+    skew: float = 0.0
+    centre_u: float = 315.83800193
+    centre_v: float = 242.94140713
+    disparity_slope: float = -0.00304
+    disparity_offset: float = 3.31
+    depth_scale: float = 1.03
+    rgb_focal: float = 526.37
+    rgb_baseline: float = -4.5 * 1750.46
+    rgb_offset_u: float = 19276.0
+    rgb_offset_v: float = 16662.0
+    rgb_divisor: float = 585.051
+    position_b: tuple[float, float, float] = (0.16766, 0.0, 0.38001)
+    roll: float = 0.0
+    pitch: float = float(np.deg2rad(18.0))
+    yaw: float = 0.0
+
+    @property
+    def K(self) -> np.ndarray:
+        """Intrinsic matrix ``(3, 3)`` of the depth camera for pixels (u, v, 1). Eq. 17, principal point in (u, v) order."""
+        return np.array([[self.focal_u, self.skew, self.centre_u], [0.0, self.focal_v, self.centre_v], [0.0, 0.0, 1.0]])
+
+    @property
+    def T_bc(self) -> np.ndarray:
+        """Camera frame (x forward, y left, z up) to body frame, ``(4, 4)``."""
+        return transform(rotation_matrix(self.roll, self.pitch, self.yaw), self.position_b)
+
+    @property
+    def T_bo(self) -> np.ndarray:
+        """Optical frame (x right, y down, z forward) to body frame, ``(4, 4)``."""
+        return self.T_bc @ transform(_OPTICAL_TO_CAMERA)
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """The instruments of one robot."""
+
+    encoders: EncoderModel = field(default_factory=EncoderModel)
+    imu: ImuModel = field(default_factory=ImuModel)
+    lidar: LidarModel = field(default_factory=LidarModel)
+    camera: RgbdModel = field(default_factory=RgbdModel)
+
+    @classmethod
+    def report(cls) -> RobotModel:
+        """The robot as the report describes it (the default)."""
+        return cls()
+
+    @classmethod
+    def data_sheet(cls) -> RobotModel:
+        """The same robot with the camera pose of its own sheet: (0.18, 0.005, 0.36) m, rpy (0, 0.36, 0.021) rad."""
+        return cls(camera=RgbdModel(position_b=(0.18, 0.005, 0.36), pitch=0.36, yaw=0.021))
+
+
+def scan_points(ranges: np.ndarray, lidar: LidarModel, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
+    """End points ``(M, 2)`` of the valid beams in the body frame, seen from above. Implements Eq. 7.
+
+    ``ranges`` is ``(beams,)`` in metres. ``pitch`` and ``roll`` (rad) tilt the body on a slope; the points are
+    then those of the level body frame with the same heading.
+    """
+    return scan_points_3d(ranges, lidar, pitch, roll)[:, :2]
+
+
+def scan_points_3d(ranges: np.ndarray, lidar: LidarModel, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
+    """End points ``(M, 3)`` of the valid beams in the level body frame; z is the height above the wheels' ground."""
+    ranges = np.asarray(ranges, dtype=float)
+    valid = lidar.valid(ranges)
+    r, angle = ranges[valid], lidar.angles[valid]
+    points_l = np.stack([r * np.cos(angle), r * np.sin(angle), np.zeros_like(r)], axis=-1)
+    points_b = points_l + lidar.position_b
+    return apply_transform(transform(rotation_matrix(roll, pitch)), points_b) if pitch or roll else points_b
