@@ -16,7 +16,7 @@ from pfslam.errors import DataError
 
 def wrap_angle(theta):
     """Angle(s) in radians, brought into (-pi, pi]."""
-    return -((-np.asarray(theta, dtype=float) + np.pi) % (2.0 * np.pi) - np.pi)
+    return np.pi - (np.pi - np.asarray(theta, dtype=float)) % (2.0 * np.pi)
 
 
 def average_angle(theta, weights=None) -> float:

@@ -88,6 +88,8 @@ class Recording:
     lidar: LidarScans | None = None
     camera: RgbdStream | None = None
     truth: Trajectory | None = None
+    default_every: int = 5
+    """Every how-many-th scan a filter uses unless told otherwise: 5 at 40 Hz, 1 for logs of sparse scans."""
     dropped: dict[str, int] = field(default_factory=dict)
     """Readings left out while loading, by reason."""
 
