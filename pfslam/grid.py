@@ -6,7 +6,7 @@ into cells; nothing else in the package does.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -56,6 +56,12 @@ class GridSpec:
         cells = np.asarray(cells)
         return (cells >= 0).all(axis=-1) & (cells[..., 0] < self.shape[1]) & (cells[..., 1] < self.shape[0])
 
+    def grown(self, left: int, right: int, bottom: int, top: int) -> GridSpec:
+        """The grid with so many cells more on each side."""
+        (x, y), (h, w) = self.origin, self.shape
+        origin = (x - left * self.resolution, y - bottom * self.resolution)
+        return GridSpec(origin, self.resolution, (h + bottom + top, w + left + right))
+
     @classmethod
     def around(cls, points_w, resolution: float, margin: float = 1.0) -> GridSpec:
         """The grid that covers points ``(M, 2)`` with a margin (m); its corner lies on a multiple of the resolution."""
@@ -86,3 +92,111 @@ class OccupancyGrid:
     def free(self) -> np.ndarray:
         """Cells more likely free than occupied, ``(H, W)`` bool."""
         return self.log_odds < 0
+
+    @property
+    def probability(self) -> np.ndarray:
+        """Probability that each cell is occupied, ``(H, W)``: gamma of Eq. 14."""
+        return probability(self.log_odds)
+
+    def covering(self, points_w: np.ndarray, margin: float = 5.0) -> OccupancyGrid:
+        """This grid if it covers the points ``(M, 2)``, else a larger one with the same cells and the rest unknown.
+
+        It grows by at least ``margin`` metres at a time, so that a long drive does not copy the map at every scan.
+        """
+        cells = self.spec.world_to_cell(points_w)
+        low, high = cells.min(axis=0), cells.max(axis=0)
+        width, height = self.spec.shape[::-1]
+        pad = int(np.ceil(margin / self.spec.resolution))
+        left, bottom = (pad - low[i] if low[i] < 0 else 0 for i in (0, 1))
+        right, top = (high[i] - n + 1 + pad if high[i] >= n else 0 for i, n in ((0, width), (1, height)))
+        if not (left or right or bottom or top):
+            return self
+        spec = self.spec.grown(int(left), int(right), int(bottom), int(top))
+        return OccupancyGrid(spec, embed(self.log_odds, self.spec, spec))
+
+
+def embed(values: np.ndarray, spec: GridSpec, larger: GridSpec) -> np.ndarray:
+    """Values ``(H, W, ...)`` of one grid inside a larger one with the same resolution; the new cells are zero."""
+    ix, iy = np.rint((np.subtract(spec.origin, larger.origin)) / spec.resolution).astype(int)
+    result = np.zeros(larger.shape + values.shape[2:], dtype=values.dtype)
+    result[iy : iy + spec.shape[0], ix : ix + spec.shape[1]] = values
+    return result
+
+
+def probability(log_odds):
+    """Probability of log-odds: 1 / (1 + exp(-lambda)). Implements Eq. 14."""
+    return 1.0 / (1.0 + np.exp(-np.asarray(log_odds, dtype=float)))
+
+
+def log_odds(probability):
+    """Log-odds of a probability: log(p / (1 - p)), natural logarithm; log_odds(0.8) = log 4. Inverse of Eq. 14."""
+    p = np.asarray(probability, dtype=float)
+    return np.log(p) - np.log1p(-p)
+
+
+@dataclass(frozen=True)
+class MapConfig:
+    """How a scan is written into the map (Eq. 15). ``hit`` and ``free`` are positive amounts of log-odds."""
+
+    resolution: float = 0.05
+    hit: float = LOG_4
+    free: float = LOG_4
+    clamp: float = 2.0 * LOG_4
+    rays: str = "polygon"
+    """How free cells are found: "bresenham" traces every beam, "polygon" fills the outline of the scan."""
+
+    def __post_init__(self):
+        if self.rays not in ("bresenham", "polygon"):
+            raise DataError("MapConfig", "rays", self.rays, "'bresenham' or 'polygon'")
+
+
+def trace_rays(start: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Cells ``(R, 2)`` that the rays from cell ``start (2,)`` to cells ``ends (M, 2)`` cross, the ends left out.
+
+    Bresenham's lines in whole numbers, all rays at once; a cell crossed by several rays appears several times.
+    """
+    steps = np.asarray(ends) - start
+    length = np.abs(steps).max(axis=1)
+    ray = np.repeat(np.arange(len(steps)), length)
+    k = np.arange(len(ray)) - np.repeat(np.cumsum(length) - length, length)
+    n = length[ray][:, None]
+    # Along the longer axis one cell a step; along the shorter one k d / n, rounded half away from the start.
+    magnitude = (2 * k[:, None] * np.abs(steps[ray]) + n) // (2 * n)
+    return start + np.sign(steps[ray]) * magnitude
+
+
+def free_cells(spec: GridSpec, points_w: np.ndarray, beams: np.ndarray, sensor_w: np.ndarray, rays: str):
+    """Mask ``(h, w)`` uint8 of the cells that a scan saw through, and the rectangle (slices) of the grid it covers.
+
+    ``points_w (M, 2)`` are the end points in beam order, ``beams (M,)`` their beam numbers, ``sensor_w (2,)`` the
+    LiDAR. Where beam numbers jump, beams had no return: they clear nothing, and the outline goes back to the sensor.
+    """
+    ends, start = spec.world_to_cell(points_w), spec.world_to_cell(sensor_w)
+    low, high = np.minimum(ends.min(axis=0), start), np.maximum(ends.max(axis=0), start)
+    mask = np.zeros((high - low + 1)[::-1], dtype=np.uint8)
+    if rays == "bresenham":
+        ix, iy = (trace_rays(start, ends) - low).T
+        mask[iy, ix] = 1
+    else:
+        gaps = np.flatnonzero(np.diff(beams) > 1) + 1
+        outline = np.insert(ends, np.concatenate([[0], gaps]), start, axis=0)
+        cv2.fillPoly(mask, [(outline - low).astype(np.int32)], 1)
+    return mask, np.s_[low[1] : high[1] + 1, low[0] : high[0] + 1]
+
+
+def integrate_scan(
+    grid: OccupancyGrid, points_w: np.ndarray, beams: np.ndarray, sensor_w: np.ndarray, config: MapConfig
+) -> tuple[OccupancyGrid, tuple[slice, slice]]:
+    """The map after one scan, and the rectangle of cells that it touched. Implements Eq. 15.
+
+    Arguments as in ``free_cells``; the points must lie inside the grid (see ``OccupancyGrid.covering``). Every cell is
+    written once per scan, hit or free, and a hit wins: a wall seen at a grazing angle must not be rubbed out by the
+    neighbouring beams of the scan that found it.
+    """
+    mask, rectangle = free_cells(grid.spec, points_w, beams, sensor_w, config.rays)
+    change = mask * np.float32(-config.free)
+    ix, iy = grid.spec.world_to_cell(points_w).T
+    change[iy - rectangle[0].start, ix - rectangle[1].start] = config.hit
+    updated = grid.log_odds.copy()
+    updated[rectangle] = np.clip(updated[rectangle] + change, -config.clamp, config.clamp)
+    return OccupancyGrid(grid.spec, updated), rectangle

@@ -1,0 +1,161 @@
+"""Every number that a run depends on, in one frozen object, with the two presets of the book.
+
+``SlamConfig.report()`` is the filter as the report describes it. ``SlamConfig.refined()`` changes one ingredient after
+another; each can be switched by itself with ``dataclasses.replace``, which is how the book shows what each one buys.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from math import sqrt
+
+from pfslam.errors import DataError
+from pfslam.grid import LOG_4, MapConfig
+from pfslam.particles import RESAMPLERS, ControlNoise
+
+
+@dataclass(frozen=True)
+class MotionNoise:
+    """Uncertainty of the motion between two scans that moved ``metres`` and turned ``radians``: grows with both."""
+
+    xy: float = 0.02
+    xy_per_metre: float = 0.08
+    yaw: float = 0.005
+    yaw_per_radian: float = 0.05
+    yaw_per_metre: float = 0.06
+
+    def sigmas(self, metres: float, radians: float) -> tuple[float, float]:
+        """Standard deviations (m, rad) of position (each axis) and heading."""
+        return (
+            self.xy + self.xy_per_metre * metres,
+            self.yaw + self.yaw_per_radian * radians + self.yaw_per_metre * metres,
+        )
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """How a particle looks for a better pose around itself, and what it earns there."""
+
+    yaw_step: float = 0.005
+    """Heading step of the lattice (rad); the step in x and y is one cell."""
+    cells: tuple[int, int] = (4, 4)
+    """Least and greatest half width of the window in cells; between them it spans three sigmas of the motion."""
+    yaws: tuple[int, int] = (4, 4)
+    """Least and greatest half width in heading steps."""
+    beam_stride: int = 1
+    """Every how-many-th beam is scored."""
+    field: str = "occupied"
+    """"occupied": count of end points on occupied cells. "distance": credit for near misses too."""
+    prior: bool = False
+    """Whether leaving the predicted pose costs something (the motion model's own density)."""
+    sub_cell: bool = False
+    """Whether a parabola through the best score and its neighbours refines the pose within a step."""
+    keep_offset: bool = True
+    """Whether a particle keeps its offset from the lattice node it was scored at (the report), or moves onto it."""
+    sharpness: float = 54.0
+    """Log-likelihood of a perfect scan: one score for the whole scan, because its beams are not independent."""
+    weight: str = "count"
+    """"count": weights multiply by the score (Eq. 12). "likelihood": by exp(sharpness * mean score - prior cost)."""
+
+
+@dataclass(frozen=True)
+class PolishConfig:
+    """Alignment of the estimate to the lines that the map's hits form. ``None`` in ``SlamConfig`` leaves it out."""
+
+    iterations: int = 6
+    min_hits: int = 3
+    elongation: float = 2.0
+    """A cell's neighbourhood counts as a line if its long variance exceeds so many short ones (plus a floor)."""
+    floor: float = 0.02
+    """Floor under the short variance, in cells squared."""
+    rho: float = 0.05
+    """Distance (m) at which a beam's weight has fallen to exp(-1/2)."""
+    beam_stride: int = 2
+    degenerate_below: float = 0.01
+    """Least share of normals along a direction for the map to have a say in it; below, odometry decides."""
+
+
+@dataclass(frozen=True)
+class SlamConfig:
+    """One run of the filter. Units are SI; sigmas are standard deviations."""
+
+    particles: int = 200
+    every: int | None = None
+    """Every how-many-th scan is used; None takes the recording's own default."""
+    noise: ControlNoise | MotionNoise = field(default_factory=MotionNoise)
+    """White noise on every control sample (Eq. 11), or noise on the motion between two scans."""
+    predict_before_first_scan: bool = False
+    search: SearchConfig = field(default_factory=SearchConfig)
+    map: MapConfig = field(default_factory=MapConfig)
+    polish: PolishConfig | None = None
+    estimate: str = "best"
+    """"best": the particle of greatest weight. "mean": the weighted mean of all."""
+    resample_below: float = 0.1
+    """Resample when N_eff is at most this share of N."""
+    resampler: str = "systematic"
+    draw_metres: float = 0.0
+    draw_radians: float = 0.0
+    """The scan is drawn into the map after moving or turning by at least so much since the last one drawn."""
+    min_beams: int = 10
+    """Scans with fewer valid beams are predicted through, not matched, and counted."""
+
+    def __post_init__(self):
+        choices = {
+            "estimate": (self.estimate, ("best", "mean")),
+            "search.field": (self.search.field, ("occupied", "distance")),
+            "search.weight": (self.search.weight, ("count", "likelihood")),
+            "resampler": (self.resampler, tuple(RESAMPLERS)),
+        }
+        for name, (value, allowed) in choices.items():
+            if value not in allowed:
+                raise DataError("SlamConfig", name, repr(value), "one of " + ", ".join(allowed))
+        if not (isinstance(self.particles, int) and self.particles >= 1):
+            raise DataError("SlamConfig", "particles", self.particles, "a whole number, at least 1")
+        if self.every is not None and not (isinstance(self.every, int) and self.every >= 1):
+            raise DataError("SlamConfig", "every", self.every, "a whole number, at least 1")
+        if not 0.0 <= self.resample_below <= 1.0:
+            raise DataError("SlamConfig", "resample_below", self.resample_below, "a share of N from 0 to 1")
+
+    @classmethod
+    def report(cls, sigma_v: float = sqrt(0.1), sigma_omega: float = sqrt(0.02)) -> SlamConfig:
+        """The report's filter: 729 perturbations, +-log 4 clamped at twice that, N_eff <= N / 10, best particle.
+
+        The report calls 0.02 a variance and sets it for its first data set; for its second it takes
+        ``sigma_omega = sqrt(0.05)``. Both arguments are standard deviations in m/s and rad/s.
+        """
+        return cls(noise=ControlNoise(sigma_v, sigma_omega), predict_before_first_scan=True)
+
+    @classmethod
+    def refined(cls) -> SlamConfig:
+        """The accurate filter: gentle clearing, distance field, motion prior, sub-cell step, likelihood, mean."""
+        return cls(
+            search=SearchConfig(
+                yaw_step=0.01,
+                cells=(4, 10),
+                yaws=(4, 30),
+                beam_stride=2,
+                field="distance",
+                prior=True,
+                sub_cell=True,
+                keep_offset=False,
+                weight="likelihood",
+            ),
+            map=MapConfig(free=0.1 * LOG_4, clamp=5.0 * LOG_4),
+            polish=PolishConfig(),
+            estimate="mean",
+            resample_below=0.5,
+            draw_metres=0.1,
+            draw_radians=0.05,
+        )
+
+    def as_dict(self) -> dict:
+        """All settings as plain nested dictionaries, for ``summary.json`` and tables."""
+        return _as_dict(self)
+
+
+def _as_dict(config) -> dict:
+    plain = {}
+    for f in fields(config):
+        value = getattr(config, f.name)
+        plain[f.name] = {"kind": type(value).__name__} | _as_dict(value) if hasattr(value, "__dataclass_fields__") else value
+    return plain

@@ -1,0 +1,148 @@
+"""The belief as a cloud of weighted poses: predict, reweight, resample.
+
+Weights are kept as logarithms: a product of a thousand small numbers is a sum, and nothing underflows. Poses and
+weights live in one immutable object, so that no function can move one without the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pfslam.errors import DataError
+from pfslam.motion import motion_model
+
+
+@dataclass(frozen=True, eq=False)
+class Particles:
+    """``poses (N, 3)`` and normalised ``log_weights (N,)``: mu[k] and log alpha[k] of the report. Implements Eq. 10.
+
+    Weights given unnormalised are normalised here, so that they always sum to one.
+    """
+
+    poses: np.ndarray
+    log_weights: np.ndarray
+
+    def __post_init__(self):
+        poses, log_weights = np.asarray(self.poses, dtype=float), np.asarray(self.log_weights, dtype=float)
+        if poses.ndim != 2 or poses.shape[1:] != (3,) or log_weights.shape != (len(poses),) or len(poses) == 0:
+            raise DataError("Particles", "shapes", f"{poses.shape}, {log_weights.shape}", "(N, 3), (N,) with N >= 1")
+        total = log_sum_exp(log_weights)
+        if not (np.isfinite(total) and np.isfinite(poses).all()):
+            raise DataError("Particles", "poses, log_weights", "NaN, or no weight above zero", "finite poses, some weight")
+        object.__setattr__(self, "poses", poses)
+        object.__setattr__(self, "log_weights", log_weights - total)
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights ``(N,)`` that sum to one: alpha[k] of the report."""
+        return np.exp(self.log_weights)
+
+    @classmethod
+    def at(cls, pose, n: int) -> Particles:
+        """``n`` particles at one pose ``(3,)`` with equal weights 1 / n: the report's start."""
+        return cls(np.tile(np.asarray(pose, dtype=float), (n, 1)), np.zeros(n))
+
+
+@dataclass(frozen=True)
+class ControlNoise:
+    """White noise on the control at every sample: standard deviations in m/s and rad/s.
+
+    The spread that it causes depends on the sample rate. ``per_root_second`` reads the same two numbers as densities
+    (m / s^0.5 and rad / s^0.5), dividing by the root of dt, which makes the spread independent of the rate.
+    """
+
+    sigma_v: float
+    sigma_omega: float
+    per_root_second: bool = False
+
+
+def log_sum_exp(values: np.ndarray) -> float:
+    """log(sum(exp(values))) without overflow; -inf if every value is -inf."""
+    top = np.max(values)
+    return float(top + np.log(np.sum(np.exp(values - top)))) if np.isfinite(top) else float(top)
+
+
+def predict(particles: Particles, v, omega, dt: float, noise: ControlNoise, rng: np.random.Generator) -> Particles:
+    """Every particle driven for ``dt`` s by its own noisy control; weights unchanged. Implements Eq. 11."""
+    n = len(particles)
+    scale = 1.0 / np.sqrt(dt) if noise.per_root_second else 1.0
+    noisy_v = v + scale * noise.sigma_v * rng.standard_normal(n)
+    noisy_omega = omega + scale * noise.sigma_omega * rng.standard_normal(n)
+    return Particles(motion_model(particles.poses, noisy_v, noisy_omega, dt), particles.log_weights)
+
+
+def reweight(particles: Particles, log_likelihood: np.ndarray) -> tuple[Particles, float]:
+    """Weights times likelihood, normalised; and the log evidence log p(z). Implements Eq. 12.
+
+    ``log_likelihood (N,)``. If no particle has any likelihood the scan says nothing: the particles come back as they
+    were, with evidence -inf for the caller to count.
+    """
+    joint = particles.log_weights + log_likelihood
+    log_evidence = log_sum_exp(joint)
+    if log_evidence == -np.inf:
+        return particles, log_evidence
+    return Particles(particles.poses, joint), log_evidence
+
+
+def effective_sample_size(weights: np.ndarray) -> float:
+    """N_eff = 1 / sum(w^2) of normalised weights ``(N,)``: 1 if one has all, N if all are equal. Implements Eq. 13."""
+    weights = np.asarray(weights, dtype=float)
+    if not np.isclose(weights.sum(), 1.0):
+        raise DataError("effective_sample_size", "weights", f"sum {weights.sum():.6g}", "weights that sum to 1")
+    return float(1.0 / np.sum(weights**2))
+
+
+def _pick(weights: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """The particle in whose share of [0, 1) each position falls; never one of zero weight."""
+    edges = np.cumsum(weights)
+    last = int(np.flatnonzero(weights)[-1])  # round-off may leave the last edge short of 1
+    return np.minimum(np.searchsorted(edges / edges[-1], positions, side="right"), last)
+
+
+def systematic_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Ancestors ``(N,)``: one random offset, then N equal strides through the cumulative weights."""
+    n = len(weights)
+    return _pick(weights, (np.arange(n) + rng.random()) / n)
+
+
+def stratified_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Ancestors ``(N,)``: one random position in each of N equal strata."""
+    n = len(weights)
+    return _pick(weights, (np.arange(n) + rng.random(n)) / n)
+
+
+def multinomial_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Ancestors ``(N,)``: N independent draws."""
+    return _pick(weights, np.sort(rng.random(len(weights))))
+
+
+def residual_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Ancestors ``(N,)``: floor(N w) copies for certain, the rest drawn from what remains of each weight."""
+    n = len(weights)
+    expected = n * np.asarray(weights, dtype=float) / np.sum(weights)
+    certain = np.floor(expected + 1e-9).astype(int)  # 3 * (1/3) must count as one whole copy
+    ancestors = np.repeat(np.arange(n), certain)[:n]
+    missing = n - len(ancestors)
+    if missing == 0:
+        return ancestors
+    remainder = np.maximum(expected - certain, 0.0)
+    return np.sort(np.concatenate([ancestors, _pick(remainder / remainder.sum(), np.sort(rng.random(missing)))]))
+
+
+RESAMPLERS = {
+    "systematic": systematic_resample,
+    "stratified": stratified_resample,
+    "multinomial": multinomial_resample,
+    "residual": residual_resample,
+}
+
+
+def resample(particles: Particles, rng: np.random.Generator, scheme: str = "systematic") -> Particles:
+    """N particles drawn by weight, all with weight 1 / N afterwards."""
+    ancestors = RESAMPLERS[scheme](particles.weights, rng)
+    return Particles(particles.poses[ancestors], np.zeros(len(particles)))

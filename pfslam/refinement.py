@@ -1,0 +1,133 @@
+"""Line polish: one pose aligned to the lines that the map's own hits form.
+
+A grid remembers that a cell was hit, not where in the cell. A wall nearly parallel to the grid falls into one row of
+cells and its small tilt is lost: the heading is pulled parallel to the grid. So every cell also keeps the moments of
+its hits. The hits of three by three cells give a short piece of wall as a line, sharper than any cell, and the scan is
+fitted to these lines by least squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pfslam.config import PolishConfig
+from pfslam.grid import GridSpec, embed
+from pfslam.poses import transform_points, wrap_angle
+
+MAX_STEP = np.array([0.1, 0.1, 0.05])
+"""Largest correction in one iteration (m, m, rad): the polish is a local step."""
+
+
+@dataclass(frozen=True, eq=False)
+class HitMoments:
+    """Per cell: number, sums and sums of squares of its hits, ``sums (H, W, 6)`` float32: n, x, y, xx, xy, yy.
+
+    Coordinates are in cells, relative to the cell's own centre, so that float32 holds them far from the origin too.
+    """
+
+    spec: GridSpec
+    sums: np.ndarray
+
+    @classmethod
+    def empty(cls, spec: GridSpec) -> HitMoments:
+        return cls(spec, np.zeros((*spec.shape, 6), dtype=np.float32))
+
+    def covering(self, spec: GridSpec) -> HitMoments:
+        """The same moments on a larger grid."""
+        return self if spec == self.spec else HitMoments(spec, embed(self.sums, self.spec, spec))
+
+    def add(self, points_w: np.ndarray) -> HitMoments:
+        """With the hits ``(M, 2)`` (world, m) of one more scan; all must lie inside the grid."""
+        cells = self.spec.world_to_cell(points_w)
+        x, y = ((points_w - self.spec.cell_to_world(cells)) / self.spec.resolution).T
+        sums = self.sums.copy()
+        np.add.at(sums, (cells[:, 1], cells[:, 0]), np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y]))
+        return HitMoments(self.spec, sums)
+
+    def around(self, cells: np.ndarray) -> np.ndarray:
+        """Moments ``(M, 6)`` of the 3 x 3 cells around ``cells (M, 2)``, relative to the middle cell's centre.
+
+        Cells at or beyond the border have none.
+        """
+        height, width = self.spec.shape
+        inside = ((cells >= 1) & (cells < [width - 1, height - 1])).all(axis=1)
+        total = np.zeros((len(cells), 6))
+        ix, iy = cells[inside].T
+        for dy in (-1, 0, 1):
+            for dx in (-1, 0, 1):
+                n, x, y, xx, xy, yy = self.sums[iy + dy, ix + dx].astype(float).T
+                shifted = (n, x + n * dx, y + n * dy, xx + 2 * dx * x + n * dx * dx)
+                total[inside] += np.column_stack([*shifted, xy + dx * y + dy * x + n * dx * dy, yy + 2 * dy * y + n * dy * dy])
+        return total
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """For each end point: whether there is a line near it, its centre ``(M, 2)`` (m) and unit normal ``(M, 2)``."""
+
+    found: np.ndarray
+    centre: np.ndarray
+    normal: np.ndarray
+
+
+def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig) -> Lines:
+    """The piece of wall near each of the points ``(M, 2)``: principal axes of the hits in the 3 x 3 cells around it."""
+    cells = moments.spec.world_to_cell(points_w)
+    n, x, y, xx, xy, yy = moments.around(cells).T
+    enough = n >= config.min_hits
+    n = np.where(enough, n, 1.0)
+    mean = np.column_stack([x, y]) / n[:, None]
+    cxx, cxy, cyy = xx / n - mean[:, 0] ** 2, xy / n - mean[:, 0] * mean[:, 1], yy / n - mean[:, 1] ** 2
+    # Eigenvalues of a symmetric 2 x 2 matrix: half trace plus and minus a radius; the long axis lies at `angle`.
+    half_trace, radius = 0.5 * (cxx + cyy), np.hypot(0.5 * (cxx - cyy), cxy)
+    angle = 0.5 * np.arctan2(2.0 * cxy, cxx - cyy)
+    elongated = half_trace + radius > config.elongation * (half_trace - radius + config.floor)
+    centre = moments.spec.cell_to_world(cells) + mean * moments.spec.resolution
+    return Lines(enough & elongated, centre, np.column_stack([-np.sin(angle), np.cos(angle)]))
+
+
+@dataclass(frozen=True, eq=False)
+class Polished:
+    """A polished pose ``(3,)``, how many beams took part, and the direction ``(2,)`` the map is silent about, if any."""
+
+    pose: np.ndarray
+    beams: int
+    free_direction: np.ndarray | None
+
+
+def polish(
+    moments: HitMoments, points_b: np.ndarray, pose: np.ndarray, odometry_pose: np.ndarray, config: PolishConfig
+) -> Polished:
+    """``pose (3,)`` moved so that the end points ``(M, 2)`` (body, m) lie on the lines of the map.
+
+    Along a direction in which no line has a say (the length of a bare corridor) the position is taken from
+    ``odometry_pose (3,)``. Without at least three beams on lines the pose comes back as it was.
+    """
+    pose = np.array(pose, dtype=float)
+    information, beams = np.zeros((2, 2)), 0
+    for _ in range(config.iterations):
+        arm = transform_points([0.0, 0.0, pose[2]], points_b)
+        lines = nearby_lines(moments, arm + pose[:2], config)
+        beams = int(np.count_nonzero(lines.found))
+        if beams < 3:
+            return Polished(pose, beams, None)
+        arm, normal = arm[lines.found], lines.normal[lines.found]
+        residual = np.sum(normal * (arm + pose[:2] - lines.centre[lines.found]), axis=1)
+        weight = np.exp(-0.5 * (residual / config.rho) ** 2)
+        jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
+        H = jacobian.T @ (weight[:, None] * jacobian)
+        step = -np.linalg.solve(H + 1e-3 * np.diag(np.diag(H)) + 1e-9 * np.eye(3), jacobian.T @ (weight * residual))
+        step *= min(1.0, float(np.min(MAX_STEP / np.maximum(np.abs(step), 1e-12))))
+        pose += step
+        information = (normal * weight[:, None]).T @ normal / np.sum(weight)
+        if np.max(np.abs(step) / MAX_STEP) < 1e-3:
+            break
+    pose[2] = wrap_angle(pose[2])
+    share, directions = np.linalg.eigh(information)
+    if share[0] >= config.degenerate_below:
+        return Polished(pose, beams, None)
+    silent = directions[:, 0]
+    pose[:2] += silent * (silent @ (odometry_pose[:2] - pose[:2]))
+    return Polished(pose, beams, silent)
