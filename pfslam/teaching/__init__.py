@@ -1,0 +1,1 @@
+"""Figures, widgets and checks for the notebooks: all that needs Matplotlib or ipywidgets."""

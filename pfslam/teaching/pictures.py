@@ -1,0 +1,86 @@
+"""Pictures with a description: a figure, its alt text, and how each reader gets both."""
+
+import base64
+import html
+import os
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+MODES = ("live", "static", "text")
+CSS_DPI = 100  # CSS pixels per inch of figure
+RASTER = 2  # raster pixels per CSS pixel, for sharp print and dense screens
+WEBP_QUALITY = 80
+
+
+def output_mode(environment: Mapping[str, str] = os.environ) -> str:
+    """How outputs are shown: `live` with a kernel, `static` in the built book, `text` in committed notebooks.
+
+    Read from the variable `PFSLAM_WIDGETS`; the book and the test run set it.
+    """
+    mode = environment.get("PFSLAM_WIDGETS", "live")
+    if mode not in MODES:
+        raise ValueError(f"PFSLAM_WIDGETS: found {mode!r}, expected one of {', '.join(MODES)}")
+    return mode
+
+
+def to_rgb(drawing: Figure | np.ndarray) -> np.ndarray:
+    """Rasterise a figure to (H, W, 3) uint8; an array of that kind is returned as it is."""
+    if isinstance(drawing, Figure):
+        drawing.set_dpi(CSS_DPI * RASTER)
+        canvas = FigureCanvasAgg(drawing)
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+    image = np.asarray(drawing)
+    if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+        raise TypeError(f"expected a Figure or an (H, W, 3) uint8 array, found {image.dtype} {image.shape}")
+    return image
+
+
+def encode(image: np.ndarray, extension: str = ".webp") -> bytes:
+    """Encode an (H, W, 3) uint8 RGB image as WebP or PNG."""
+    options = [cv2.IMWRITE_WEBP_QUALITY, WEBP_QUALITY] if extension == ".webp" else []
+    done, data = cv2.imencode(extension, np.ascontiguousarray(image[..., ::-1]), options)
+    if not done:
+        raise RuntimeError(f"could not encode an image as {extension}")
+    return data.tobytes()
+
+
+def data_uri(image: np.ndarray) -> str:
+    """An image as a `data:` address, so that a page needs no second file."""
+    return "data:image/webp;base64," + base64.b64encode(encode(image)).decode("ascii")
+
+
+def image_tag(uri: str, alt: str, shape: tuple[int, ...]) -> str:
+    """An `<img>` of the right size on the page, which gives way on a narrow screen."""
+    height, width = shape[0] // RASTER, shape[1] // RASTER
+    style = "max-width:100%;height:auto"
+    return (
+        f'<img class="pfslam-picture" src="{uri}" alt="{html.escape(alt)}" '
+        f'width="{width}" height="{height}" style="{style}">'
+    )
+
+
+class Picture:
+    """A figure with its alt text. Make it the last expression of a cell.
+
+    The alt text says what the figure shows, numbers included, in one to three sentences. In committed
+    notebooks it stands for the figure, so that the test run compares it word by word.
+    """
+
+    def __init__(self, drawing: Figure | np.ndarray, alt: str):
+        if not alt.strip():
+            raise ValueError("a picture needs an alt text that says what it shows")
+        self.image, self.alt = to_rgb(drawing), " ".join(alt.split())
+
+    def __repr__(self) -> str:
+        return f"[picture: {self.alt}]"
+
+    def _repr_mimebundle_(self, include=None, exclude=None) -> dict[str, str]:
+        bundle = {"text/plain": repr(self)}
+        if output_mode() != "text":
+            bundle["text/html"] = image_tag(data_uri(self.image), self.alt, self.image.shape)
+        return bundle

@@ -1,0 +1,84 @@
+"""One look for every figure of the book: the colour code, the style, and the sheet to draw on."""
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+# One thing, one colour, through the whole book. From the palette of Okabe and Ito, which stays apart under
+# the common colour vision deficiencies; line styles say it a second time.
+COLOURS = {
+    "truth": "#1b1b1b",
+    "odometry": "#d55e00",
+    "estimate": "#0072b2",
+    "particles": "#56b4e9",
+    "hits": "#b5367a",
+    "free": "#009e73",
+    "unknown": "#b8bcc2",
+    "highlight": "#e69f00",
+}
+LINE_STYLES = {"truth": (0, (1, 1.2)), "odometry": "--", "estimate": "-"}
+
+# A near-white sheet in light and in dark mode: lines keep the contrast they were chosen for.
+PAPER = "#fcfcfa"
+INK = "#22262b"
+
+STYLE = {
+    "figure.facecolor": PAPER,
+    "savefig.facecolor": PAPER,
+    "figure.dpi": 100,
+    "axes.facecolor": PAPER,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 13,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#dcdfe3",
+    "grid.linewidth": 0.7,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "font.size": 12,
+    "legend.frameon": True,
+    "legend.framealpha": 0.85,
+    "legend.edgecolor": "none",
+    "legend.facecolor": PAPER,
+    "lines.linewidth": 1.8,
+    "image.interpolation": "nearest",
+    "image.cmap": "cividis",
+}
+
+
+def use_style() -> None:
+    """Make the book's style the default of Matplotlib in this process."""
+    matplotlib.rcParams.update(STYLE)
+
+
+def new_figure(width: float = 6.8, height: float = 4.2, rows: int = 1, columns: int = 1, **subplots):
+    """Draw on a fresh sheet that belongs to nobody else: no pyplot, nothing to close.
+
+    Parameters
+    ----------
+    width, height : size in inches; the book shows 100 CSS pixels per inch and has room for about 7 inches.
+    rows, columns : number of axes.
+    subplots : passed on to `Figure.subplots`, for instance `sharex=True` or `width_ratios=[2, 1]`.
+
+    Returns
+    -------
+    figure, axes : axes is one `Axes`, or an array of them when there are several.
+    """
+    use_style()
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, **subplots)
+
+
+def metric_axes(axes: Axes, title: str = "") -> Axes:
+    """Axes for a plan view: equal scales, metres on both, no grid lines over the map."""
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.grid(False)
+    if title:
+        axes.set_title(title)
+    return axes

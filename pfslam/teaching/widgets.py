@@ -1,0 +1,186 @@
+"""One widget for the whole book: a picture that sliders redraw.
+
+With a kernel, as in JupyterLab, the sliders are ipywidgets and every move draws afresh. In the built book
+there is no kernel: all pictures are drawn once while the book is made, and the page shows the one that the
+sliders ask for (`static.py`). The reader sees the same thing.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .pictures import RASTER, encode, output_mode, to_rgb
+
+MAX_FRAMES = 60  # about 1 MB on the page
+
+
+@dataclass(frozen=True)
+class Slider:
+    """One control: the name of the argument of `draw` that it sets, and the values it takes.
+
+    values : the stops of the slider in the built book, in order: numbers, or words.
+    start : index of the stop shown first, and in print.
+    label, unit : how the page names it; `form` formats the value.
+    live : (low, high, step) of a continuous slider in JupyterLab; without it the same stops are used.
+    """
+
+    name: str
+    values: Sequence
+    start: int = 0
+    label: str = ""
+    unit: str = ""
+    form: str = ""
+    live: tuple[float, float, float] | None = None
+
+    def __post_init__(self):
+        object.__setattr__(
+            self, "values", tuple(v.item() if isinstance(v, np.generic) else v for v in self.values)
+        )
+        if len(self.values) < 2:
+            raise ValueError(f"slider {self.name!r}: found {len(self.values)} value, expected two or more")
+        if not 0 <= self.start < len(self.values):
+            raise ValueError(f"slider {self.name!r}: start {self.start} is not an index of its values")
+
+    @property
+    def title(self) -> str:
+        return self.label or self.name
+
+    def text(self, value) -> str:
+        """A value as the reader sees it, with its unit."""
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        shown = format(value, self.form or ("g" if number else ""))
+        return f"{shown} {self.unit}".strip().replace("-", "\N{MINUS SIGN}" if number else "-")
+
+
+class Explorer:
+    """A picture and the sliders that redraw it. Make it the last expression of a cell.
+
+    Parameters
+    ----------
+    draw : pure function of the sliders' values, by keyword, to a Figure or an (H, W, 3) uint8 image.
+    controls : the sliders.
+    alt : what the picture shows: a function of the same keywords, or one sentence, to which the values
+        are added.
+    title : the line under the picture; it also tells two widgets on one page apart.
+    play : name of the slider that a play button runs through, or None.
+    frames : "all" for every combination of the stops; "axes" to vary one slider at a time around the
+        start values, where all combinations would be too many (the page then says so).
+    pause : milliseconds per frame while playing.
+    """
+
+    def __init__(
+        self,
+        draw: Callable[..., Figure | np.ndarray],
+        controls: Sequence[Slider],
+        *,
+        alt: str | Callable[..., str],
+        title: str,
+        play: str | None = None,
+        frames: str = "all",
+        pause: int = 300,
+        max_frames: int = MAX_FRAMES,
+    ):
+        self.draw, self.controls, self.title, self.pause = draw, tuple(controls), title, pause
+        self.one_at_a_time = {"all": False, "axes": True}[frames]
+        self._alt = alt
+        names = [control.name for control in self.controls]
+        if not names or len(set(names)) != len(names):
+            raise ValueError(f"expected sliders with different names, found {names}")
+        if play is not None and play not in names:
+            raise ValueError(f"play: found {play!r}, expected one of {names}")
+        self.play = None if play is None else names.index(play)
+        if len(self.states()) > max_frames:
+            raise ValueError(
+                f"{title!r}: {len(self.states())} frames, at most {max_frames} fit on a page: "
+                'give the sliders fewer values, or use frames="axes"'
+            )
+
+    @property
+    def start(self) -> tuple[int, ...]:
+        return tuple(control.start for control in self.controls)
+
+    def states(self) -> list[tuple[int, ...]]:
+        """The slider positions that the built page can show, as indices into their values."""
+        everything = itertools.product(*(range(len(control.values)) for control in self.controls))
+        if not self.one_at_a_time:
+            return list(everything)
+        return [s for s in everything if sum(a != b for a, b in zip(s, self.start, strict=True)) <= 1]
+
+    def values(self, state: Sequence[int]) -> dict:
+        """The arguments of `draw` at a slider position."""
+        return {control.name: control.values[i] for control, i in zip(self.controls, state, strict=True)}
+
+    def alt(self, **values) -> str:
+        """What the picture shows at these values."""
+        if callable(self._alt):
+            return " ".join(self._alt(**values).split())
+        settings = ", ".join(f"{c.title} {c.text(values[c.name])}" for c in self.controls)
+        return f"{self._alt.rstrip('. ')}. {settings}."
+
+    def frame(self, **values) -> np.ndarray:
+        """The picture at these values, (H, W, 3) uint8."""
+        return to_rgb(self.draw(**values))
+
+    def frames(self) -> dict[tuple[int, ...], np.ndarray]:
+        """Every picture of the built page, by slider position."""
+        return {state: self.frame(**self.values(state)) for state in self.states()}
+
+    def __repr__(self) -> str:
+        start = self.values(self.start)
+        settings = ", ".join(f"{c.title} {c.text(start[c.name])}" for c in self.controls)
+        return f"[explorer: {self.title}; {settings}; {self.alt(**start)}]"
+
+    def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
+        mode = output_mode()
+        if mode == "live":
+            return {**live_view(self)._repr_mimebundle_(), "text/plain": repr(self)}
+        if mode == "static":
+            from .static import page_fragment
+
+            return {"text/plain": repr(self), "text/html": page_fragment(self)}
+        return {"text/plain": repr(self)}
+
+
+def live_view(explorer: Explorer):
+    """The same widget as ipywidgets, drawn by the kernel at every move."""
+    import ipywidgets
+
+    sliders = [_live_slider(control, k == explorer.play) for k, control in enumerate(explorer.controls)]
+    image = ipywidgets.Image(format="png")
+    caption = ipywidgets.HTML(f"<b>{explorer.title}</b>")
+
+    def redraw(change=None):
+        values = {c.name: slider.value for c, slider in zip(explorer.controls, sliders, strict=True)}
+        frame = explorer.frame(**values)
+        image.value, image.width = encode(frame, ".png"), str(frame.shape[1] // RASTER)
+        image.tooltip = explorer.alt(**values)
+
+    for slider in sliders:
+        slider.observe(redraw, "value")
+    redraw()
+    rows: list = [image, caption, *sliders]
+    if explorer.play is not None:
+        last = len(explorer.controls[explorer.play].values) - 1
+        player = ipywidgets.Play(min=0, max=last, value=sliders[explorer.play].index, interval=explorer.pause)
+        ipywidgets.jslink((player, "value"), (sliders[explorer.play], "index"))
+        rows.append(player)
+    return ipywidgets.VBox(rows)
+
+
+def _live_slider(control: Slider, plays: bool):
+    import ipywidgets
+
+    look = {
+        "description": control.title,
+        "style": {"description_width": "initial"},
+        "layout": {"width": "34em", "max_width": "100%"},
+    }
+    if control.live is not None and not plays:
+        low, high, step = control.live
+        start = control.values[control.start]
+        return ipywidgets.FloatSlider(value=start, min=low, max=high, step=step, readout_format=".3g", **look)
+    options = [(control.text(value), value) for value in control.values]
+    return ipywidgets.SelectionSlider(options=options, index=control.start, **look)
