@@ -1,0 +1,71 @@
+"""What the site needs beyond Jupyter Book: no foreign host, no dead machinery.
+
+The script that draws the equations comes from a pinned package and is copied into the site at build time.
+"""
+
+import os
+import re
+import shutil
+from importlib.metadata import files
+from pathlib import Path
+
+MATHJAX_PACKAGE = "sphinx-mathjax-offline"
+MATHJAX_SCRIPT = "tex-svg.js"  # one file with its fonts inside: works from file:// too
+
+# Thebe wants a server on the network and throws without it; preloading a font is forbidden from file://.
+DEAD_MARKUP = re.compile(
+    r"""[ \t]*(?:
+        <script>const\ THEBE_JS_URL.*?</script>
+      | <script\ type="text/x-thebe-config">.*?</script>
+      | <script[^>]*sphinx-thebe[^>]*></script>
+      | <link[^>]*sphinx-thebe[^>]*>
+      | <link\ rel="preload"\ as="font"[^>]*>
+    )\n?""",
+    re.VERBOSE | re.DOTALL,
+)
+# Set twice on every page.
+TWICE = (
+    "<script>var togglebuttonSelector = '.toggle, .admonition.dropdown';</script>",
+    '<meta name="viewport" content="width=device-width, initial-scale=1" />',
+    '<meta name="viewport" content="width=device-width, initial-scale=1"/>',
+)
+
+
+def mathjax_file() -> Path:
+    """The one MathJax script that the site uses, as installed."""
+    for entry in files(MATHJAX_PACKAGE) or []:
+        if entry.name == MATHJAX_SCRIPT:
+            return Path(entry.locate())
+    raise FileNotFoundError(f"{MATHJAX_SCRIPT} in the package {MATHJAX_PACKAGE}")
+
+
+def clean_page(page: str) -> str:
+    """One built page without dead and doubled markup."""
+    page = DEAD_MARKUP.sub("", page)
+    for markup in TWICE:
+        first, found, rest = page.partition(markup)
+        keep = "" if markup.startswith("<meta") else markup
+        page = first + (keep if found else "") + rest.replace(markup, "")
+    return page
+
+
+def finish_site(app, error) -> None:
+    """Clean every page, add the equations' script, drop the files that no page asks for."""
+    if error is not None or app.builder.format != "html":
+        return
+    site = Path(app.outdir)
+    for path in site.rglob("*.html"):
+        path.write_text(clean_page(path.read_text(encoding="utf-8")), encoding="utf-8")
+    for dead in (site / "_static").glob("*thebe*"):
+        dead.unlink()
+    target = site / "_static" / "mathjax"
+    target.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(mathjax_file(), target / MATHJAX_SCRIPT)
+
+
+def setup(app):
+    os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
+    app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
+    app.add_css_file("pfslam.css")
+    app.connect("build-finished", finish_site)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

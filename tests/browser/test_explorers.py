@@ -1,0 +1,128 @@
+"""Every explorer of every page: sliders by key and by pointer, play, and good neighbours."""
+
+import pytest
+
+pytestmark = pytest.mark.browser
+
+PICTURE = "figure => { const i = figure.querySelector('img'); return [i.src, i.alt]; }"
+
+
+@pytest.fixture(params=["http", "file"])
+def explorers(visit, site, explorer_page, request):
+    """The explorers of one page, opened either way."""
+    seen = visit(explorer_page, request.param)
+    yield seen.page.locator("figure.pfslam-explorer").all()
+    assert seen.complaints == []
+    assert seen.strangers == []
+
+
+def picture(explorer):
+    return explorer.evaluate(PICTURE)
+
+
+def shown(slider):
+    """What the page writes beside a slider."""
+    return slider.evaluate("s => document.querySelector(`output[for='${s.id}']`).textContent")
+
+
+def sweep(slider, explorer) -> list:
+    """The pictures from one end of a slider to the other, by arrow keys."""
+    slider.focus()
+    slider.press("Home")
+    pictures = [picture(explorer)]
+    for _ in range(int(slider.get_attribute("max"))):
+        slider.press("ArrowRight")
+        pictures.append(picture(explorer))
+    return pictures
+
+
+def test_every_slider_changes_the_picture_by_key(explorers):
+    for explorer in explorers:
+        for slider in explorer.locator("input[type=range]").all():
+            pictures = sweep(slider, explorer)
+            sources, alts = {source for source, _ in pictures}, {alt for _, alt in pictures}
+            name = explorer.get_attribute("aria-label")
+            assert len(sources) > 1, f"{name}: {slider.get_attribute('id')} moves, the picture does not"
+            assert len(alts) > 1, f"{name}: the picture changes, its description does not"
+            slider.press("Home")
+            assert picture(explorer) == pictures[0], f"{name}: not the same picture after a round trip"
+
+
+def test_every_slider_changes_the_picture_by_pointer(explorers):
+    for explorer in explorers:
+        for slider in explorer.locator("input[type=range]").all():
+            slider.scroll_into_view_if_needed()
+            box = slider.bounding_box()
+            middle = box["y"] + box["height"] / 2
+            pictures = []
+            for part in (0.01, 0.5, 0.99):
+                slider.page.mouse.click(box["x"] + part * box["width"], middle)
+                pictures.append((slider.input_value(), shown(slider), picture(explorer)[0]))
+            assert pictures[0][0] == "0"
+            assert pictures[-1][0] == slider.get_attribute("max")
+            assert pictures[0][1] != pictures[-1][1]
+            assert len({source for _, _, source in pictures}) > 1
+            assert box["height"] >= 40, "too low for a thumb"
+
+
+def test_a_moved_explorer_leaves_its_neighbours_alone(explorers):
+    for explorer in explorers:
+        before = [picture(other) for other in explorers if other is not explorer]
+        for slider in explorer.locator("input[type=range]").all():
+            slider.focus()
+            slider.press("End")
+        assert [picture(other) for other in explorers if other is not explorer] == before
+
+
+def test_pictures_are_real(explorers):
+    for explorer in explorers:
+        image = explorer.locator("img")
+        assert image.evaluate("i => i.decode().then(() => i.naturalWidth)") >= 300
+        assert image.get_attribute("alt").strip()
+
+
+def test_play_starts_stops_and_ends(explorers):
+    for explorer in explorers:
+        button = explorer.locator("button")
+        if button.count() == 0:
+            continue
+        sliders = explorer.locator("input[type=range]")
+        data = explorer.evaluate(
+            "f => JSON.parse(f.querySelector('script[type=\"application/json\"]').textContent)"
+        )
+        player = sliders.nth(data["play"])
+        last = int(player.get_attribute("max"))
+        player.focus()
+        player.press("Home")
+        assert button.text_content() == "Play"
+        button.click()
+        assert button.text_content() == "Pause"
+        wait_for_value(player, 1)
+        button.click()
+        assert button.text_content() == "Play"
+        halted = player.input_value()
+        player.page.wait_for_timeout(2 * data["pause"])
+        assert player.input_value() == halted, "it plays on after Pause"
+        player.focus()
+        player.press("End")
+        player.press("ArrowLeft")
+        button.click()
+        wait_for_value(player, last)
+        button.page.wait_for_timeout(2 * data["pause"])
+        assert button.text_content() == "Play", "it does not stop at the end"
+
+
+def wait_for_value(slider, value: int) -> None:
+    slider.evaluate(
+        "(s, value) => new Promise(done => { const t = setInterval(() => {"
+        " if (Number(s.value) >= value) { clearInterval(t); done(); } }, 10); })",
+        value,
+    )
+
+
+def test_with_reduced_motion_nothing_runs_by_itself(visit, site, explorer_page):
+    page = visit(explorer_page, reduced_motion="reduce").page
+    for button in page.locator("figure.pfslam-explorer button").all():
+        assert button.text_content() == "Next"
+        button.click()
+        assert button.text_content() == "Next"

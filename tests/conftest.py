@@ -1,0 +1,16 @@
+"""What all tests share: where the real recordings lie, and a browser only where one is asked for."""
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+REAL_DATA = ROOT.parent / "shared" / "data"
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """The folder of real recordings, which are not part of this repository."""
+    if not REAL_DATA.is_dir():
+        pytest.skip("no real recordings beside the checkout (../shared/data)")
+    return REAL_DATA

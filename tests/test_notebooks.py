@@ -1,0 +1,75 @@
+"""The committed notebooks: text outputs only, small, in the book, and in reading order."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pfslam.teaching.strip import main, strip_notebook
+
+ROOT = Path(__file__).resolve().parents[1]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+
+LOUD = {
+    "metadata": {"kernelspec": {"name": "python3"}, "widgets": {"state": {}}},
+    "nbformat": 4,
+    "nbformat_minor": 5,
+    "cells": [
+        {"cell_type": "markdown", "id": "a", "metadata": {}, "source": "text"},
+        {
+            "cell_type": "code",
+            "id": "b",
+            "metadata": {"execution": {"iopub.execute_input": "now"}, "tags": ["hide-input"]},
+            "execution_count": 7,
+            "source": "1",
+            "outputs": [
+                {"output_type": "stream", "name": "stdout", "text": "kept\n"},
+                {"output_type": "stream", "name": "stderr", "text": "a progress bar"},
+                {"output_type": "display_data", "metadata": {}, "data": {"image/png": "iVBOR"}},
+                {
+                    "output_type": "execute_result",
+                    "execution_count": 7,
+                    "metadata": {},
+                    "data": {"text/plain": "1", "text/html": "<b>1</b>", "image/png": "iVBOR"},
+                },
+            ],
+        },
+    ],
+}
+
+
+def test_stripping_keeps_text_and_tags_and_nothing_else():
+    stripped = strip_notebook(LOUD)
+    cell = stripped["cells"][1]
+    assert cell["metadata"] == {"tags": ["hide-input"]}
+    assert cell["execution_count"] is None
+    assert [o.get("data", o.get("text")) for o in cell["outputs"]] == ["kept\n", {"text/plain": "1"}]
+    assert "widgets" not in stripped["metadata"]
+    assert strip_notebook(stripped) == stripped
+
+
+def test_check_finds_what_strip_would_change(tmp_path, capsys):
+    path = tmp_path / "loud.ipynb"
+    path.write_text(json.dumps(LOUD), encoding="utf-8")
+    assert main(["--check", str(path)]) == 1
+    assert "more than text" in capsys.readouterr().out
+    assert main([str(path)]) == 0
+    assert main(["--check", str(path)]) == 0
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_committed_notebook_holds_text_outputs_only(path):
+    notebook = json.loads(path.read_text(encoding="utf-8"))
+    assert strip_notebook(notebook) == notebook, "run `make strip`"
+    assert not [o for c in notebook["cells"] for o in c.get("outputs", []) if o["output_type"] == "error"]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_every_notebook_is_a_chapter_of_the_book(path):
+    assert f"file: notebooks/{path.stem}\n" in (ROOT / "_toc.yml").read_text(encoding="utf-8")
+
+
+def test_chapters_are_in_reading_order():
+    lines = (ROOT / "_toc.yml").read_text(encoding="utf-8").splitlines()
+    chapters = [line.split("notebooks/")[1].strip() for line in lines if "file: notebooks/" in line]
+    assert chapters == sorted(chapters)

@@ -1,0 +1,186 @@
+"""The explorer: its grid of pictures, its words, its page fragment, and its live twin."""
+
+import json
+import re
+
+import cv2
+import numpy as np
+import pytest
+
+from pfslam.teaching.pictures import Picture, data_uri, encode, output_mode, to_rgb
+from pfslam.teaching.static import page_fragment
+from pfslam.teaching.style import COLOURS, new_figure
+from pfslam.teaching.widgets import Explorer, Slider, live_view
+
+
+def grey(level, tint=0.0):
+    """A tiny picture whose pixels tell the arguments it was drawn with."""
+    image = np.full((8, 12, 3), level, np.uint8)
+    image[..., 2] = int(100 * tint)
+    return image
+
+
+def explorer(**options):
+    controls = [
+        Slider("level", [10, 20, 30], start=1, label="Level", unit="m"),
+        Slider("tint", [0.0, 0.5], label="Tint", live=(0, 1, 0.1)),
+    ]
+    return Explorer(grey, controls, **{"alt": "A grey sheet", "title": "Grey", **options})
+
+
+def page_data(fragment):
+    return json.loads(re.search(r'<script type="application/json">(.*?)</script>', fragment, re.DOTALL)[1])
+
+
+@pytest.fixture
+def mode(monkeypatch):
+    return lambda name: monkeypatch.setenv("PFSLAM_WIDGETS", name)
+
+
+def test_frames_cover_the_whole_grid_and_show_their_values():
+    frames = explorer().frames()
+    assert set(frames) == {(i, j) for i in range(3) for j in range(2)}
+    for (i, j), image in frames.items():
+        assert image[0, 0].tolist() == [(10, 20, 30)[i], (10, 20, 30)[i], (0, 50)[j]]
+
+
+def test_one_axis_at_a_time_keeps_the_start_in_common():
+    states = explorer(frames="axes").states()
+    assert sorted(states) == [(0, 0), (1, 0), (1, 1), (2, 0)]
+
+
+def test_too_many_frames_are_refused():
+    with pytest.raises(ValueError, match="6 frames, at most 5"):
+        explorer(max_frames=5)
+
+
+@pytest.mark.parametrize(
+    "controls",
+    [[], [Slider("level", [1, 2]), Slider("level", [1, 2])]],
+    ids=["none", "twice the same"],
+)
+def test_controls_need_different_names(controls):
+    with pytest.raises(ValueError, match="different names"):
+        Explorer(grey, controls, alt="x", title="x")
+
+
+@pytest.mark.parametrize("arguments", [{"values": [1]}, {"values": [1, 2], "start": 2}])
+def test_bad_sliders_are_refused(arguments):
+    with pytest.raises(ValueError, match="slider 'level'"):
+        Slider("level", **arguments)
+
+
+def test_play_must_name_a_slider():
+    with pytest.raises(ValueError, match="play"):
+        explorer(play="time")
+
+
+def test_words_say_value_and_unit():
+    assert Slider("a", [1, 2], unit="rad/s").text(-0.5) == "\N{MINUS SIGN}0.5 rad/s"
+    assert Slider("a", [1, 2], form=".2f").text(0.125) == "0.12"
+    assert Slider("a", ["off", "fly-by"]).text("fly-by") == "fly-by"
+
+
+def test_alt_text_follows_the_values():
+    assert explorer().alt(level=10, tint=0.5) == "A grey sheet. Level 10 m, Tint 0.5."
+    assert explorer(alt=lambda level, tint: f"{level}\n and {tint}").alt(level=1, tint=2) == "1 and 2"
+
+
+def test_page_fragment_is_the_same_every_time_and_asks_nobody():
+    fragment = page_fragment(explorer(play="level"))
+    assert fragment == page_fragment(explorer(play="level"))
+    assert re.findall(r"https?://|src=\"(?!data:)", fragment) == []
+
+
+def test_page_fragment_holds_the_right_picture_for_every_state():
+    subject = explorer()
+    data = page_data(page_fragment(subject))
+    for state, (frame, alt) in data["states"].items():
+        values = subject.values([int(i) for i in state.split(",")])
+        assert data["frames"][frame] == data_uri(grey(**values))
+        assert data["alts"][alt] == subject.alt(**values)
+
+
+def test_equal_pictures_are_stored_once():
+    data = page_data(page_fragment(explorer(alt=lambda level, tint: f"{level}")))
+    assert len(data["states"]) == 6
+    assert len(data["alts"]) == 3
+
+
+def test_every_slider_is_labelled():
+    fragment = page_fragment(explorer())
+    sliders = re.findall(r'<input type="range" id="([^"]+)"', fragment)
+    assert len(set(sliders)) == 2
+    assert re.findall(r'<label for="([^"]+)"', fragment) == sliders
+    assert re.findall(r'<output for="([^"]+)"', fragment) == sliders
+
+
+def test_two_explorers_do_not_share_identifiers():
+    first, second = (re.search(r'id="(explorer-\w+)"', page_fragment(explorer(title=t)))[1] for t in "ab")
+    assert first != second
+
+
+def test_markup_in_words_cannot_break_the_page():
+    fragment = page_fragment(explorer(title="a <b> & c", alt="</script><script>alert(1)</script>"))
+    assert "<b>" not in fragment
+    assert fragment.count("</script>") == 2
+
+
+def test_each_reader_gets_the_right_form(mode):
+    mode("text")
+    assert set(explorer()._repr_mimebundle_()) == {"text/plain"}
+    mode("static")
+    assert set(explorer()._repr_mimebundle_()) == {"text/plain", "text/html"}
+    mode("live")
+    assert "application/vnd.jupyter.widget-view+json" in explorer()._repr_mimebundle_()
+
+
+def test_unknown_mode_is_refused():
+    with pytest.raises(ValueError, match="PFSLAM_WIDGETS"):
+        output_mode({"PFSLAM_WIDGETS": "lively"})
+
+
+def test_short_form_is_stable():
+    expected = "[explorer: Grey; Level 20 m, Tint 0; A grey sheet. Level 20 m, Tint 0.]"
+    assert repr(explorer()) == expected
+
+
+def test_live_sliders_redraw_at_any_value():
+    image, _caption, level, tint = live_view(explorer()).children
+    assert (tint.min, tint.max, tint.step) == (0, 1, 0.1)
+    level.value, tint.value = 30, 0.3
+    assert image.value == encode(grey(30, 0.3), ".png")
+    assert image.tooltip == "A grey sheet. Level 30 m, Tint 0.3."
+
+
+def test_live_play_runs_over_the_stops():
+    *_, player = live_view(explorer(play="level")).children
+    assert (player.min, player.max, player.value) == (0, 2, 1)
+
+
+def test_figures_become_sharp_pictures():
+    figure, axes = new_figure(3, 2)
+    axes.plot([0, 1], color=COLOURS["truth"])
+    assert to_rgb(figure).shape == (400, 600, 3)
+
+
+def test_png_keeps_every_pixel():
+    image = np.random.default_rng(0).integers(0, 256, (5, 7, 3), np.uint8)
+    decoded = cv2.imdecode(np.frombuffer(encode(image, ".png"), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    np.testing.assert_array_equal(decoded, image)
+
+
+@pytest.mark.parametrize("image", [np.zeros((4, 4), np.uint8), np.zeros((4, 4, 3))], ids=["grey", "float"])
+def test_only_rgb_bytes_are_pictures(image):
+    with pytest.raises(TypeError, match="uint8"):
+        to_rgb(image)
+
+
+def test_a_picture_carries_its_words(mode):
+    picture = Picture(grey(5), 'A "grey"\n sheet')
+    mode("text")
+    assert picture._repr_mimebundle_() == {"text/plain": '[picture: A "grey" sheet]'}
+    mode("static")
+    assert 'alt="A &quot;grey&quot; sheet"' in picture._repr_mimebundle_()["text/html"]
+    with pytest.raises(ValueError, match="alt text"):
+        Picture(grey(5), " ")
