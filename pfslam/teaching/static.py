@@ -43,9 +43,9 @@ def _row(identifier: str, control: Slider) -> str:
     text = html.escape(control.text(control.values[control.start]))
     return (
         f'<label for="{identifier}">{html.escape(control.title)}</label>'
+        f'<output for="{identifier}">{text}</output>'
         f'<input type="range" id="{identifier}" min="0" max="{len(control.values) - 1}" step="1" '
         f'value="{control.start}" autocomplete="off" aria-valuetext="{text}">'
-        f'<output for="{identifier}">{text}</output>'
     )
 
 
