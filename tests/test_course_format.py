@@ -1,0 +1,371 @@
+"""The course format: what is written comes back, real files load, and bad files are named in one line."""
+
+import struct
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from box_recording import box_recording
+
+from pfslam.course_format import load_course, save_course
+from pfslam.errors import DataError
+from pfslam.files import MAX_HEADER_BYTES, atomic_write, read_npz, write_npz
+from pfslam.motion import dead_reckoning
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """The box recording as set 7, images included, in a folder whose name has a space and a dot."""
+    folder = tmp_path / "my data.v2"
+    save_course(box_recording(), 7, folder, image_every=1)
+    return folder
+
+
+def assert_same(a, b):
+    assert a.dtype == b.dtype
+    np.testing.assert_array_equal(a, b)
+
+
+def rewrite(path, **changes):
+    """Write an archive again with some fields changed (or removed, if None)."""
+    with np.load(path) as data:
+        fields = {**data, **changes}
+    np.savez(path, **{key: value for key, value in fields.items() if value is not None})
+
+
+# ---- round trip --------------------------------------------------------------------------------
+
+
+def test_saving_and_loading_changes_nothing(folder):
+    before, after = box_recording(), load_course(7, folder)
+    assert_same(after.encoders.t, before.encoders.t)
+    assert_same(after.encoders.counts, before.encoders.counts)
+    assert_same(after.imu.t, before.imu.t)
+    assert_same(after.imu.angular_velocity, before.imu.angular_velocity)
+    assert_same(after.imu.acceleration_g, before.imu.acceleration_g)
+    assert_same(after.lidar.t, before.lidar.t)
+    assert_same(after.lidar.ranges, before.lidar.ranges)
+    assert_same(after.truth.t, before.truth.t)
+    assert_same(after.truth.poses, before.truth.poses)
+    assert_same(after.camera.disparity_t, before.camera.disparity_t)
+    assert_same(after.camera.rgb_t, before.camera.rgb_t)
+    for k in range(4):
+        assert_same(after.camera.read_disparity(k), before.camera.read_disparity(k))
+        assert_same(after.camera.read_rgb(k), before.camera.read_rgb(k))
+    assert after.robot == before.robot
+    assert after.dropped == {}
+
+
+def test_saving_twice_gives_the_same_bytes(folder, tmp_path):
+    save_course(load_course(7, folder), 7, tmp_path / "again", image_every=1)
+    for path in (p for p in folder.rglob("*") if p.is_file()):
+        assert path.read_bytes() == (tmp_path / "again" / path.relative_to(folder)).read_bytes()
+
+
+def test_every_nth_image_pair_keeps_its_number_and_stamp(tmp_path):
+    save_course(box_recording(), 7, tmp_path, image_every=3)
+    names = sorted(p.name for p in (tmp_path / "dataRGBD").rglob("*.png"))
+    assert names == ["disparity7_1.png", "disparity7_4.png", "rgb7_1.png", "rgb7_4.png"]
+    camera = load_course(7, tmp_path).camera
+    np.testing.assert_array_equal(camera.rgb_index, [0, 3])
+    assert len(camera.rgb_t) == 4
+    assert camera.read_disparity(3)[0, 0] == 403
+
+
+def test_no_images_unless_asked(tmp_path):
+    save_course(box_recording(), 7, tmp_path)
+    camera = load_course(7, tmp_path).camera
+    assert not (tmp_path / "dataRGBD").exists()
+    assert len(camera.disparity_index) == len(camera.rgb_index) == 0
+
+
+def test_the_truth_file_keeps_extra_columns(tmp_path):
+    recording = box_recording()
+    z = np.linspace(0, 1, len(recording.truth))
+    save_course(recording, 7, tmp_path, truth_extras={"z": z})
+    with np.load(tmp_path / "truth7.npz") as data:
+        assert_same(data["z"], z)
+    assert load_course(7, tmp_path).truth is not None
+
+
+# ---- the layouts of the years ------------------------------------------------------------------
+
+
+def test_capital_imu_data_folder_and_lower_case(folder):
+    (folder / "data").mkdir()
+    (folder / "Imu7.npz").rename(folder / "IMU7.npz")
+    (folder / "Hokuyo7.npz").rename(folder / "data" / "hokuyo7.npz")
+    (folder / "dataRGBD").rename(folder / "data" / "dataRGBD")
+    recording = load_course("7", folder)
+    assert len(recording.lidar.t) == len(box_recording().lidar.t)
+    assert len(recording.camera.rgb_index) == 4
+
+
+def test_lidar_camera_and_truth_may_be_absent(folder):
+    for name in ("Hokuyo7", "Kinect7", "truth7"):
+        (folder / f"{name}.npz").unlink()
+    recording = load_course(7, folder)
+    assert recording.lidar is recording.camera is recording.truth is None
+    assert recording.dropped == {"images without a stamp": 8}
+
+
+@pytest.mark.parametrize("name", ["Encoders7.npz", "Imu7.npz"])
+def test_encoders_and_imu_must_be_there(folder, name):
+    (folder / name).unlink()
+    with pytest.raises(DataError, match=name):
+        load_course(7, folder)
+
+
+@pytest.mark.parametrize("wrap", [float, np.array, lambda v: np.array([v]), lambda v: np.array([[v]])])
+def test_limits_may_be_numbers_or_arrays_of_one(folder, wrap):
+    limits = {"angle_min": wrap(-1.0), "angle_max": wrap(1.0), "range_min": wrap(0.2), "range_max": wrap(9.0)}
+    rewrite(folder / "Hokuyo7.npz", **limits, angle_increment=np.array([0, 0]))
+    lidar = load_course(7, folder).robot.lidar
+    assert (lidar.angle_min, lidar.angle_max, lidar.range_min, lidar.range_max) == (-1.0, 1.0, 0.2, 9.0)
+    np.testing.assert_allclose(np.diff(lidar.angles), 2.0 / 1080)
+
+
+def test_ranges_that_are_not_numbers_are_counted_and_empty_scans_kept(folder):
+    ranges = box_recording().lidar.ranges.T.astype(float)
+    ranges[:3, 5] = np.nan
+    ranges[:, 6] = np.inf
+    rewrite(folder / "Hokuyo7.npz", ranges=ranges)
+    recording = load_course(7, folder)
+    assert recording.dropped == {"ranges that are not a number": 3}
+    valid = recording.robot.lidar.valid(recording.lidar.ranges)
+    assert np.count_nonzero(~valid[5]) == 3
+    assert not valid[6].any()
+
+
+def test_images_beyond_the_last_stamp_are_counted(folder):
+    rewrite(folder / "Kinect7.npz", rgb_time_stamps=box_recording().camera.rgb_t[:3])
+    recording = load_course(7, folder)
+    assert recording.dropped == {"images without a stamp": 1}
+    np.testing.assert_array_equal(recording.camera.rgb_index, [0, 1, 2])
+
+
+# ---- real files --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("number", "end"), [(20, (-2.12, -1.94, 0.04)), (21, (-2.53, -1.83, -0.92))])
+def test_the_real_sets_load_and_dead_reckoning_ends_where_it_is_known_to(real_data, number, end):
+    recording = load_course(number, real_data / "ece276a")
+    assert recording.lidar is None
+    assert len(recording.camera.rgb_index) == 0
+    np.testing.assert_allclose(dead_reckoning(recording).poses[-1], end, atol=0.005)
+
+
+def test_the_half_real_set_loads(real_data):
+    recording = load_course(20, real_data / "corridor20")
+    assert recording.lidar.ranges.shape == (4928, 1081)
+    assert recording.robot.lidar.increment == pytest.approx(np.deg2rad(0.25))
+    np.testing.assert_array_equal(recording.truth.poses[0], 0.0)
+
+
+# ---- bad files: one line that names file, field, value -----------------------------------------
+
+GOOD = box_recording()
+LATER = GOOD.imu.t.copy()
+LATER[50] = LATER[49]
+BACKWARDS = GOOD.encoders.t.copy()
+BACKWARDS[9] = 12.0
+HOLES = GOOD.imu.angular_velocity.T.copy()
+HOLES[2, 3] = np.nan
+
+BAD_FIELDS = {
+    "repeated stamp": ("Imu7", {"time_stamps": LATER}, r"time_stamps\[50\]"),
+    "backward stamp": ("Encoders7", {"time_stamps": BACKWARDS}, r"time_stamps\[9\]: found 12\.0"),
+    "nan stamp": ("Encoders7", {"time_stamps": np.full(241, np.nan)}, r"time_stamps\[0\]: found nan"),
+    "stamps in ns": ("Encoders7", {"time_stamps": GOOD.encoders.t * 1e9}, "time_stamps: found 1.3e"),
+    "no stamps": ("Imu7", {"time_stamps": np.zeros(0)}, "time_stamps"),
+    "missing key": ("Encoders7", {"counts": None}, "a key named counts"),
+    "three wheels": (
+        "Encoders7",
+        {"counts": np.zeros((3, 241))},
+        r"found float64 of shape \(3, 241\)",
+    ),
+    "transposed": ("Encoders7", {"counts": np.zeros((241, 4))}, r"expected numbers of shape \(4, 241\)"),
+    "other length": ("Imu7", {"linear_acceleration": np.zeros((3, 5))}, "linear_acceleration"),
+    "nan gyro": ("Imu7", {"angular_velocity": HOLES}, r"angular_velocity\[.*3.*\]: found nan"),
+    "text": ("Imu7", {"angular_velocity": np.array(["a", "b"])}, "angular_velocity: found an array of"),
+    "objects": ("Imu7", {"angular_velocity": np.array([{}, 1], dtype=object)}, "never objects"),
+    "complex": (
+        "Encoders7",
+        {"counts": np.zeros((4, 241), dtype=complex)},
+        "found an array of complex",
+    ),
+    "ranges by row": ("Hokuyo7", {"ranges": GOOD.lidar.ranges}, r"expected numbers of shape \(beams, 55\)"),
+    "no beams": ("Hokuyo7", {"ranges": np.zeros((0, 55))}, "ranges"),
+    "many beams": ("Hokuyo7", {"ranges": np.zeros((20_001, 55), dtype=np.int8)}, "at most 20000 beams"),
+    "degrees": ("Hokuyo7", {"angle_min": -135.0, "angle_max": 135.0}, "radians"),
+    "angles swapped": ("Hokuyo7", {"angle_min": 1.0, "angle_max": -1.0}, "increasing angles"),
+    "angle list": ("Hokuyo7", {"angle_min": np.array([0.0, 0.0])}, "angle_min: .*one finite number"),
+    "nan limit": ("Hokuyo7", {"range_max": np.nan}, "range_max"),
+    "range limits": ("Hokuyo7", {"range_min": 40.0}, "range_min < range_max"),
+    "short truth": ("truth7", {"pose": np.zeros((3, 3))}, "pose"),
+    "camera key": ("Kinect7", {"rgb_time_stamps": None}, "rgb_time_stamps"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_FIELDS)
+def test_a_bad_field_is_named(folder, case):
+    name, changes, message = BAD_FIELDS[case]
+    rewrite(folder / f"{name}.npz", **changes)
+    with pytest.raises(DataError, match=message) as raised:
+        load_course(7, folder)
+    assert f"{name}.npz" in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("keep", [0, 1, 30, 500, -1, -30])
+def test_a_truncated_archive_is_named(folder, keep):
+    path = folder / "Imu7.npz"
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(DataError, match=r"Imu7\.npz"):
+        load_course(7, folder)
+
+
+def test_a_flipped_byte_in_the_data_is_found(folder):
+    path = folder / "Encoders7.npz"
+    data = bytearray(path.read_bytes())
+    data[400] ^= 0xFF
+    path.write_bytes(data)
+    with pytest.raises(DataError, match=r"Encoders7\.npz"):
+        load_course(7, folder)
+
+
+def test_a_folder_in_place_of_a_file_is_named(folder):
+    (folder / "Imu7.npz").unlink()
+    (folder / "Imu7.npz").mkdir()
+    with pytest.raises(DataError, match=r"Imu7\.npz"):
+        load_course(7, folder)
+
+
+@pytest.mark.parametrize("number", ["", "-1", "2.5", "../20", "twenty", "1234567", 1.5, None])
+def test_a_set_number_is_digits(tmp_path, number):
+    with pytest.raises(DataError, match="digits"):
+        load_course(number, tmp_path)
+
+
+def test_a_missing_folder_is_named(tmp_path):
+    with pytest.raises(DataError, match="no such folder"):
+        load_course(7, tmp_path / "nowhere")
+
+
+def npy(shape, length=None, body=b""):
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    return b"\x93NUMPY\x02\x00" + struct.pack("<I", len(header) if length is None else length) + header + body
+
+
+@pytest.mark.parametrize(
+    "member",
+    [
+        npy("(10**15,)"),
+        npy("(1000000000000,)"),
+        npy("(-1,)"),
+        npy("(2, 3.5)"),
+        npy("(" + "9" * 9_000 + ",)"),
+        npy("(" * 300 + "1" + ")" * 300),
+        npy("(3,)", length=MAX_HEADER_BYTES + 1),
+        npy("(3,)", length=2**32 - 1),
+        npy("(3,)", body=bytes(23)),
+        npy("(3,)", body=bytes(25)),
+        b"\x93NUMPY\x01\x00",
+        b"\x93NUMPY\x09\x00" + bytes(100),
+        b"cos\nsystem\n(S'true'\ntR.",
+        b"",
+    ],
+)
+def test_an_absurd_header_costs_nothing(tmp_path, member):
+    path = tmp_path / "bad.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("a.npy", member)
+    with pytest.raises(DataError, match=r"bad\.npz: a: "):
+        read_npz(path, ("a",))
+
+
+def test_a_stated_size_beyond_the_file_is_refused(tmp_path):
+    path = tmp_path / "bad.npz"
+    write_npz(path, a=np.arange(3.0))
+    claim = np.load(path)["a"].nbytes + 128
+    data = path.read_bytes()
+    path.write_bytes(data.replace(struct.pack("<I", claim), struct.pack("<I", 2**31)))
+    assert path.read_bytes() != data
+    with pytest.raises(DataError, match=r"bad\.npz"):
+        read_npz(path, ("a",))
+
+
+def write_image(path, pixels):
+    assert cv2.imwrite(str(path), pixels)
+
+
+BAD_IMAGES = {
+    "disparity of the wrong size": (
+        "Disparity7/disparity7_2.png",
+        np.zeros((240, 320), np.uint16),
+        "320 x 240",
+    ),
+    "disparity of 8 bits": ("Disparity7/disparity7_2.png", np.zeros((480, 640), np.uint8), "8 bits"),
+    "grey for colour": ("RGB7/rgb7_2.png", np.zeros((480, 640), np.uint8), "1 channels"),
+    "colour of 16 bits": ("RGB7/rgb7_2.png", np.zeros((480, 640, 3), np.uint16), "16 bits"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_IMAGES)
+def test_a_wrong_image_is_named(folder, case):
+    name, pixels, message = BAD_IMAGES[case]
+    write_image(folder / "dataRGBD" / name, pixels)
+    camera = load_course(7, folder).camera
+    with pytest.raises(DataError, match=message) as raised:
+        camera.read_disparity(1), camera.read_rgb(1)
+    assert Path(name).name in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda d: d[:-20], lambda d: d[:200], lambda d: b"", lambda d: b"\x00" * 100]
+)
+def test_a_damaged_image_is_named(folder, damage):
+    path = folder / "dataRGBD" / "RGB7" / "rgb7_1.png"
+    path.write_bytes(damage(path.read_bytes()))
+    with pytest.raises(DataError, match=r"rgb7_1\.png"):
+        load_course(7, folder).camera.read_rgb(0)
+
+
+def test_a_missing_image_is_not_in_the_index(folder):
+    (folder / "dataRGBD" / "RGB7" / "rgb7_2.png").unlink()
+    camera = load_course(7, folder).camera
+    np.testing.assert_array_equal(camera.rgb_index, [0, 2, 3])
+    with pytest.raises(DataError, match="image that exists"):
+        camera.read_rgb(1)
+
+
+# ---- writing -----------------------------------------------------------------------------------
+
+
+def test_a_file_that_is_not_finished_does_not_appear(tmp_path):
+    def interrupted():
+        with atomic_write(tmp_path / "a.txt") as file:
+            file.write(b"half")
+            raise KeyboardInterrupt
+
+    (tmp_path / "a.txt").write_text("old")
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
+    assert (tmp_path / "a.txt").read_text() == "old"
+
+
+def test_writing_where_a_file_stands_in_for_the_folder(tmp_path):
+    (tmp_path / "out").write_text("")
+    with pytest.raises(DataError, match="writable folder"):
+        save_course(box_recording(), 7, tmp_path / "out")
+
+
+def test_a_log_without_encoders_cannot_be_saved(tmp_path):
+    recording = box_recording()
+    log = replace(recording, encoders=None, imu=None, odometry=recording.truth)
+    with pytest.raises(DataError, match="encoders and IMU"):
+        save_course(log, 7, tmp_path)
