@@ -1,0 +1,101 @@
+"""A simulated building, robot and drive with exact truth.
+
+``simulate("hall")`` stands for the report's data set 20, ``simulate("ramp")`` for set 21: the same building, driven
+over slopes. Another seed is another building. Everything comes from one seed, through independent streams of random
+numbers, so that the same call gives the same numbers on any machine and any number of cores.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pfslam.errors import DataError
+from pfslam.poses import Trajectory
+from pfslam.recording import LidarScans, Recording
+from pfslam.simulator.clocks import LIDAR_CLOCK, START_OF_TIME, ticks_and_stamps, unix
+from pfslam.simulator.config import HALL, PRESETS, RAMP, GyroModel, SimulatorConfig, SlipModel, Timing
+from pfslam.simulator.drive import Drive, drive_path
+from pfslam.simulator.lidar import measured, true_ranges
+from pfslam.simulator.odometry import encoder_counts, imu_samples
+from pfslam.simulator.world import World, make_world
+
+BUILT_IN = {name: config.number for name, config in PRESETS.items()}
+DEFAULT_SEED = 2021  # the building of the built-in sets
+
+__all__ = [
+    "BUILT_IN", "HALL", "PRESETS", "RAMP", "Drive", "GyroModel", "Simulation", "SimulatorConfig", "SlipModel", "Timing",
+    "World", "simulate",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A recording and what only a simulator knows.
+
+    ``recording.truth`` holds the poses at the LiDAR's stamps; ``z``, ``pitch``, ``roll`` ``(K,)`` (m, rad) are the rest of
+    the truth there.
+    """
+
+    recording: Recording
+    config: SimulatorConfig
+    seed: int
+    world: World
+    drive: Drive
+    z: np.ndarray
+    pitch: np.ndarray
+    roll: np.ndarray
+
+
+def simulate(
+    what: str | SimulatorConfig = "hall", seed: int | None = None, ranges: np.ndarray | None = None
+) -> Simulation:
+    """Simulate one drive. ``what`` is "hall", "ramp" or a configuration; ``seed=None`` is the built-in building.
+
+    ``ranges (K, beams)`` from an earlier call with the same arguments may be given back to save casting them again.
+    """
+    config = _configuration(what)
+    seed = DEFAULT_SEED if seed is None else _whole(seed)
+    # The building depends on the seed alone: hall and ramp of one seed are drives through the same building.
+    world = make_world(config, np.random.SeedSequence(seed))
+    streams = np.random.SeedSequence([seed, config.number]).spawn(6)
+    drive_rng, wheels, imu, scan_clock, scans, camera = (np.random.default_rng(s) for s in streams)
+    drive = drive_path(world.path, world.slopes, config, drive_rng)
+    t = _scan_times(config, drive, scan_clock)
+    stamps = unix(t, config.quantised)
+    if ranges is None:
+        exact = true_ranges(world, drive, config.robot.lidar, stamps - START_OF_TIME, config.scan_time)
+        ranges = measured(exact, config, scans)
+    poses, z, pitch, roll = drive.at(stamps - START_OF_TIME)
+    recording = Recording(
+        name=config.name,
+        robot=config.robot,
+        encoders=encoder_counts(drive, config, wheels),
+        imu=imu_samples(drive, config, imu),
+        lidar=LidarScans(stamps, ranges),
+        truth=Trajectory(stamps, poses),
+    )
+    return Simulation(recording, config, seed, world, drive, z, pitch, roll)
+
+
+def _configuration(what: str | SimulatorConfig) -> SimulatorConfig:
+    if isinstance(what, SimulatorConfig):
+        return what
+    if what not in PRESETS:
+        raise DataError("simulate", "name", repr(what), f"one of {', '.join(PRESETS)}")
+    return PRESETS[what]
+
+
+def _whole(seed) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise DataError("simulate", "seed", repr(seed), "a whole number, 0 or more")
+    return int(seed)
+
+
+def _scan_times(config: SimulatorConfig, drive: Drive, rng: np.random.Generator) -> np.ndarray:
+    """When scans are stamped (s from the first encoder stamp), those lost in a dropout left out."""
+    t = ticks_and_stamps(LIDAR_CLOCK, 0.0087, drive.duration, rng, config.timing.jitter)[1]
+    for begin, end in config.dropouts:
+        t = t[(t < begin) | (t > end)]
+    return t

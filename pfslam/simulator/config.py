@@ -1,0 +1,146 @@
+"""What can be chosen about a simulated drive. The defaults are the real robot of the report on a flat floor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from pfslam.errors import DataError
+from pfslam.sensors import RobotModel
+
+LAYOUTS = ("arms", "loop", "symmetric", "corridor")
+
+
+@dataclass(frozen=True)
+class SlipModel:
+    """How the wheels and the floor disagree. A skid-steered robot turns by dragging its wheels sideways."""
+
+    true_metres_per_count: float = 0.254 * 3.141592653589793 / 360
+    """What the wheel really travels per count; the report rounds it to 0.0022 m."""
+    effective_track: float = 0.75
+    """Track (m) that turns a wheel difference into yaw; the wheels stand 0.394 m apart."""
+    straight: float = 0.013
+    """Wheel travel lost on the floor, as a fraction."""
+    turning: float = 0.008
+    """Further loss per rad/s of yaw rate."""
+    wander: float = 0.006
+    """Standard deviation of the slow changes of the loss, and of left against right."""
+
+
+@dataclass(frozen=True)
+class GyroModel:
+    """Errors of the gyro and the accelerometer."""
+
+    bias: tuple[float, float, float] = (0.0039, 0.0051, 0.0005)
+    warm_up: float = 0.0020
+    """Extra yaw bias at switch-on (rad/s), gone after a second."""
+    scale: float = 1.03
+    """True rate over shown rate."""
+    noise: float = 0.0039
+    """Standard deviation at rest (rad/s)."""
+    sway: float = 0.025
+    """Roll and pitch rate of the body per m/s of speed, standard deviation (rad/s)."""
+    acceleration_bias_g: tuple[float, float, float] = (-0.009, -0.008, 0.011)
+    acceleration_noise_g: float = 0.001
+    acceleration_sway_g: float = 0.008
+    """Shaking per m/s of speed, standard deviation (g)."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the instruments begin and end, relative to the encoders (s)."""
+
+    still_start: float = 9.7
+    still_end: float = 8.4
+    imu: tuple[float, float] = (0.28, -1.42)
+    camera: tuple[float, float] = (1.80, 1.00)
+    jitter: float = 1.0
+    """Scale of all clock jitter; 0 gives stamps without any."""
+
+
+@dataclass(frozen=True)
+class SimulatorConfig:
+    """One simulated drive.
+
+    ``layout``: "arms" (two corridors at a right angle and a cluttered room), "loop" (a ring of corridors), "symmetric"
+    (a ring that looks the same after half a turn), "corridor" (20 m along a bare corridor whose ends are out of range).
+    """
+
+    name: str = "hall"
+    number: int = 20
+    layout: str = "arms"
+    laps: int = 1
+    """How often the route is driven; each further lap begins where the one before ended (not for "corridor")."""
+    path_length: float = 95.2
+    """Length of the drive (m), reached by choosing where the robot turns round ("arms" only)."""
+    cruise_speed: float = 0.97
+    top_yaw_rate: float = 1.5
+    slopes: bool = False
+    robot: RobotModel = field(default_factory=RobotModel.report)
+    timing: Timing = field(default_factory=Timing)
+    slip: SlipModel = field(default_factory=SlipModel)
+    gyro: GyroModel = field(default_factory=GyroModel)
+    quantised: bool = True
+    """Whole counts, millimetres, 1e-6 rad/s, microseconds. Off only for checks of the exact geometry."""
+    range_noise: float = 0.01
+    """Standard deviation of a range (m)."""
+    invalid_share: float = 0.004
+    """Share of the beams that return nothing."""
+    random_share: float = 0.0
+    """Share of the beams that return any range between 0.1 m and 30 m."""
+    scan_time: float = 0.0
+    """Time from the first beam to the last (s); 0.025 for a real scanner, which then smears while turning."""
+    dropouts: tuple[tuple[float, float], ...] = ()
+    """Intervals (from, to), seconds after the first stamp, in which no scan arrives."""
+    people: int = 0
+    """Pedestrians, who walk to and fro along the corridors."""
+    moving_doors: int = 0
+    """Doors across side alcoves that open and close during the drive."""
+    disparity_noise: float = 0.5
+    """Standard deviation of a disparity before rounding (counts)."""
+    depth_limits: tuple[float, float] = (0.5, 9.0)
+    """Nearest and farthest distance (m) at which the depth camera gives a reading."""
+    missing_disparity: float = 0.01
+    """Share of pixels without a reading within those limits."""
+
+    def __post_init__(self):
+        if self.layout not in LAYOUTS:
+            raise DataError("SimulatorConfig", "layout", repr(self.layout), f"one of {', '.join(LAYOUTS)}")
+        for name in ("range_noise", "invalid_share", "random_share", "scan_time", "disparity_noise", "people"):
+            if not getattr(self, name) >= 0:
+                raise DataError("SimulatorConfig", name, getattr(self, name), "0 or more")
+        for name in ("path_length", "cruise_speed", "top_yaw_rate", "laps"):
+            if not getattr(self, name) > 0:
+                raise DataError("SimulatorConfig", name, getattr(self, name), "more than 0")
+
+    def without_errors(self) -> SimulatorConfig:
+        """The same drive with perfect instruments and clocks: what is left is geometry alone."""
+        perfect = replace(self.robot, encoders=replace(self.robot.encoders, track=self.slip.effective_track))
+        still = dict(bias=(0.0, 0.0, 0.0), warm_up=0.0, scale=1.0, noise=0.0, sway=0.0)
+        level = dict(acceleration_bias_g=(0.0, 0.0, 0.0), acceleration_noise_g=0.0, acceleration_sway_g=0.0)
+        return replace(
+            self,
+            robot=perfect,
+            timing=replace(self.timing, jitter=0.0, imu=(0.0, 0.0)),
+            slip=SlipModel(self.robot.encoders.metres_per_count, self.slip.effective_track, 0.0, 0.0, 0.0),
+            gyro=GyroModel(**still, **level),
+            quantised=False,
+            range_noise=0.0,
+            invalid_share=0.0,
+            random_share=0.0,
+            disparity_noise=0.0,
+            missing_disparity=0.0,
+        )
+
+
+HALL = SimulatorConfig()
+RAMP = SimulatorConfig(
+    name="ramp",
+    number=21,
+    path_length=91.0,
+    cruise_speed=1.03,
+    top_yaw_rate=1.85,
+    slopes=True,
+    timing=Timing(still_start=12.9, still_end=10.3, imu=(0.48, -1.57), camera=(3.33, -3.32)),
+    gyro=GyroModel(bias=(0.0015, 0.0037, 0.0003), warm_up=-0.0020, acceleration_bias_g=(-0.005, -0.006, 0.008)),
+)
+PRESETS = {"hall": HALL, "ramp": RAMP}

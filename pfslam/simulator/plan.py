@@ -1,0 +1,192 @@
+"""Floor plans: a building is a union of rectangles, and its walls are the outline of that union.
+
+Everything here is in the plan frame p, whose axes run along the walls. Metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pfslam.simulator.config import SimulatorConfig
+from pfslam.simulator.ground import Slope
+
+WALL = 0.25  # thickness between a room and the corridor beside it (m)
+LANE = 0.3  # the robot keeps to the right of the corridor's middle (m)
+
+
+@dataclass(frozen=True, eq=False)
+class FloorPlan:
+    """``areas (R, 4)``: free rectangles (x0, y0, x1, y1) with a ``kinds`` entry each; ``waypoints (W, 2)`` of the drive."""
+
+    areas: np.ndarray
+    kinds: tuple[str, ...]
+    waypoints: np.ndarray
+    slopes: tuple[Slope, ...] = ()
+    walks: tuple[np.ndarray, ...] = ()
+    """Corridor middles, two points ``(2, 2)`` each, along which people walk."""
+
+    def mirrored(self) -> FloorPlan:
+        """The same plan with y turned over."""
+        flip = np.array([1.0, -1.0])
+        return replace(
+            self,
+            areas=self.areas[:, [0, 3, 2, 1]] * [1, -1, 1, -1],
+            waypoints=self.waypoints * flip,
+            slopes=tuple(slope.mirrored() for slope in self.slopes),
+            walks=tuple(walk * flip for walk in self.walks),
+        )
+
+
+def make_plan(config: SimulatorConfig, rng: np.random.Generator, turn_at: float = 15.0) -> FloorPlan:
+    """The floor plan of a layout. ``turn_at`` moves the turning point of the second arm ("arms" only)."""
+    if config.layout == "arms":
+        return _arms(config, rng, turn_at)
+    if config.layout == "corridor":
+        return _corridor()
+    return _ring(config, rng)
+
+
+def _arms(config: SimulatorConfig, rng: np.random.Generator, turn_at: float) -> FloorPlan:
+    """A cluttered room (west), two arms from one junction (north and east), a lobby and a hall at the north end."""
+    half = 0.5 * rng.uniform(1.85, 2.0)
+    mirror, parked = rng.random() < 0.5, np.deg2rad(rng.choice([-1, 1]) * rng.uniform(2.0, 5.0))
+    north, east = rng.uniform(14.5, 16.0), rng.uniform(18.5, 20.0)
+    room_w, room_s, room_n = rng.uniform(5.8, 6.4), rng.uniform(-3.0, -2.5), rng.uniform(2.8, 3.4)
+    door_y = rng.uniform(0.0, 0.5)
+    lobby_n = north + rng.uniform(2.6, 3.2)
+    lobby_w, lobby_e = -half - rng.uniform(0.3, 1.2), rng.uniform(3.4, 4.4)
+    hall_x = rng.uniform(1.6, 2.2)
+    hall_n = lobby_n + rng.uniform(4.5, 5.5)
+    room_e = -half - WALL
+    areas = {
+        "room": [(room_e - room_w, room_s, room_e, room_n)],
+        "doorway": [(room_e, door_y - 0.6, -half, door_y + 0.6)],
+        "corridor": [(-half, -half, half, north), (-half, -half, east, half)],
+        "lobby": [(lobby_w, north, lobby_e, lobby_n)],
+        "hall": [(hall_x - 1.4, lobby_n, hall_x + 1.4, hall_n)],
+        "alcove": [
+            *_alcoves(rng, "y", -half, -1, room_n + 0.8, north - 0.4),
+            *_alcoves(rng, "y", half, 1, half + 1.2, north - 0.4),
+            *_alcoves(rng, "x", -half, -1, half + 0.8, east - 0.5),
+            *_alcoves(rng, "x", half, 1, half + 1.2, east - 0.5),
+        ],
+    }
+    start = np.array([room_e - rng.uniform(3.6, 4.2), door_y + rng.uniform(-0.5, 0.1)])
+    turn = float(np.clip(turn_at, 8.0, east - 1.0))
+    ahead = start + 1.3 * np.array([np.cos(parked), np.sin(parked)])
+    up, down = hall_x + 0.5, hall_x - 0.5
+    legs = [
+        [ahead, (room_e - 0.7, door_y), (-half + 0.4, door_y)],
+        _weave(rng, (LANE, 2.4), (LANE, north - 0.5)),
+        [(LANE, north + 0.9), (up, north + 1.7), (up, lobby_n + 0.6), (up, hall_n - 1.1), (down, hall_n - 1.1)],
+        [(down, lobby_n - 0.2), (-LANE, north + 0.6)],
+        _weave(rng, (-LANE, north - 1.0), (-LANE, 1.6)),
+        [(0.2, -0.3)],
+        _weave(rng, (2.0, -LANE), (turn - 3.5, -LANE)),
+        [(turn - 1.2, 0.5), (turn, 0.5), (turn, -0.5), (turn - 1.2, -0.5)],
+        _weave(rng, (turn - 3.5, LANE), (2.0, LANE)),
+        [(0.0, door_y), (room_e - 0.6, door_y)],
+        start + [(2.0, -0.7), (0.4, -1.1), (-0.9, -0.9), (-1.1, 0.0), (-0.3, 0.3), (0.5, 0.35)],
+    ]
+    waypoints = np.vstack([[start], *(legs * config.laps)])
+    slopes = ()
+    if config.slopes:
+        y, x = rng.uniform(5.0, 6.0), rng.uniform(5.0, 6.5)
+        slopes = (
+            Slope("y", (-half, half), (y, y + 2.6, y + 4.4, y + 7.0), (0.0, 0.45, 0.45, 0.0)),
+            Slope("x", (-half, half), (x, x + 1.2, x + 3.2, x + 4.7), (0.0, 0.44, 0.44, 0.0)),
+        )
+    walks = (np.array([[0.0, 3.0], [0.0, north]]), np.array([[3.0, 0.0], [east - 0.6, 0.0]]))
+    return _plan(areas, waypoints, slopes, walks, mirror)
+
+
+def _ring(config: SimulatorConfig, rng: np.random.Generator) -> FloorPlan:
+    """A rectangular ring of corridors; with side alcoves at random, or point-symmetric if "symmetric"."""
+    half = 0.5 * rng.uniform(1.95, 2.15)
+    length, width = rng.uniform(17.0, 20.0), rng.uniform(11.0, 14.0)
+    corridors = [
+        (-half, -half, length + half, half),
+        (length - half, -half, length + half, width + half),
+        (-half, width - half, length + half, width + half),
+        (-half, -half, half, width + half),
+    ]
+    alcoves = _alcoves(rng, "x", -half, -1, 1.5, length - 1.0)
+    alcoves += _alcoves(rng, "y", length + half, 1, 1.5, width - 1.0)
+    if config.layout == "symmetric":
+        alcoves += [(length - x1, width - y1, length - x0, width - y0) for x0, y0, x1, y1 in alcoves]
+    else:
+        alcoves += _alcoves(rng, "x", width + half, 1, 1.5, length - 1.0)
+        alcoves += _alcoves(rng, "y", -half, -1, 1.5, width - 1.0)
+    lap = [
+        _weave(rng, (2.0, -LANE), (length - 1.5, -LANE)),
+        _weave(rng, (length + LANE, 1.5), (length + LANE, width - 1.5)),
+        _weave(rng, (length - 1.5, width + LANE), (1.5, width + LANE)),
+        _weave(rng, (-LANE, width - 1.5), (-LANE, 1.5)),
+    ]
+    last = [[(1.0, -LANE), (2.0, -LANE)]]
+    walks = (np.array([[0.0, 0.0], [length, 0.0]]), np.array([[length, width], [0.0, width]]))
+    areas = {"corridor": corridors, "alcove": alcoves}
+    return _plan(areas, np.vstack(lap * config.laps + last), (), walks, mirror=False)
+
+
+def _corridor() -> FloorPlan:
+    """Forty metres of nothing on either side of a 20 m drive: the ends are beyond the LiDAR's 30 m."""
+    areas = {"corridor": [(-40.0, -1.0, 60.0, 1.0)]}
+    return _plan(areas, np.array([[0.0, 0.0], [10.0, 0.1], [20.0, 0.0]]), (), (np.array([[-5.0, 0.0], [25.0, 0.0]]),))
+
+
+def _plan(areas: dict, waypoints, slopes, walks, mirror: bool = False) -> FloorPlan:
+    rectangles = [rectangle for group in areas.values() for rectangle in group]
+    kinds = tuple(kind for kind, group in areas.items() for _ in group)
+    plan = FloorPlan(np.array(rectangles), kinds, np.asarray(waypoints, dtype=float), slopes, walks)
+    return plan.mirrored() if mirror else plan
+
+
+def _alcoves(rng: np.random.Generator, axis: str, wall: float, side: int, start: float, stop: float) -> list[tuple]:
+    """Door recesses along a wall at ``wall`` on the other axis; ``side`` is -1 or +1, the way they reach outwards."""
+    found, at = [], start + rng.uniform(0.0, 1.5)
+    while at + 1.1 < stop:
+        width = rng.uniform(0.85, 1.1)
+        depth = rng.uniform(0.5, 0.8) if rng.random() < 0.2 else rng.uniform(0.12, 0.2)
+        near, far = sorted((wall, wall + side * depth))
+        found.append((at, near, at + width, far) if axis == "x" else (near, at, far, at + width))
+        at += width + rng.uniform(1.2, 3.0)
+    return found
+
+
+def _weave(rng: np.random.Generator, start, stop) -> np.ndarray:
+    """Waypoints ``(n, 2)`` from ``start`` to ``stop``, about 2.5 m apart, a little to the left and right of the line."""
+    start, stop = np.asarray(start, dtype=float), np.asarray(stop, dtype=float)
+    way = stop - start
+    count = max(int(np.hypot(*way) / 2.5), 1) + 1
+    sideways = np.array([-way[1], way[0]]) / np.hypot(*way)
+    part = np.linspace(0.0, 1.0, count)[:, None]
+    return start + part * way + rng.uniform(-0.12, 0.12, (count, 1)) * sideways
+
+
+def outline(areas: np.ndarray) -> np.ndarray:
+    """Walls ``(W, 2, 2)`` around the union of rectangles ``(R, 4)``: segments from point to point, free side on the left."""
+    xs = np.unique(areas[:, [0, 2]])
+    ys = np.unique(areas[:, [1, 3]])
+    mid_x, mid_y = 0.5 * (xs[1:] + xs[:-1]), 0.5 * (ys[1:] + ys[:-1])
+    x0, y0, x1, y1 = areas.T[..., None]
+    in_x, in_y = (x0 < mid_x) & (mid_x < x1), (y0 < mid_y) & (mid_y < y1)
+    free = np.pad((in_y[:, :, None] & in_x[:, None, :]).any(axis=0), 1)
+    walls = []
+    for i, y in enumerate(ys):  # free above: the wall runs in +x; free below: in -x
+        above, below = free[i + 1, 1:-1], free[i, 1:-1]
+        walls += [((xs[a], y), (xs[b], y)) for a, b in _runs(above & ~below)]
+        walls += [((xs[b], y), (xs[a], y)) for a, b in _runs(below & ~above)]
+    for i, x in enumerate(xs):  # free to the right: the wall runs in -y; free to the left: in +y
+        right, left = free[1:-1, i + 1], free[1:-1, i]
+        walls += [((x, ys[b]), (x, ys[a])) for a, b in _runs(right & ~left)]
+        walls += [((x, ys[a]), (x, ys[b])) for a, b in _runs(left & ~right)]
+    return np.array(walls)
+
+
+def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
+    """Start and stop (exclusive) of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return list(zip(edges[::2], edges[1::2], strict=True))

@@ -1,0 +1,191 @@
+"""The building: walls, clutter, doors, people and ground. Geometry is kept in the plan frame p, along the walls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pfslam.grid import GridSpec
+from pfslam.poses import invert, transform_points
+from pfslam.simulator.config import SimulatorConfig
+from pfslam.simulator.drive import make_path, path_length, start_pose
+from pfslam.simulator.plan import FloorPlan, make_plan, outline
+
+WALL_KINDS = ("wall", "alcove", "clutter", "door")
+CLEARANCE = 0.4  # clutter keeps this far from the robot's centre, at least (m)
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """A disc that walks to and fro between two points ``walk (2, 2)`` of the plan."""
+
+    walk: np.ndarray
+    speed: float
+    phase: float
+    radius: float = 0.2
+
+    def at(self, t) -> np.ndarray:
+        """Centres ``(T, 2)`` in the plan frame at times ``t (T,)``."""
+        length = np.hypot(*(self.walk[1] - self.walk[0]))
+        swing = np.abs((self.speed * np.asarray(t) / length + self.phase) % 2.0 - 1.0)
+        return self.walk[0] + swing[:, None] * (self.walk[1] - self.walk[0])
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A building. ``pose_wp (3,)`` places the plan in the world; ``path (S, 2)`` is the way the robot will take.
+
+    ``walls (W, 2, 2)`` are segments with the free side on their left; ``wall_kind (W,)`` indexes ``WALL_KINDS``;
+    ``closed (W, 2)`` is the time (from, to) during which a wall is there: doors come and go.
+    """
+
+    plan: FloorPlan
+    path: np.ndarray
+    pose_wp: np.ndarray
+    walls: np.ndarray
+    wall_kind: np.ndarray
+    closed: np.ndarray
+    clutter: tuple[np.ndarray, ...]
+    people: tuple[Person, ...]
+
+    @property
+    def slopes(self):
+        return self.plan.slopes
+
+    @property
+    def pose_pw(self) -> np.ndarray:
+        """The world in the plan frame, ``(3,)``."""
+        return invert(self.pose_wp)
+
+    @property
+    def walls_w(self) -> np.ndarray:
+        """The permanent walls in the world frame, ``(W, 2, 2)`` m."""
+        fixed = self.walls[np.isinf(self.closed[:, 1])]
+        return transform_points(self.pose_wp, fixed.reshape(-1, 2)).reshape(-1, 2, 2)
+
+    def spec(self, resolution: float, margin: float = 1.0) -> GridSpec:
+        """A grid around the whole building."""
+        return GridSpec.around(self.walls_w.reshape(-1, 2), resolution, margin)
+
+    def free_area(self, spec: GridSpec) -> np.ndarray:
+        """Cells ``(H, W)`` bool whose centre is floor: inside the building and not under clutter."""
+        ix, iy = np.meshgrid(np.arange(spec.shape[1]), np.arange(spec.shape[0]))
+        centres = spec.cell_to_world(np.stack([ix, iy], axis=-1)).reshape(-1, 2)
+        return self.is_floor(transform_points(self.pose_pw, centres)).reshape(spec.shape)
+
+    def is_floor(self, points_p: np.ndarray) -> np.ndarray:
+        """Which points ``(M, 2)`` of the plan are floor (bool ``(M,)``)."""
+        x, y = points_p.T
+        inside = np.zeros(len(points_p), dtype=bool)
+        for x0, y0, x1, y1 in self.plan.areas:
+            inside |= (x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)
+        for corners in self.clutter:
+            edge = np.roll(corners, -1, axis=0) - corners
+            to = points_p[:, None] - corners
+            inside &= ~(edge[:, 0] * to[..., 1] - edge[:, 1] * to[..., 0] > 0).all(axis=1)
+        return inside
+
+    def true_grid(self, spec: GridSpec) -> np.ndarray:
+        """Cells ``(H, W)`` bool that a permanent wall runs through."""
+        step = 0.1 * spec.resolution
+        grid = np.zeros(spec.shape, dtype=bool)
+        for a, b in self.walls_w:
+            part = np.linspace(0.0, 1.0, int(np.hypot(*(b - a)) / step) + 2)[:, None]
+            cells = spec.world_to_cell(a + part * (b - a))
+            cells = cells[spec.contains(cells)]
+            grid[cells[:, 1], cells[:, 0]] = True
+        return grid
+
+
+def make_world(config: SimulatorConfig, seed: np.random.SeedSequence) -> World:
+    """Build the building of a configuration and a seed, and choose the robot's way through it."""
+    plan_seed, clutter_seed, door_seed, people_seed = seed.spawn(4)
+    turn = 15.0
+    plan = make_plan(config, np.random.default_rng(plan_seed), turn)
+    path = make_path(plan.waypoints)
+    if config.layout == "arms":  # a turning point one metre farther makes the way two metres longer, every lap
+        turn += 0.5 * (config.path_length - path_length(path) / config.laps)
+        plan = make_plan(config, np.random.default_rng(plan_seed), turn)
+        path = make_path(plan.waypoints)
+    clutter = _place_clutter(plan, path, np.random.default_rng(clutter_seed))
+    outer = outline(plan.areas)
+    boxes = [np.stack([box[::-1], np.roll(box[::-1], -1, axis=0)], axis=1) for box in clutter]
+    doors, times = _place_doors(plan, config.moving_doors, np.random.default_rng(door_seed))
+    walls = np.concatenate([outer, *boxes, doors])
+    kind = np.zeros(len(walls), dtype=int)
+    kind[: len(outer)] = _touches_alcove(outer, plan)
+    kind[len(outer) : len(walls) - len(doors)] = WALL_KINDS.index("clutter")
+    kind[len(walls) - len(doors) :] = WALL_KINDS.index("door")
+    closed = np.tile([-np.inf, np.inf], (len(walls), 1))
+    closed[len(walls) - len(doors) :] = times
+    people = _place_people(plan, config.people, np.random.default_rng(people_seed))
+    return World(plan, path, invert(start_pose(path)), walls, kind, closed, clutter, people)
+
+
+def _touches_alcove(walls: np.ndarray, plan: FloorPlan) -> np.ndarray:
+    """1 for walls whose middle lies on the border of an alcove."""
+    x, y = walls.mean(axis=1).T[..., None]
+    x0, y0, x1, y1 = plan.areas[[kind == "alcove" for kind in plan.kinds]].T
+    near = (x > x0 - 1e-6) & (x < x1 + 1e-6) & (y > y0 - 1e-6) & (y < y1 + 1e-6)
+    return near.any(axis=1).astype(int)
+
+
+def _place_clutter(plan: FloorPlan, path: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """Boxes and pillars ``(V, 2)``, counter-clockwise, where the robot does not drive."""
+    wanted = {"room": 14, "lobby": 3, "hall": 2}
+    placed: list[tuple[np.ndarray, float]] = []
+    shapes = []
+    for area, kind in zip(plan.areas, plan.kinds, strict=True):
+        for _ in range(12 * wanted.get(kind, 0)):
+            shape = _box(rng) if rng.random() < 0.75 else _pillar(rng)
+            reach = np.hypot(*shape.T).max()
+            centre = rng.uniform(area[:2] + 0.3, area[2:] - 0.3)
+            off_path = np.hypot(*(path - centre).T).min() > reach + CLEARANCE
+            apart = all(np.hypot(*(centre - other)) > reach + size + 0.1 for other, size in placed)
+            if off_path and apart and _count_in(placed, area) < wanted[kind]:
+                placed.append((centre, reach))
+                shapes.append(centre + shape)
+    return tuple(shapes)
+
+
+def _count_in(placed: list, area: np.ndarray) -> int:
+    return sum(bool((centre > area[:2]).all() and (centre < area[2:]).all()) for centre, _ in placed)
+
+
+def _box(rng: np.random.Generator) -> np.ndarray:
+    a, b, turn = rng.uniform(0.15, 0.5), rng.uniform(0.15, 0.3), rng.uniform(0.0, np.pi)
+    return transform_points([0.0, 0.0, turn], [[-a, -b], [a, -b], [a, b], [-a, b]])
+
+
+def _pillar(rng: np.random.Generator) -> np.ndarray:
+    angle = np.arange(8) * np.pi / 4
+    return rng.uniform(0.12, 0.22) * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _place_doors(plan: FloorPlan, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Doors across the mouths of the deepest alcoves ``(D, 2, 2)``, and when each is shut ``(D, 2)`` (s)."""
+    alcoves = plan.areas[[kind == "alcove" for kind in plan.kinds]]
+    deepest = np.argsort(-np.min(alcoves[:, 2:] - alcoves[:, :2], axis=1), kind="stable")[:count]
+    corridors = plan.areas[[kind == "corridor" for kind in plan.kinds]]
+    doors = []
+    for x0, y0, x1, y1 in alcoves[deepest]:
+        corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+        for side in np.stack([corners, np.roll(corners, -1, axis=0)], axis=1):
+            middle = side.mean(axis=0)
+            if ((corridors[:, :2] <= middle) & (middle <= corridors[:, 2:])).all(axis=1).any():
+                doors.append(side)  # the one side that lies on a corridor
+    shut = rng.uniform(10.0, 70.0, len(doors))
+    times = np.column_stack([shut, shut + rng.uniform(15.0, 50.0, len(doors))])
+    return np.array(doors).reshape(-1, 2, 2), times
+
+
+def _place_people(plan: FloorPlan, count: int, rng: np.random.Generator) -> tuple[Person, ...]:
+    """People in the corridors, close to the wall, so that the robot in the middle can pass."""
+    people = []
+    for i in range(count):
+        walk = plan.walks[i % len(plan.walks)]
+        along = (walk[1] - walk[0]) / np.hypot(*(walk[1] - walk[0]))
+        aside = rng.choice([-0.72, 0.72]) * np.array([-along[1], along[0]])
+        people.append(Person(walk + aside, rng.uniform(0.8, 1.4), rng.uniform(0.0, 2.0)))
+    return tuple(people)
