@@ -1,0 +1,81 @@
+"""The settings of the texture map: what counts as floor, which pose an image has, which view is kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pfslam.errors import DataError
+from pfslam.floor import depth_for_step
+from pfslam.sensors import RgbdModel
+
+
+@dataclass(frozen=True)
+class TextureConfig:
+    """What counts as floor, which pose belongs to an image, and which of several views of a cell is kept."""
+
+    z_min: float = 0.1
+    """Z_MIN (m), step 3."""
+    z_max: float = 10.0
+    """Z_MAX (m), step 3."""
+    max_depth_step: float = np.inf
+    """Trust a depth only while one step of disparity is worth at most this (m); it tightens ``z_max``."""
+    floor_tolerance: float = 0.01
+    """Step 5: how far from the floor (m) a point may lie."""
+    tolerance_per_metre: float = 0.0
+    """What the tolerance gains per metre of depth."""
+    pitch: str = "calibration"
+    """``calibration``: the floor is z = 0 of the body. ``floor plane``: the camera's pitch and height come
+    from planes fitted to some images, and the floor in each image is the plane fitted to it."""
+    states: str = "nearest"
+    """``nearest``: each state of the trajectory takes its nearest image pair. ``interpolated``: each image,
+    depth or colour, has the pose of its own stamp."""
+    view: str = "last"
+    """``last``: the last view of a cell stays. ``best``: the nearest, then the pixel nearest its centre."""
+    crop: bool = False
+    """Leave out what lies where the map knows nothing."""
+    resolution: float | None = None
+    """Cell size (m); None is the map's, or 0.05 m without a map."""
+    max_image_gap: float = 0.1
+    """Longest time (s) between a colour image and its depth image."""
+    max_pose_gap: float = 0.5
+    """Longest time (s) between an image and its state, or between two states to interpolate in."""
+    min_points: int = 200
+    """Fewer floor pixels than this are no floor."""
+
+    def __post_init__(self):
+        for name, allowed in _CHOICES.items():
+            if getattr(self, name) not in allowed:
+                raise DataError("TextureConfig", name, getattr(self, name), " or ".join(allowed))
+        if not 0 <= self.z_min < self.z_max:
+            raise DataError("TextureConfig", "z_min, z_max", (self.z_min, self.z_max), "0 <= z_min < z_max")
+
+    @classmethod
+    def report(cls) -> TextureConfig:
+        """The report's: |Z_w| <= 0.01 m, depths of 0.1 to 10 m, one image per state, the last view wins."""
+        return cls()
+
+    @classmethod
+    def refined(cls) -> TextureConfig:
+        """The report's three improvements (crop, a pose for every image, depth range), and three more."""
+        return cls(
+            max_depth_step=0.05,
+            floor_tolerance=0.015,
+            tolerance_per_metre=0.01,
+            pitch="floor plane",
+            states="interpolated",
+            view="best",
+            crop=True,
+        )
+
+    def depth_limit(self, camera: RgbdModel) -> float:
+        """The largest depth (m) to trust with this camera."""
+        return min(self.z_max, depth_for_step(self.max_depth_step, camera))
+
+
+_CHOICES = {
+    "pitch": ("calibration", "floor plane"),
+    "states": ("nearest", "interpolated"),
+    "view": ("last", "best"),
+}

@@ -1,0 +1,212 @@
+"""From a depth image to floor points: hand values, OpenCV as an oracle, planes with a known tilt."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from floor_oracle import camera_axes, disparity_image
+
+from pfslam.floor import (
+    associate_rgb,
+    back_project,
+    depth_for_step,
+    depth_from_disparity,
+    depth_mask,
+    depth_step,
+    disparity_from_depth,
+    fit_floor_plane,
+    floor_mask,
+    level_camera,
+    nearest_floor,
+    to_world,
+)
+from pfslam.sensors import RgbdModel, RobotModel
+
+CAMERA = RgbdModel()
+
+
+def all_pixels():
+    v, u = np.indices((CAMERA.height, CAMERA.width)).reshape(2, -1)
+    return u, v
+
+
+# Disparity and depth (the depth of Eq. 17)
+
+
+@pytest.mark.parametrize(("disparity", "depth"), [(750, 1.0), (1000, 1.03 / 0.27), (500, 1.03 / 1.79)])
+def test_depth_of_a_disparity_by_hand(disparity, depth):
+    assert depth_from_disparity(disparity, CAMERA) == pytest.approx(depth, rel=1e-12)
+
+
+@pytest.mark.parametrize("disparity", [1089, 1090, 2047, 65535, np.nan])
+def test_no_reading_has_no_depth(disparity):
+    assert np.isnan(depth_from_disparity(disparity, CAMERA))
+
+
+def test_1088_is_the_last_disparity_with_a_depth():
+    assert depth_from_disparity(1088, CAMERA) == pytest.approx(1.03 / (3.31 - 0.00304 * 1088))
+
+
+def test_2047_is_no_reading_even_where_the_formula_would_give_a_depth():
+    other = replace(CAMERA, disparity_slope=-0.001)
+    assert np.isnan(depth_from_disparity(2047, other))
+    assert np.isfinite(depth_from_disparity(2046, other))
+
+
+def test_disparity_and_depth_invert_each_other():
+    disparity = np.arange(0, 1089)
+    assert disparity_from_depth(depth_from_disparity(disparity, CAMERA), CAMERA) == pytest.approx(disparity)
+
+
+def test_one_step_of_disparity_costs_3_mm_at_1_m_and_27_mm_at_3_m():
+    assert depth_step(1.0, CAMERA) == pytest.approx(0.003, abs=0.0005)
+    assert depth_step(3.0, CAMERA) == pytest.approx(0.027, abs=0.0005)
+    d = disparity_from_depth(2.0, CAMERA)
+    by_difference = (depth_from_disparity(d + 0.01, CAMERA) - depth_from_disparity(d - 0.01, CAMERA)) / 0.02
+    assert depth_step(2.0, CAMERA) == pytest.approx(by_difference, rel=1e-4)
+    assert depth_step(depth_for_step(0.02, CAMERA), CAMERA) == pytest.approx(0.02)
+
+
+def test_depth_mask_is_closed_and_leaves_nan_out():
+    depth = np.array([0.09, 0.1, 5.0, 10.0, 10.01, np.nan, np.inf])
+    assert depth_mask(depth, 0.1, 10.0).tolist() == [False, True, True, True, False, False, False]
+
+
+# Eq. 16
+
+
+def test_colour_association_by_hand():
+    u_rgb, v_rgb = associate_rgb(100, 200, 750, CAMERA)
+    assert u_rgb == pytest.approx((52637.0 - 4.5 * 1750.46 * 1.03 + 19276.0) / 585.051)
+    assert v_rgb == pytest.approx((105274.0 + 16662.0) / 585.051)
+
+
+def test_colour_association_is_a_second_pinhole_camera_26_mm_to_the_side():
+    rng = np.random.default_rng(0)
+    X, Y = rng.uniform(-1, 1, (2, 100))
+    Z = rng.uniform(0.5, 5, 100)
+    u, v = 585.051 * X / Z + 315.838, 585.051 * Y / Z + 242.941
+    u_rgb, v_rgb = associate_rgb(u, v, disparity_from_depth(Z, CAMERA), CAMERA)
+    assert u_rgb == pytest.approx(526.37 * (X - 0.02635) / Z + 317.1, abs=0.02)
+    assert v_rgb == pytest.approx(526.37 * Y / Z + 247.05, abs=0.02)
+
+
+# Eq. 17 and 18
+
+
+def test_opencv_projects_back_projected_points_onto_their_pixels():
+    u, v = all_pixels()
+    u, v = u[::97], v[::97]
+    depth = np.random.default_rng(1).uniform(0.4, 8.0, len(u))
+    points = back_project(u, v, depth, CAMERA.K)
+    intrinsic = np.array([[585.05108211, 0, 315.83800193], [0, 585.05108211, 242.94140713], [0, 0, 1.0]])
+    pixels, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), intrinsic, None)
+    assert pixels[:, 0] == pytest.approx(np.column_stack([u, v]), abs=1e-6)
+    assert points[:, 2] == pytest.approx(depth)
+
+
+def test_the_centre_pixel_looks_along_the_optical_axis():
+    point = back_project(CAMERA.centre_u, CAMERA.centre_v, 2.0, CAMERA.K)
+    assert point == pytest.approx(np.array([[0.0, 0.0, 2.0]]), abs=1e-12)
+    on_axis = to_world(point, (0, 0, 0), CAMERA)[0]
+    pitch = np.deg2rad(18)
+    assert on_axis == pytest.approx([0.16766 + 2 * np.cos(pitch), 0.0, 0.38001 - 2 * np.sin(pitch)])
+
+
+def test_the_optical_axes_point_right_down_and_forward_in_the_world():
+    theta = 0.7
+    axes = to_world(np.eye(3), (0, 0, theta), CAMERA) - to_world(np.zeros((1, 3)), (0, 0, theta), CAMERA)
+    assert axes == pytest.approx(np.array(camera_axes(theta, np.deg2rad(18))))
+
+
+def test_yaw_height_and_pitch_of_the_body_move_the_camera():
+    camera_at = to_world(np.zeros((1, 3)), (1.0, 2.0, np.pi / 2), CAMERA, z=0.5, pitch=0.1)[0]
+    forward = 0.16766 * np.cos(0.1) + 0.38001 * np.sin(0.1)
+    up = 0.38001 * np.cos(0.1) - 0.16766 * np.sin(0.1)
+    assert camera_at == pytest.approx([1.0, 2.0 + forward, 0.5 + up])
+
+
+def floor_points_from(K, camera=CAMERA, pitch=CAMERA.pitch):
+    """Points of a rendered floor, back-projected with K and placed by ``camera``."""
+    u, v = all_pixels()
+    depth = depth_from_disparity(disparity_image((0, 0, 0), pitch=pitch).ravel(), camera)
+    seen = depth_mask(depth, 0.1, 3.0)
+    return to_world(back_project(u[seen], v[seen], depth[seen], K), (0, 0, 0), camera)
+
+
+def test_a_rendered_floor_comes_back_at_height_zero():
+    half_a_step_at_3_m = 0.0011 * 3 / 2
+    assert np.abs(floor_points_from(CAMERA.K)[:, 2]).max() < half_a_step_at_3_m + 1e-4
+
+
+def test_the_swapped_intrinsic_matrix_puts_the_floor_elsewhere():
+    swapped = CAMERA.K.copy()
+    swapped[0, 2], swapped[1, 2] = CAMERA.K[1, 2], CAMERA.K[0, 2]
+    on_floor = floor_mask(floor_points_from(swapped), 0.01)
+    assert floor_mask(floor_points_from(CAMERA.K), 0.01).all()
+    assert np.mean(on_floor) < 0.01
+
+
+# Step 5 and the floor plane
+
+
+def test_floor_mask_and_its_growing_tolerance():
+    points = np.array([[1, 0, 0.01], [1, 0, -0.0101], [3, 0, 0.035], [1, 0, np.nan]])
+    assert floor_mask(points, 0.01).tolist() == [True, False, False, False]
+    assert floor_mask(points, 0.01, 0.01, distance=points[:, 0]).tolist() == [True, True, True, False]
+
+
+def test_nothing_past_a_quarter_metre_passes_with_the_pitch_of_the_data_sheet():
+    sheet = replace(CAMERA, pitch=0.36)
+    points = floor_points_from(CAMERA.K, sheet)
+    passed = points[floor_mask(points, 0.01)]
+    assert len(passed) == 0 or (passed[:, 0] - CAMERA.position_b[0]).max() < 0.25
+
+
+def test_the_blind_ring_begins_45_cm_ahead_of_the_camera():
+    assert nearest_floor(CAMERA) == pytest.approx(0.45, abs=0.005)
+    in_the_image = floor_points_from(CAMERA.K)[:, 0].min() - CAMERA.position_b[0]
+    assert in_the_image == pytest.approx(nearest_floor(CAMERA), abs=0.003)
+
+
+def synthetic_plane(slope, height, rng, outliers=0.3):
+    """Points of a floor seen over 0.6 to 3 m with 2 mm of noise, among points of walls."""
+    x, y = rng.uniform(0.6, 3.0, 4000), rng.uniform(-1, 1, 4000)
+    z = height + slope * x + rng.normal(0, 0.002, 4000)
+    walls = rng.random(4000) < outliers
+    z[walls] = rng.uniform(0.05, 1.5, walls.sum()) + slope * x[walls]
+    return np.column_stack([x, y, z]), ~walls
+
+
+@pytest.mark.parametrize(("pitch_deg", "height"), [(0, 0), (2.6, 0.02), (-3, -0.05), (12, 0.0), (-15, 0.03)])
+def test_a_tilted_plane_is_recovered_among_walls(pitch_deg, height):
+    points, floor = synthetic_plane(np.tan(np.deg2rad(pitch_deg)), height, np.random.default_rng(2))
+    plane = fit_floor_plane(points)
+    assert np.rad2deg(plane.pitch_error) == pytest.approx(pitch_deg, abs=0.1)
+    assert plane.height == pytest.approx(height, abs=0.003)
+    assert np.mean(plane.inliers[floor]) > 0.99
+    assert np.mean(plane.inliers[~floor]) < 0.05
+
+
+def test_a_plane_does_not_depend_on_the_order_of_its_points():
+    points, _ = synthetic_plane(0.05, 0.01, np.random.default_rng(3))
+    points = points[:2000]
+    order = np.random.default_rng(4).permutation(len(points))
+    one, other = fit_floor_plane(points), fit_floor_plane(points[order])
+    assert other.pitch_error == pytest.approx(one.pitch_error, abs=1e-12)
+    assert (other.inliers == one.inliers[order]).all()
+
+
+def test_no_points_are_no_plane():
+    assert fit_floor_plane(np.zeros((0, 3))).inliers.shape == (0,)
+
+
+def test_the_fitted_plane_corrects_the_pitch_and_height_of_the_camera():
+    sheet = replace(RobotModel.data_sheet().camera, yaw=0.0, position_b=(0.16766, 0.0, 0.36))
+    plane = fit_floor_plane(floor_points_from(CAMERA.K, sheet)[::50])
+    assert plane.pitch_error == pytest.approx(CAMERA.pitch - sheet.pitch, abs=1e-3)
+    levelled = level_camera(sheet, plane)
+    assert levelled.pitch == pytest.approx(CAMERA.pitch, abs=1e-3)
+    assert levelled.position_b[2] == pytest.approx(CAMERA.position_b[2], abs=2e-3)
+    assert floor_mask(floor_points_from(CAMERA.K, levelled), 0.006).all()

@@ -1,0 +1,338 @@
+"""The texture map against a floor whose every tile has its own colour, seen by an analytic camera."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from floor_oracle import TILE, colour_image, disparity_image, tile_colour
+
+from pfslam.errors import DataError
+from pfslam.floor_views import PixelRays, floor_pixels, posed_pairs
+from pfslam.grid import GridSpec, OccupancyGrid
+from pfslam.poses import Trajectory
+from pfslam.recording import Recording, RgbdStream
+from pfslam.sensors import RgbdModel, RobotModel
+from pfslam.texture import EMPTY, TextureConfig, colour_code, map_texture, paint, project_floor, view_code
+
+REPORT = TextureConfig.report()
+REFINED = TextureConfig.refined()
+SPEC = GridSpec((-1.0, -3.0), 0.05, (120, 140))
+
+
+def stream(t_disparity, t_rgb, read_disparity, read_rgb):
+    every = np.arange(len(t_disparity)), np.arange(len(t_rgb))
+    return RgbdStream(np.array(t_disparity, float), np.array(t_rgb, float), read_disparity, read_rgb, *every)
+
+
+def drive(poses, rgb_delay=0.0, dt=0.1, robot=None, **floor):
+    """The tiled floor, recorded every ``dt`` with the colour ``rgb_delay`` later, and the truth."""
+    poses = np.array(poses, float)
+    t = dt * np.arange(len(poses))
+    truth = Trajectory(t, poses)
+    t_image = t[:-1] if rgb_delay else t
+    camera = stream(
+        t_image,
+        t_image + rgb_delay,
+        lambda k: disparity_image(truth.at(t_image[k]), **floor),
+        lambda k: colour_image(truth.at(t_image[k] + rgb_delay)),
+    )
+    return Recording("tiles", robot or RobotModel(), odometry=truth, camera=camera), truth
+
+
+def share_of_right_colour(texture):
+    """The share of seen cells with their tile's own colour; cells at the edge of a tile are left out."""
+    iy, ix = np.nonzero(texture.seen)
+    centre = texture.spec.cell_to_world(np.column_stack([ix, iy]))
+    right = (texture.rgb[iy, ix] == tile_colour(centre[:, 0], centre[:, 1])).all(axis=1)
+    to_edge = np.abs((centre / TILE + 0.5) % 1.0 - 0.5).min(axis=1) * TILE
+    return right[to_edge > 0.05].mean()
+
+
+STANDING = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
+WALKING = [(0.05 * k, 0.01 * k, 0.05 * k) for k in range(8)]
+
+
+# The definition (Eq. 4) and the fast path
+
+
+@pytest.mark.parametrize("config", [REPORT, replace(REPORT, floor_tolerance=0.015, tolerance_per_metre=0.01)])
+def test_a_whole_image_gives_what_the_definition_gives(config):
+    pose, camera = np.array([0.3, -0.2, 0.4]), RgbdModel()
+    rng = np.random.default_rng(0)
+    disparity = disparity_image(pose)
+    noisy = rng.random(disparity.shape) < 0.2
+    disparity[noisy] = rng.integers(0, 2048, noisy.sum())
+    v, u = np.indices(disparity.shape).reshape(2, -1)
+    want = project_floor(u, v, disparity.ravel(), pose, camera, SPEC, config)
+    got = floor_pixels(disparity, PixelRays.of(camera, config, 0.001), pose, pose, SPEC, config)
+    assert len(want.depth) > 50_000
+    assert len(got.depth) == pytest.approx(len(want.depth), abs=20)  # single precision at the edge
+    if len(got.depth) == len(want.depth):
+        np.testing.assert_allclose(got.points_w, want.points_w, atol=1e-5)
+        np.testing.assert_allclose(got.u_rgb, want.u_rgb)
+        np.testing.assert_allclose(got.v_rgb, want.v_rgb)
+
+
+def test_leaving_out_columns_leaves_out_no_cell():
+    pose, camera = np.array([0.3, -0.2, 0.4]), RgbdModel()
+    disparity = disparity_image(pose)
+    all_columns, some = PixelRays.of(camera, REFINED, 0.001), PixelRays.of(camera, REFINED, 0.05)
+    assert (all_columns.column_step, some.column_step) == (1, 3)
+    every = floor_pixels(disparity, all_columns, pose, pose, SPEC, REFINED)
+    chosen = floor_pixels(disparity, some, pose, pose, SPEC, REFINED)
+    assert len(chosen.depth) < 0.34 * len(every.depth)
+    # Nearer than 2 m the rows are less than half a cell apart too. At the rim a cell may show one corner only.
+    near = set(map(tuple, every.cells[every.depth < 2.0].tolist()))
+    inner = {(x, y) for x, y in near if {(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)} <= near}
+    assert len(inner) > 500
+    assert inner <= set(map(tuple, chosen.cells.tolist()))
+
+
+def test_psi_takes_the_pixel_at_the_image_centre_to_the_cell_on_the_optical_axis():
+    camera = replace(RgbdModel(), centre_u=320.0, centre_v=240.0)
+    ahead = 0.38001 / np.tan(np.deg2rad(18.0))
+    depth = 0.38001 / np.sin(np.deg2rad(18.0))
+    disparity = (3.31 - 1.03 / depth) / 0.00304
+    pixel = project_floor(320, 240, disparity, (1.0, 0.0, np.pi / 2), camera, SPEC, REPORT)
+    assert pixel.points_w == pytest.approx(np.array([[1.0, 0.16766 + ahead]]))
+    assert pixel.cells.tolist() == [[int((1.0 + 1.0) / 0.05), int((0.16766 + ahead + 3.0) / 0.05)]]
+    assert pixel.depth == pytest.approx([depth])
+
+
+# Step 6
+
+
+def test_the_last_view_wins_in_the_report_and_the_smallest_code_in_the_refined_map():
+    cells, codes = np.array([[1, 0], [1, 0], [2, 1], [1, 0]]), np.array([7, 3, 9, 5])
+    last, best = np.full((2, 3), EMPTY), np.full((2, 3), EMPTY)
+    paint(last, cells, codes, "last")
+    paint(best, cells, codes, "best")
+    assert last[0, 1] == 5
+    assert best[0, 1] == 3
+    assert last[1, 2] == best[1, 2] == 9
+    assert np.count_nonzero(last == EMPTY) == np.count_nonzero(best == EMPTY) == 4
+
+
+@pytest.mark.parametrize("view", ["last", "best"])
+def test_points_outside_the_canvas_are_counted_and_written_nowhere(view):
+    canvas = np.full((2, 3), EMPTY)
+    outside = np.array([[-1, 0], [0, -1], [3, 0], [0, 2], [0, 0]])
+    assert paint(canvas, outside, np.arange(5), view) == 4
+    assert np.argwhere(canvas != EMPTY).tolist() == [[0, 0]]
+
+
+def test_a_nearer_view_beats_a_better_placed_one_and_that_beats_a_darker_one():
+    centre, corner = SPEC.cell_to_world([[4, 4]]), SPEC.cell_to_world([[4, 4]]) + 0.02
+    black, white = np.zeros((1, 3), np.uint8), np.full((1, 3), 255, np.uint8)
+    far_centre = view_code(black, np.array([2.0]), centre, SPEC)
+    near_corner = view_code(white, np.array([0.75]), corner, SPEC)
+    near_centre = view_code(white, np.array([0.76]), centre, SPEC)
+    assert near_centre < near_corner < far_centre < EMPTY
+    assert view_code(black, np.array([0.75]), corner, SPEC) < near_corner
+    assert colour_code(np.array([1, 2, 3], np.uint8)) == 0x010203
+
+
+def test_the_best_view_does_not_depend_on_the_order_of_pixels():
+    rng = np.random.default_rng(5)
+    cells = rng.integers(0, 20, (5000, 2))
+    points = SPEC.cell_to_world(cells) + rng.uniform(-0.02, 0.02, cells.shape)
+    codes = view_code(rng.integers(0, 256, (5000, 3)), rng.uniform(0.5, 3, 5000), points, SPEC)
+    canvases = []
+    for order in (np.arange(5000), rng.permutation(5000)):
+        canvases.append(np.full((20, 20), EMPTY))
+        paint(canvases[-1], cells[order], codes[order], "best")
+    assert (canvases[0] == canvases[1]).all()
+
+
+# Whole drives
+
+
+@pytest.mark.parametrize("config", [replace(REPORT, z_max=2.0), REFINED])
+def test_every_tile_gets_its_own_colour(config):
+    recording, truth = drive(WALKING)
+    texture = map_texture(recording, truth, config=config)
+    assert texture.pairs == len(WALKING)
+    assert texture.seen.sum() > 1000
+    assert share_of_right_colour(texture) > 0.99
+
+
+def test_the_floor_begins_behind_the_blind_ring():
+    recording, truth = drive(STANDING)
+    texture = map_texture(recording, truth, config=replace(REPORT, resolution=0.01))
+    ix = np.nonzero(texture.seen)[1]
+    nearest = ix.min() * 0.01 + texture.spec.origin[0]
+    assert nearest == pytest.approx(0.16766 + 0.45, abs=0.015)
+
+
+def test_images_in_reverse_order_change_nothing_under_best_and_something_under_last():
+    recording, truth = drive(WALKING)
+    camera, t = recording.camera, recording.camera.rgb_t
+    n = len(t)
+    backwards = stream(t, t, lambda k: camera.read_disparity(n - 1 - k), lambda k: camera.read_rgb(n - 1 - k))
+    reversed_truth = Trajectory(t, truth.poses[::-1])
+    for view, same in (("best", True), ("last", False)):
+        config = replace(REFINED, view=view, pitch="calibration")
+        one = map_texture(recording, truth, config=config)
+        other = map_texture(replace(recording, camera=backwards), reversed_truth, config=config)
+        assert (one.seen == other.seen).all()
+        assert (one.rgb == other.rgb).all() == same
+
+
+def test_a_pose_for_each_image_repairs_the_delay_of_the_colour_camera():
+    turning = [(0.0, 0.0, 0.1 * k) for k in range(6)]
+    recording, truth = drive(turning, rgb_delay=0.05)
+    with_own = map_texture(recording, truth, config=REFINED)
+    one_pose = map_texture(recording, truth, config=replace(REFINED, states="nearest"))
+    assert share_of_right_colour(with_own) > 0.99
+    assert share_of_right_colour(one_pose) < 0.9
+
+
+def test_a_wrong_camera_pitch_empties_the_reports_map_and_not_the_refined_one():
+    sheet = RobotModel(camera=replace(RgbdModel(), pitch=0.36, position_b=(0.16766, 0.0, 0.36)))
+    recording, truth = drive(WALKING, robot=sheet)
+    report = map_texture(recording, truth, config=REPORT)
+    refined = map_texture(recording, truth, config=REFINED)
+    assert report.seen.sum() < 0.1 * refined.seen.sum()
+    assert refined.camera.pitch == pytest.approx(RgbdModel().pitch, abs=np.deg2rad(0.1))
+    assert refined.camera.position_b[2] == pytest.approx(0.38001, abs=0.002)
+    assert share_of_right_colour(refined) > 0.98
+
+
+def test_a_rising_floor_is_found_by_its_plane():
+    slope = np.tan(np.deg2rad(6.0))
+    recording, truth = drive(STANDING, slope=slope)
+    level = map_texture(recording, truth, config=REPORT)
+    refined = map_texture(recording, truth, config=REFINED)
+    assert level.seen.sum() < 0.1 * refined.seen.sum()
+    assert refined.seen.sum() > 500
+
+
+# What is left out is counted
+
+
+def test_pairs_without_partner_or_state_are_counted():
+    t = np.array([0.0, 1.0, 2.0, 3.0])
+    camera = stream([0.0, 1.0, 2.0], t + 0.01, None, None)
+    truth = Trajectory([0.0, 0.5, 1.0, 1.5], np.zeros((4, 3)))
+    pairs = posed_pairs(camera, truth, REFINED)
+    assert pairs.disparity.tolist() == [0, 1]
+    assert pairs.dropped == {"pairs: no partner in time": 1, "pairs: outside the trajectory": 1}
+
+
+def test_a_hole_in_the_trajectory_is_not_bridged():
+    camera = stream([0.0, 2.0, 4.0], [0.0, 2.0, 4.0], None, None)
+    holed = Trajectory([0.0, 0.1, 3.9, 4.0], np.zeros((4, 3)))
+    pairs = posed_pairs(camera, holed, REFINED)
+    assert pairs.disparity.tolist() == [0, 2]
+    assert pairs.dropped == {"pairs: no state near in time": 1}
+
+
+def test_in_the_report_a_state_takes_its_nearest_pair_and_that_pairs_time_is_the_states():
+    t = 0.1 * np.arange(11)
+    states = Trajectory([0.0, 0.52, 1.0], [(0, 0, 0), (1, 0, 0), (2, 0, 0)])
+    pairs = posed_pairs(stream(t, t, None, None), states, REPORT)
+    assert pairs.disparity.tolist() == [0, 5, 10]
+    assert pairs.pose_disparity[:, 0].tolist() == [0.0, 1.0, 2.0]
+    assert pairs.dropped == {"pairs: no state of their own": 8}
+
+
+def test_a_grid_that_is_too_small_is_filled_and_the_rest_counted():
+    recording, truth = drive(STANDING)
+    spec = GridSpec((0.0, 0.0), 0.05, (20, 20))
+    texture = map_texture(recording, truth, OccupancyGrid.empty(spec), replace(REFINED, crop=False))
+    assert texture.spec == spec
+    assert texture.dropped["points: outside the grid"] > 0
+    assert share_of_right_colour(texture) > 0.99
+
+
+def test_without_a_grid_nothing_falls_outside():
+    recording, truth = drive(WALKING)
+    for config in (REPORT, REFINED):
+        assert "points: outside the grid" not in map_texture(recording, truth, config=config).dropped
+
+
+def test_cropping_keeps_only_what_the_map_knows():
+    recording, truth = drive(STANDING)
+    log_odds = np.zeros(SPEC.shape, np.float32)
+    log_odds[:60] = -1.0
+    grid = OccupancyGrid(SPEC, log_odds)
+    whole = map_texture(recording, truth, grid, replace(REFINED, crop=False))
+    cropped = map_texture(recording, truth, grid)
+    assert (cropped.seen == whole.seen & (log_odds != 0)).all()
+    assert cropped.dropped["cells: outside the map"] == np.count_nonzero(whole.seen[60:])
+    assert whole.seen[60:].any()
+
+
+def test_a_finer_texture_lies_over_the_same_ground():
+    recording, truth = drive(STANDING)
+    texture = map_texture(
+        recording, truth, OccupancyGrid.empty(SPEC), replace(REFINED, crop=False, resolution=0.02)
+    )
+    assert texture.spec.extent == pytest.approx(SPEC.extent)
+    assert share_of_right_colour(texture) > 0.99
+
+
+def test_an_image_without_floor_is_counted_and_its_colours_are_not_read():
+    def wall(k):
+        return np.full((480, 640), 2047, np.uint16)
+
+    recording, truth = drive(STANDING)
+    camera = stream([0.0, 0.1], [0.0, 0.1], wall, None)
+    texture = map_texture(replace(recording, camera=camera), truth)
+    assert texture.dropped == {"pairs: no floor": 2}
+    assert not texture.seen.any()
+    assert texture.pairs == 0
+
+
+def test_every_second_pair_and_the_progress_of_all():
+    recording, truth = drive(WALKING)
+    lengths = []
+
+    def progress(pairs):
+        lengths.append(len(pairs))
+        return pairs
+
+    assert map_texture(recording, truth, every=2, progress=progress).pairs == 4
+    assert lengths == [4]
+
+
+# Bad input
+
+
+@pytest.mark.parametrize(
+    ("disparity", "rgb", "named"),
+    [
+        (np.zeros((240, 320), np.uint16), None, "disparity image 1"),
+        (np.zeros((480, 640), np.uint8), None, "disparity image 1"),
+        (None, np.zeros((480, 640), np.uint8), "rgb image 1"),
+        (None, np.zeros((240, 320, 3), np.uint8), "rgb image 1"),
+    ],
+)
+def test_an_image_of_the_wrong_kind_is_named(disparity, rgb, named):
+    camera = stream(
+        [0.0],
+        [0.0],
+        lambda k: disparity_image((0, 0, 0)) if disparity is None else disparity,
+        lambda k: colour_image((0, 0, 0)) if rgb is None else rgb,
+    )
+    recording, truth = drive(STANDING)
+    with pytest.raises(DataError, match=named):
+        map_texture(replace(recording, camera=camera), truth)
+
+
+def test_a_recording_without_camera_says_so():
+    recording, truth = drive(STANDING)
+    with pytest.raises(DataError, match=r"tiles: camera: found no images"):
+        map_texture(replace(recording, camera=None), truth)
+
+
+@pytest.mark.parametrize("bad", [{"view": "first"}, {"pitch": "guess"}, {"states": "all"}, {"z_min": 11.0}])
+def test_settings_that_make_no_sense_are_refused(bad):
+    with pytest.raises(DataError, match=next(iter(bad))):
+        TextureConfig(**bad)
+
+
+def test_every_must_be_a_whole_number():
+    recording, truth = drive(STANDING)
+    with pytest.raises(DataError, match="every"):
+        map_texture(recording, truth, every=0)
