@@ -1,4 +1,4 @@
-"""How good is a result: trajectory error, relative error, relations, map agreement."""
+"""How good is a result: trajectory error, relative error, relations, map agreement, and the cost of Eq. 2."""
 
 from __future__ import annotations
 
@@ -7,12 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.poses import Trajectory, between, compose, invert, wrap_angle
+from pfslam.grid import OccupancyGrid
+from pfslam.motion import dead_reckoning
+from pfslam.poses import Trajectory, between, compose, invert, transform_points, wrap_angle
+from pfslam.recording import Recording, nearest_stamp
+from pfslam.sensors import LidarModel
+
+SAME_TIME = 1e-3
+"""A scan belongs to a pose if their stamps differ by at most so much (s); files keep microseconds."""
 
 
 @dataclass(frozen=True)
 class TrajectoryError:
-    """Absolute trajectory error: position in metres (root mean square, largest), heading in degrees (r.m.s.)."""
+    """Absolute trajectory error: position in metres (root mean square, largest), heading in degrees."""
 
     ate_rmse_m: float
     ate_max_m: float
@@ -21,13 +28,13 @@ class TrajectoryError:
 
 
 def aligned_at_first(estimate: Trajectory, truth: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-    """Poses ``(K, 3)`` of the estimate, moved as a whole so that the first agrees with the truth, and the true ones.
+    """Poses ``(K, 3)`` of the estimate, moved as a whole so that the first is true, and the true poses.
 
-    Only the times that the truth covers are compared. Nothing is fitted: an error of heading at the start counts.
+    Only the times that the truth covers are compared. Nothing is fitted: a wrong first heading counts.
     """
     known = truth.covers(estimate.t)
     if not known.any():
-        raise DataError("aligned_at_first", "estimate times", "none within the truth's time", "trajectories that overlap")
+        raise DataError("aligned_at_first", "estimate times", "none within the truth's time", "some overlap")
     true_poses, poses = truth.at(estimate.t[known]), estimate.poses[known]
     return compose(compose(true_poses[0], invert(poses[0])), poses), true_poses
 
@@ -37,12 +44,147 @@ def trajectory_error(estimate: Trajectory, truth: Trajectory) -> TrajectoryError
     poses, true_poses = aligned_at_first(estimate, truth)
     distance = np.hypot(*(poses - true_poses)[:, :2].T)
     heading = wrap_angle(poses[:, 2] - true_poses[:, 2])
-    return TrajectoryError(
-        float(np.sqrt(np.mean(distance**2))), float(distance.max()), float(np.rad2deg(np.sqrt(np.mean(heading**2)))), len(poses)
+    return TrajectoryError(_rms(distance), float(distance.max()), _degrees(_rms(heading)), len(poses))
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _degrees(angle: float) -> float:
+    return float(np.rad2deg(angle))
+
+
+def relations_error(
+    estimate: Trajectory, t1: np.ndarray, t2: np.ndarray, relative: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Errors ``(R,)`` in metres and radians over known poses ``(R, 3)`` at ``t2`` seen from ``t1``."""
+    error = between(relative, between(estimate.at(t1), estimate.at(t2)))
+    return np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])
+
+
+@dataclass(frozen=True)
+class RelativeError:
+    """Relative pose error: root mean square of the drift over ``delta`` poses, in metres and degrees."""
+
+    rmse_m: float
+    rmse_deg: float
+    pairs: int
+
+
+def relative_error(estimate: Trajectory, truth: Trajectory, delta: int = 1) -> RelativeError:
+    """How far the motion from pose i to pose i + delta is off, over all i (evo's RPE, all pairs, in frames).
+
+    It does not depend on where either trajectory starts. Only times that the truth covers count.
+    """
+    known = truth.covers(estimate.t)
+    last = np.count_nonzero(known) - 1
+    if not 1 <= delta <= last:
+        raise DataError("relative_error", "delta", delta, f"1 to {last} (the truth covers {last + 1} poses)")
+    poses, true_poses = estimate.poses[known], truth.at(estimate.t[known])
+    error = between(between(true_poses[:-delta], true_poses[delta:]), between(poses[:-delta], poses[delta:]))
+    return RelativeError(_rms(np.hypot(*error[:, :2].T)), _degrees(_rms(error[:, 2])), len(error))
+
+
+@dataclass(frozen=True)
+class MapAgreement:
+    """Intersection over union of occupied and of free cells (NaN where both sets are empty).
+
+    ``known`` is the share of the cells labelled by the truth on which the map has an opinion.
+    """
+
+    occupied_iou: float
+    free_iou: float
+    known: float
+
+
+def map_agreement(grid: OccupancyGrid, true_occupied: np.ndarray, true_free: np.ndarray) -> MapAgreement:
+    """The map against true masks ``(H, W)`` bool on its own grid; cells in neither mask are left out."""
+    for name, mask in (("true_occupied", true_occupied), ("true_free", true_free)):
+        if np.shape(mask) != grid.spec.shape:
+            raise DataError("map_agreement", name, f"shape {np.shape(mask)}", f"the grid's {grid.spec.shape}")
+    labelled = true_occupied | true_free
+    occupied, free = grid.occupied & labelled, grid.free & labelled
+    return MapAgreement(
+        occupied_iou=_share(occupied & true_occupied, occupied | true_occupied),
+        free_iou=_share(free & true_free, free | true_free),
+        known=_share(occupied | free, labelled),
     )
 
 
-def relations_error(estimate: Trajectory, t1: np.ndarray, t2: np.ndarray, relative: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Errors ``(R,)`` in metres and radians over known relative poses ``(R, 3)`` of time ``t2`` seen from ``t1``."""
-    error = between(relative, between(estimate.at(t1), estimate.at(t2)))
-    return np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])
+def _share(part: np.ndarray, whole: np.ndarray) -> float:
+    return np.count_nonzero(part) / np.count_nonzero(whole) if whole.any() else float("nan")
+
+
+def predicted_ranges(
+    grid: OccupancyGrid, pose_w: np.ndarray, lidar: LidarModel, step: float | None = None
+) -> np.ndarray:
+    """Ranges ``(beams,)`` in metres that the LiDAR should read at ``pose_w (3,)``: the h of Eq. 1 and 2.
+
+    Every beam walks from ``range_min`` in steps of ``step`` m (half a cell if None) to the first sample in an
+    occupied cell, so a range is at most one step too long; a shorter step misses fewer clipped corners.
+    ``range_max`` where no cell on the way is occupied; outside the grid none is.
+    """
+    step = 0.5 * grid.spec.resolution if step is None else step
+    occupied = np.pad(grid.occupied, 1)  # a free rim stands for everything outside
+    sensor = transform_points(pose_w, np.array([lidar.position_b[:2]]))[0]
+    angles = pose_w[2] + lidar.angles
+    direction = np.column_stack([np.cos(angles), np.sin(angles)])
+    ranges = np.full(lidar.beams, lidar.range_max)
+    walking, at_once = np.arange(lidar.beams), 64
+    distance = np.arange(lidar.range_min, lidar.range_max, step)
+    for some in np.split(distance, range(at_once, len(distance), at_once)):
+        cells = grid.spec.world_to_cell(sensor + some[:, None] * direction[walking, None]) + 1
+        ix, iy = np.clip(cells, 0, np.array(occupied.shape[::-1]) - 1).transpose(2, 0, 1)
+        hit = occupied[iy, ix]
+        ends = hit.any(axis=1)
+        ranges[walking[ends]] = some[np.argmax(hit[ends], axis=1)]
+        walking = walking[~ends]
+        if len(walking) == 0:
+            break
+    return ranges
+
+
+@dataclass(frozen=True)
+class SlamCost:
+    """The two sums of Eq. 2: ``observation`` in m^2, ``motion`` in m^2 + rad^2, and their ``total``.
+
+    ``scans`` and ``beams`` count what went into the first sum: compare only costs of the same scans.
+    """
+
+    observation: float
+    motion: float
+    scans: int
+    beams: int
+
+    @property
+    def total(self) -> float:
+        return self.observation + self.motion
+
+
+def slam_cost(
+    trajectory: Trajectory, grid: OccupancyGrid, recording: Recording, step: float | None = None
+) -> SlamCost:
+    """Least-squares cost of a trajectory and a map. Implements Eq. 2.
+
+    First sum: measured less predicted ranges, over the valid beams of every scan taken at one of the
+    trajectory's times. Second sum: each pose less the motion model's prediction from the pose before, heading on
+    the circle; the odometry's own trajectory costs nothing there. The report weighs metres, radians and beams
+    alike, and so does this. ``step`` is that of ``predicted_ranges``.
+    """
+    if recording.lidar is None:
+        raise DataError(recording.name, "lidar", "no scans", "a recording with LiDAR")
+    observation, scans, beams = 0.0, 0, 0
+    lidar, nearest = recording.robot.lidar, nearest_stamp(recording.lidar.t, trajectory.t)
+    for i, t, pose in zip(nearest, trajectory.t, trajectory.poses, strict=True):
+        z = recording.lidar.ranges[i]
+        valid = lidar.valid(z)
+        if abs(recording.lidar.t[i] - t) <= SAME_TIME:
+            observation += float(np.sum((z - predicted_ranges(grid, pose, lidar, step))[valid] ** 2))
+            scans, beams = scans + 1, beams + int(np.count_nonzero(valid))
+    if scans == 0:
+        raise DataError(recording.name, "lidar time_stamps", "no scan at any pose's time", "poses at the scans' times")
+    odometry, poses = dead_reckoning(recording).at(trajectory.t), trajectory.poses
+    error = poses[1:] - compose(poses[:-1], between(odometry[:-1], odometry[1:]))
+    error[:, 2] = wrap_angle(error[:, 2])
+    return SlamCost(observation, float(np.sum(error**2)), scans, beams)
