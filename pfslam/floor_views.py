@@ -94,9 +94,9 @@ class PixelRays:
     """What every image shares: the rays of the pixels and the depths of the disparities.
 
     ``direction (3, rows, columns)`` float32 is a pixel's step in the body frame per metre of depth. Rows
-    begin at ``first_row``, above which no floor is seen. Columns are ``column_step`` apart: at most half a cell
-    at the largest trusted depth, so the ones between add work and hardly a cell. ``depth (65536,)`` float32,
-    in metres, is looked up by disparity.
+    begin at ``first_row``, above which no floor is seen. Columns are ``column_step`` apart: at most half a
+    cell at the largest trusted depth, so the ones between add work and hardly a cell. ``depth (65536,)``
+    float32, in metres, is looked up by disparity.
     """
 
     camera: RgbdModel

@@ -81,7 +81,7 @@ def test_leaving_out_columns_leaves_out_no_cell():
     every = floor_pixels(disparity, all_columns, pose, pose, SPEC, REFINED)
     chosen = floor_pixels(disparity, some, pose, pose, SPEC, REFINED)
     assert len(chosen.depth) < 0.34 * len(every.depth)
-    # Nearer than 2 m the rows are less than half a cell apart too. At the rim a cell may show one corner only.
+    # Nearer than 2 m the rows are less than half a cell apart too. At the rim a cell may show but a corner.
     near = set(map(tuple, every.cells[every.depth < 2.0].tolist()))
     inner = {(x, y) for x, y in near if {(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)} <= near}
     assert len(inner) > 500
