@@ -167,10 +167,10 @@ def slam_cost(
 ) -> SlamCost:
     """Least-squares cost of a trajectory and a map. Implements Eq. 2.
 
-    First sum: measured less predicted ranges, over the valid beams of every scan taken at one of the
-    trajectory's times. Second sum: each pose less the motion model's prediction from the pose before, heading on
-    the circle; the odometry's own trajectory costs nothing there. The report weighs metres, radians and beams
-    alike, and so does this. ``step`` is that of ``predicted_ranges``.
+    First sum: measured less predicted ranges, over the valid beams of every scan at one of the trajectory's times.
+    Second sum: each pose less the motion model's prediction from the one before, heading on the circle; the
+    odometry's own trajectory costs nothing there. Metres, radians and beams weigh alike, as in the report.
+    ``step`` is that of ``predicted_ranges``.
     """
     if recording.lidar is None:
         raise DataError(recording.name, "lidar", "no scans", "a recording with LiDAR")
@@ -183,7 +183,7 @@ def slam_cost(
             observation += float(np.sum((z - predicted_ranges(grid, pose, lidar, step))[valid] ** 2))
             scans, beams = scans + 1, beams + int(np.count_nonzero(valid))
     if scans == 0:
-        raise DataError(recording.name, "lidar time_stamps", "no scan at any pose's time", "poses at the scans' times")
+        raise DataError(recording.name, "lidar time_stamps", "none at a pose's time", "poses at scan times")
     odometry, poses = dead_reckoning(recording).at(trajectory.t), trajectory.poses
     error = poses[1:] - compose(poses[:-1], between(odometry[:-1], odometry[1:]))
     error[:, 2] = wrap_angle(error[:, 2])

@@ -16,7 +16,8 @@ from pfslam.errors import DataError
 
 def wrap_angle(theta):
     """Angle(s) in radians, brought into (-pi, pi]."""
-    return np.pi - (np.pi - np.asarray(theta, dtype=float)) % (2.0 * np.pi)
+    wrapped = np.pi - (np.pi - np.asarray(theta, dtype=float)) % (2.0 * np.pi)
+    return np.where(wrapped > -np.pi, wrapped, np.pi)[()]  # just above pi the remainder rounds to 2 pi
 
 
 def average_angle(theta, weights=None) -> float:

@@ -1,0 +1,94 @@
+"""Streams are checked when they are built, and paired by time."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pfslam.errors import DataError
+from pfslam.poses import Trajectory
+from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream, image_pairs, nearest_stamp
+from pfslam.sensors import LidarModel, RobotModel
+
+T = np.arange(3.0)
+increasing = st.lists(st.integers(-50, 50), min_size=1, max_size=20, unique=True).map(lambda t: np.array(sorted(t), float))
+
+
+@given(increasing, st.lists(st.integers(-120, 120), min_size=1, max_size=20))
+def test_nearest_stamp_is_the_nearest_and_the_earlier_of_two(t, halves):
+    query = np.array(halves) / 2.0  # halves between whole stamps: exact ties occur
+    found = nearest_stamp(t, query)
+    for q, k in zip(query, found, strict=True):
+        assert k == int(np.argmin(np.abs(t - q)))  # argmin takes the first, the earlier stamp
+
+
+def stream(disparity_t, rgb_t, disparity_index=None, rgb_index=None):
+    everything = [np.arange(len(t)) for t in (disparity_t, rgb_t)]
+    return RgbdStream(
+        np.array(disparity_t, float),
+        np.array(rgb_t, float),
+        lambda k: None,
+        lambda k: None,
+        everything[0] if disparity_index is None else np.array(disparity_index),
+        everything[1] if rgb_index is None else np.array(rgb_index),
+    )
+
+
+def test_images_are_paired_by_time_and_the_rest_is_counted():
+    pairs = image_pairs(stream([0.0, 0.03, 0.06, 1.0], [0.028, 0.5, 0.95, 1.2]), max_gap=0.1)
+    np.testing.assert_array_equal(pairs.disparity, [1, 3])
+    np.testing.assert_array_equal(pairs.rgb, [0, 2])
+    assert pairs.unpaired == 2
+
+
+def test_only_stored_images_are_paired():
+    # Frame 1 would fit best, but only frames 0 and 3 were kept.
+    pairs = image_pairs(stream([0.0, 0.03, 0.06, 1.0], [0.028, 0.5, 0.95, 1.2], [0, 3], [0, 2]), max_gap=0.1)
+    np.testing.assert_array_equal(pairs.disparity, [0, 3])
+    np.testing.assert_array_equal(pairs.rgb, [0, 2])
+    assert pairs.unpaired == 0
+
+
+def test_every_nth_pair_and_no_images_at_all():
+    camera = stream(np.arange(10), np.arange(10))
+    np.testing.assert_array_equal(image_pairs(camera, every=4).rgb, [0, 4, 8])
+    none = image_pairs(stream(T, T, [], [0, 1]))
+    assert len(none.disparity) == len(none.rgb) == 0
+    assert none.unpaired == 2
+
+
+@pytest.mark.parametrize(
+    ("build", "says"),
+    [
+        (lambda: Encoders(np.array([0.0, 2.0, 1.0]), np.zeros((3, 4))), r"encoders: time_stamps\[2\]: found 1.0+ after 2.0+"),
+        (lambda: Encoders(np.array([0.0, 1.0, 1.0]), np.zeros((3, 4))), r"time_stamps\[2\]"),
+        (lambda: Encoders(np.array([0.0, np.nan, 1.0]), np.zeros((3, 4))), r"time_stamps\[1\]"),
+        (lambda: Encoders(T, np.zeros((4, 3))), r"encoders: counts: .*shape \(4, 3\), expected .*\(3, 4\)"),
+        (lambda: Encoders(np.zeros(0), np.zeros((0, 4))), r"encoders: time_stamps"),
+        (lambda: Encoders(np.array(["a", "b", "c"]), np.zeros((3, 4))), r"encoders: time_stamps"),
+        (lambda: Imu(T, np.full((3, 3), np.inf), np.zeros((3, 3))), r"imu: angular_velocity\[0, 0\]: found inf"),
+        (lambda: Imu(T, np.zeros((3, 3)), np.zeros(3)), r"imu: acceleration_g"),
+        (lambda: LidarScans(T, np.zeros((5, 2))), r"lidar: ranges"),
+        (lambda: LidarScans(T, np.zeros((3, 0))), r"lidar: ranges"),
+        (lambda: Recording("set 7"), r"set 7: odometry"),
+        (
+            lambda: Recording("set 7", odometry=Trajectory(T, np.zeros((3, 3))), lidar=LidarScans(T, np.ones((3, 9)))),
+            r"set 7: lidar ranges: found 9 beams, expected 1081",
+        ),
+    ],
+)
+def test_bad_input_is_one_line_that_names_the_field(build, says):
+    with pytest.raises(DataError, match=says) as caught:
+        build()
+    assert "\n" not in str(caught.value)
+
+
+def test_invalid_readings_are_kept_as_they_are():
+    ranges = np.array([[np.nan, np.inf, 0.0]])
+    assert LidarScans(np.array([0.0]), ranges).ranges is ranges
+
+
+def test_a_log_of_poses_needs_no_encoders():
+    log = Recording("log", RobotModel(lidar=LidarModel(beams=9)), odometry=Trajectory(T, np.zeros((3, 3))))
+    assert log.encoders is None
+    assert log.default_every == 5

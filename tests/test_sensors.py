@@ -1,0 +1,87 @@
+"""Sensor geometry by hand: beams, tilt, the camera's place, units."""
+
+import numpy as np
+import pytest
+
+from pfslam.poses import apply_transform
+from pfslam.sensors import ImuModel, LidarModel, RgbdModel, RobotModel, scan_points, scan_points_3d
+
+FIVE = LidarModel(angle_min=-np.pi / 2, angle_max=np.pi / 2, beams=5, position_b=(0.2, 0.1, 0.5))
+ROOT_HALF = np.sqrt(0.5)
+
+
+def test_report_lidar_has_1081_beams_a_quarter_of_a_degree_apart():
+    lidar = LidarModel()
+    np.testing.assert_allclose(np.rad2deg(lidar.angles), np.arange(-135, 135.001, 0.25))
+    assert lidar.increment == pytest.approx(np.deg2rad(0.25))
+
+
+def test_beam_points_by_hand():
+    # Right, half right, ahead, half left, left; every point two metres from the LiDAR at (0.2, 0.1). Eq. 7.
+    expected = np.array([[0, -2], [2 * ROOT_HALF, -2 * ROOT_HALF], [2, 0], [2 * ROOT_HALF, 2 * ROOT_HALF], [0, 2]])
+    np.testing.assert_allclose(scan_points(np.full(5, 2.0), FIVE), expected + [0.2, 0.1], atol=1e-15)
+
+
+def test_readings_that_are_none_give_no_point():
+    ranges = np.array([np.nan, 0.0999, 3.0, np.inf, 30.0001])
+    np.testing.assert_array_equal(FIVE.valid(ranges), [False, False, True, False, False])
+    np.testing.assert_allclose(scan_points(ranges, FIVE), [[3.2, 0.1]])
+
+
+def test_range_limits_belong_to_the_valid_ranges():
+    np.testing.assert_array_equal(FIVE.valid(np.array([0.1, 30.0])), [True, True])
+
+
+def test_scan_without_any_reading_has_no_points():
+    assert scan_points(np.full(5, np.inf), FIVE).shape == (0, 2)
+
+
+def test_pitched_down_scan_meets_the_floor_where_the_plane_does():
+    # Nose down by p: the beam ahead starts at R (0.2, 0, 0.5) and falls by sin p for each metre.
+    pitch = np.deg2rad(10.0)
+    lidar = LidarModel(angle_min=-0.1, angle_max=0.1, beams=3, position_b=(0.2, 0.0, 0.5))
+    height = 0.5 * np.cos(pitch) - 0.2 * np.sin(pitch)
+    points = scan_points_3d(np.full(3, height / np.sin(pitch)), lidar, pitch=pitch)
+    assert points[1, 2] == pytest.approx(0.0, abs=1e-12)
+    assert points[1, 0] == pytest.approx(0.2 * np.cos(pitch) + 0.5 * np.sin(pitch) + height / np.tan(pitch))
+    np.testing.assert_array_equal(points[:, :2], scan_points(np.full(3, height / np.sin(pitch)), lidar, pitch=pitch))
+
+
+def test_roll_keeps_the_beam_ahead():
+    points = scan_points_3d(np.full(5, 2.0), LidarModel(-np.pi / 2, np.pi / 2, 5, position_b=(0.2, 0, 0)), roll=0.3)
+    np.testing.assert_allclose(points[2], [2.2, 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(points[4], [0.2, 2 * np.cos(0.3), 2 * np.sin(0.3)], atol=1e-15)
+
+
+def test_yaw_rate_takes_off_the_bias_before_the_scale():
+    rates = np.array([[9.0, 9.0, 0.5], [9.0, 9.0, 0.02]])
+    np.testing.assert_allclose(ImuModel(gyro_bias=0.02, gyro_scale=1.5).yaw_rate(rates), [0.72, 0.0])
+    np.testing.assert_array_equal(ImuModel(yaw_axis=0).yaw_rate(rates), [9.0, 9.0])
+
+
+def test_optical_axis_points_ahead_and_18_degrees_down():
+    camera, down = RgbdModel(), np.deg2rad(18.0)
+    origin, right, below, ahead = apply_transform(camera.T_bo, [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    np.testing.assert_allclose(origin, [0.16766, 0.0, 0.38001])
+    np.testing.assert_allclose(ahead - origin, [np.cos(down), 0, -np.sin(down)], atol=1e-15)
+    np.testing.assert_allclose(right - origin, [0, -1, 0], atol=1e-15)
+    np.testing.assert_allclose(below - origin, [-np.sin(down), 0, -np.cos(down)], atol=1e-15)
+
+
+def test_principal_point_lies_near_the_middle_of_the_image():
+    # The report prints the two coordinates in swapped places; u is the column of 640, v the row of 480.
+    camera = RgbdModel()
+    K = camera.K
+    assert abs(K[0, 2] - camera.width / 2) < 10
+    assert abs(K[1, 2] - camera.height / 2) < 10
+    assert K[0, 0] == K[1, 1] == 585.05108211
+
+
+def test_the_two_presets_differ_only_in_the_camera():
+    report, sheet = RobotModel.report(), RobotModel.data_sheet()
+    assert report == RobotModel()
+    assert (report.encoders, report.imu, report.lidar) == (sheet.encoders, sheet.imu, sheet.lidar)
+    assert sheet.camera.position_b == (0.18, 0.005, 0.36)
+    assert (sheet.camera.roll, sheet.camera.pitch, sheet.camera.yaw) == (0.0, 0.36, 0.021)
+    assert report.lidar.position_b == (0.13323, 0.0, 0.51435)
+    assert report.encoders.metres_per_count == 0.0022
