@@ -24,6 +24,7 @@ from pfslam.errors import DataError
 
 MAX_FIELD_BYTES = 8 * 2**30
 """Largest array that is read from an archive: ten hours of scans in double precision fit."""
+MAX_TEXT_BYTES = 2**30
 MAX_HEADER_BYTES = 10_000
 DEFLATE_LIMIT = 1032
 """One compressed byte cannot stand for more than so many bytes."""
@@ -54,7 +55,7 @@ def atomic_write(path: str | Path) -> Iterator[BinaryIO]:
             yield file
         os.replace(temporary, path)
     except OSError as error:
-        raise DataError(path, "writing", _reason(error), "a writable folder with room on the disk") from error
+        raise DataError(path, "writing", reason(error), "a writable folder with room on the disk") from error
     finally:
         with suppress(OSError):
             temporary.unlink()
@@ -66,6 +67,11 @@ def write_text(path: str | Path, text: str) -> None:
         file.write(text.encode())
 
 
+def read_text(path: str | Path) -> str:
+    """The text of a file of at most ``MAX_TEXT_BYTES``; bytes that are not UTF-8 become question marks."""
+    return read_bytes(path, MAX_TEXT_BYTES).decode("utf-8", errors="replace")
+
+
 def write_npz(path: str | Path, **arrays: np.ndarray) -> None:
     """Write named arrays, not compressed, whole or not at all; the same arrays give the same bytes.
 
@@ -75,7 +81,8 @@ def write_npz(path: str | Path, **arrays: np.ndarray) -> None:
         np.savez(file, **arrays)
 
 
-def _reason(error: OSError) -> str:
+def reason(error: OSError) -> str:
+    """Why the system refused, in words."""
     return error.strerror or type(error).__name__
 
 
@@ -85,7 +92,7 @@ def read_bytes(path: str | Path, limit: int) -> bytes:
         with open(path, "rb") as file:
             data = file.read(limit + 1)
     except OSError as error:
-        raise DataError(path, "reading", _reason(error), "a file that can be read") from error
+        raise DataError(path, "reading", reason(error), "a file that can be read") from error
     if len(data) > limit:
         raise DataError(path, "size", f"more than {limit} bytes", f"at most {limit} bytes")
     return data
@@ -108,7 +115,7 @@ def read_npz(path: str | Path, required: tuple[str, ...]) -> dict[str, np.ndarra
     except DataError:
         raise
     except OSError as error:
-        raise DataError(path, "reading", _reason(error), "a readable .npz archive") from error
+        raise DataError(path, "reading", reason(error), "a readable .npz archive") from error
     except UNREADABLE as error:
         raise DataError(path, "file", f"an unreadable archive ({error})", "a whole .npz archive") from error
 

@@ -12,7 +12,7 @@ SPEED, TURN_RATE = 0.44, 0.4  # 0.44 m/s are 200 counts a second
 
 
 def box_recording(seconds=6.0, images=4):
-    """The drive: encoders at 40 Hz, IMU at 100 Hz but 0.2 s less at both ends, scans at 10 Hz, exact truth."""
+    """The drive: encoders at 40 Hz, IMU at 100 Hz 0.2 s less at both ends, scans at 10 Hz, exact truth."""
     t_encoder = START + np.arange(round(seconds * 40) + 1) / 40
     t_imu = START + 0.2 + np.arange(round((seconds - 0.4) * 100) + 1) / 100
     t_scan = START + 0.3 + np.arange(round((seconds - 0.6) * 10) + 1) / 10

@@ -1,0 +1,332 @@
+"""The files of the trade: our own reader, the usual tool, and the conventions by hand agree."""
+
+import cv2
+import numpy as np
+import pytest
+from evo.core import metrics as evo_metrics
+from evo.core import sync
+from evo.tools import file_interface
+
+from pfslam.carmen import load_carmen
+from pfslam.errors import DataError
+from pfslam.formats import read_map, read_relations, read_tum, write_map, write_texture, write_tum
+from pfslam.grid import GridSpec, OccupancyGrid
+from pfslam.metrics import relations_error, trajectory_error
+from pfslam.motion import dead_reckoning
+from pfslam.poses import Trajectory, compose
+
+T = 1_298_445_265.123456 + np.arange(400) * 0.123456789
+
+
+@pytest.fixture
+def trajectory():
+    """A loop that passes heading pi."""
+    theta = np.linspace(-3.0, 7.0, len(T))
+    return Trajectory(T, np.column_stack([10.0 * np.cos(theta), 7.0 * np.sin(theta), theta]))
+
+
+# ---- TUM trajectories --------------------------------------------------------------------------------------
+
+
+def test_tum_round_trip(tmp_path, trajectory):
+    write_tum(tmp_path / "a b.c.tum", trajectory)
+    again = read_tum(tmp_path / "a b.c.tum")
+    np.testing.assert_array_equal(again.t, trajectory.t)
+    np.testing.assert_allclose(again.poses, trajectory.poses, rtol=0, atol=1e-9)
+
+
+def test_tum_line_by_hand(tmp_path):
+    write_tum(tmp_path / "a.tum", Trajectory([1_300_000_000.25], [[1.5, -2.0, np.pi / 2]]))
+    words = (tmp_path / "a.tum").read_text().split()
+    assert words[0] == "1300000000.250000"
+    root = np.sqrt(0.5)
+    np.testing.assert_allclose([float(w) for w in words[1:]], [1.5, -2.0, 0, 0, 0, root, root])
+
+
+def test_evo_reads_our_file_and_agrees_with_our_errors(tmp_path, trajectory):
+    rng = np.random.default_rng(1)
+    noisy = trajectory.poses + rng.normal(0, [0.1, 0.1, 0.02], trajectory.poses.shape)
+    estimate = Trajectory(
+        trajectory.t, compose([1.0, 2.0, 0.7], noisy)
+    )  # another frame, as a filter may choose
+    write_tum(tmp_path / "estimate.tum", estimate)
+    write_tum(tmp_path / "truth.tum", trajectory)
+    reference = file_interface.read_tum_trajectory_file(tmp_path / "truth.tum")
+    other = file_interface.read_tum_trajectory_file(tmp_path / "estimate.tum")
+    reference, other = sync.associate_trajectories(reference, other)
+    other.align_origin(reference)
+    ours = trajectory_error(estimate, trajectory)
+
+    def evo_error(relation):
+        ape = evo_metrics.APE(relation)
+        ape.process_data((reference, other))
+        return ape
+
+    position = evo_error(evo_metrics.PoseRelation.translation_part)
+    heading = evo_error(evo_metrics.PoseRelation.rotation_angle_deg)
+    assert ours.ate_rmse_m == pytest.approx(position.get_statistic(evo_metrics.StatisticsType.rmse), abs=1e-6)
+    assert ours.ate_max_m == pytest.approx(position.get_statistic(evo_metrics.StatisticsType.max), abs=1e-6)
+    assert ours.heading_rmse_deg == pytest.approx(
+        heading.get_statistic(evo_metrics.StatisticsType.rmse), abs=1e-5
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "poses: found none"),
+        ("1 2 3\n", "line 1: found 3 values"),
+        ("# c\n1 0 0 0 0 0 0 x\n", "line 2: found 'x'"),
+        ("1 0 0 0 0 0 0 nan\n", "line 1: found nan"),
+        ("1 0 0 0 0 0 0 0.5\n", "quaternion of length 0.5"),
+        ("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "increasing times"),
+    ],
+)
+def test_bad_tum_files(tmp_path, text, message):
+    (tmp_path / "bad.tum").write_text(text)
+    with pytest.raises(DataError, match=message) as raised:
+        read_tum(tmp_path / "bad.tum")
+    assert "bad.tum" in str(raised.value)
+
+
+# ---- ROS maps ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def grid():
+    """4 x 3 cells of 0.5 m: the corner at (x_min, y_max) occupied, the one at (x_max, y_min) free."""
+    log_odds = np.zeros((3, 4), dtype=np.float32)
+    log_odds[2, 0], log_odds[0, 3] = 5.0, -5.0
+    return OccupancyGrid(GridSpec((-10.25, 3.5), 0.5, (3, 4)), log_odds)
+
+
+def test_map_keys_and_pixels_by_hand(tmp_path, grid):
+    write_map(tmp_path / "map.yaml", grid)
+    assert (tmp_path / "map.yaml").read_text().splitlines() == [
+        "image: map.pgm",
+        "resolution: 0.5",
+        "origin: [-10.25, 3.5, 0.0]",
+        "negate: 0",
+        "occupied_thresh: 0.65",
+        "free_thresh: 0.196",
+    ]
+    pixels = cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_UNCHANGED)
+    assert pixels.dtype == np.uint8
+    # The first row of the image is the greatest y.
+    np.testing.assert_array_equal(pixels, [[0, 205, 205, 205], [205, 205, 205, 205], [205, 205, 205, 254]])
+
+
+@pytest.mark.parametrize(
+    ("probability", "pixel"),
+    [(0.651, 0), (0.649, 205), (0.5, 205), (0.197, 205), (0.195, 254), (1.0, 0), (0.0, 254)],
+)
+def test_the_thresholds_are_probabilities(tmp_path, probability, pixel):
+    with np.errstate(divide="ignore"):
+        log_odds = np.log(probability) - np.log(1.0 - np.float64(probability))
+    write_map(tmp_path / "m.yaml", OccupancyGrid(GridSpec((0, 0), 1.0, (1, 1)), np.full((1, 1), log_odds)))
+    assert cv2.imread(str(tmp_path / "m.pgm"), cv2.IMREAD_UNCHANGED)[0, 0] == pixel
+
+
+def test_map_round_trip(tmp_path, grid):
+    write_map(tmp_path / "map.yaml", grid)
+    spec, cells = read_map(tmp_path / "map.yaml")
+    assert spec == grid.spec
+    np.testing.assert_array_equal(cells, np.sign(grid.log_odds))
+
+
+def test_a_map_of_another_program(tmp_path):
+    """Comments in the image, quotes in the yaml, negated grey values."""
+    (tmp_path / "their map.pgm").write_bytes(b"P5\n# made elsewhere\n2 1\n255\n\xff\x00")
+    lines = ["image: 'their map.pgm'", "resolution: 0.05 # m", "origin: [1, -2, 0]", "negate: 1"]
+    lines += ["occupied_thresh: 0.65", "free_thresh: 0.25", "mode: trinary"]
+    (tmp_path / "m.yaml").write_text("\n".join(lines))
+    spec, cells = read_map(tmp_path / "m.yaml")
+    assert spec == GridSpec((1.0, -2.0), 0.05, (1, 2))
+    np.testing.assert_array_equal(cells, [[1, -1]])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("origin: [-10.25, 3.5, 0.0]", "origin: [0, 0, 0.3]", "turned"),
+        ("origin: [-10.25, 3.5, 0.0]", "origin: [0, 0]", "origin: found 2 values"),
+        ("negate: 0", "", "a key named negate"),
+        ("resolution: 0.5", "resolution: big", "resolution: found 'big'"),
+        ("resolution: 0.5", "resolution: -1", "resolution"),
+        ("map.pgm", "none.pgm", "none.pgm"),
+    ],
+)
+def test_bad_map_files(tmp_path, grid, old, new, message):
+    write_map(tmp_path / "map.yaml", grid)
+    text = (tmp_path / "map.yaml").read_text()
+    (tmp_path / "map.yaml").write_text(text.replace(old, new))
+    with pytest.raises(DataError, match=message):
+        read_map(tmp_path / "map.yaml")
+
+
+@pytest.mark.parametrize(
+    "image",
+    [b"", b"P5\n4 3\n255\n123", b"P5\n999999999 999999999\n255\n", b"P2\n4 3\n255\n", b"P5 0 0 255\n"],
+)
+def test_bad_map_images(tmp_path, grid, image):
+    write_map(tmp_path / "map.yaml", grid)
+    (tmp_path / "map.pgm").write_bytes(image)
+    with pytest.raises(DataError, match=r"map\.pgm"):
+        read_map(tmp_path / "map.yaml")
+
+
+# ---- floor texture -----------------------------------------------------------------------------------------
+
+
+def test_texture_by_hand(tmp_path):
+    spec = GridSpec((-1.0, 2.0), 0.25, (2, 3))
+    rgb, seen = np.zeros((2, 3, 3), dtype=np.uint8), np.zeros((2, 3), dtype=bool)
+    rgb[0, 2], seen[0, 2] = (200, 100, 50), True
+    write_texture(tmp_path / "texture.yaml", spec, rgb, seen)
+    bgra = cv2.imread(str(tmp_path / "texture.png"), cv2.IMREAD_UNCHANGED)
+    assert bgra.shape == (2, 3, 4)
+    np.testing.assert_array_equal(bgra[1, 2], [50, 100, 200, 255])
+    assert np.count_nonzero(bgra[..., 3]) == 1
+    expected = "image: texture.png\nresolution: 0.25\norigin: [-1.0, 2.0, 0.0]\n"
+    assert (tmp_path / "texture.yaml").read_text() == expected
+
+
+# ---- CARMEN logs -------------------------------------------------------------------------------------------
+
+
+def flaser(t, ranges=(1, 2, 3, 4), pose="1 2 0.5", laser=None):
+    return f"FLASER {len(ranges)} {' '.join(map(str, ranges))} {laser or pose} {pose} {t} robot {t}"
+
+
+def robotlaser(t, ranges=(1, 2, 3), laser="1.2 2 0", robot="1 2 0", start=-1.0, step=1.0, maximum=50.0):
+    head = (
+        f"ROBOTLASER1 0 {start} 2.0 {step} {maximum} 0.01 0 {len(ranges)} {' '.join(map(str, ranges))} 2 7 7"
+    )
+    return f"{head} {laser} {robot} 0 0 0.3 0.2 1000 {t} host 0.1"
+
+
+def rawlaser(t, ranges=(1, 2, 3)):
+    return f"RAWLASER1 0 -1.0 2.0 1.0 81.9 0.01 0 {len(ranges)} {' '.join(map(str, ranges))} 0 {t} host 0.1"
+
+
+def load(tmp_path, *lines):
+    path = tmp_path / "a log.v1.clf"
+    path.write_text("\n".join(lines) + "\n", encoding="latin-1")
+    return load_carmen(path)
+
+
+def test_the_intel_log_equals_the_table_of_the_same_log(real_data):
+    recording = load_carmen(real_data / "intel" / "intel.log")
+    with np.load(real_data / "intel" / "intel.npz") as table:
+        np.testing.assert_array_equal(recording.lidar.ranges, table["ranges"])
+        np.testing.assert_allclose(recording.lidar.t, table["time"], rtol=0, atol=1e-6)
+        np.testing.assert_allclose(recording.odometry.poses, table["odom_xyt"], atol=1e-9)
+        np.testing.assert_allclose(recording.robot.lidar.angles, table["bearing_rad"], atol=1e-12)
+        no_return = table["ranges"] > 81.0
+    np.testing.assert_array_equal(recording.robot.lidar.valid(recording.lidar.ranges), ~no_return)
+    assert recording.default_every == 1
+    assert recording.dropped == {}
+    assert len(dead_reckoning(recording)) == 910
+
+
+def test_relations_match_scan_stamps(real_data):
+    recording = load_carmen(real_data / "intel" / "intel.log")
+    relations = read_relations(real_data / "intel" / "intel.relations")
+    assert len(relations.t1) == 2984
+    known = relations.at_stamps(recording.lidar.t)
+    assert len(known.t1) == 97
+    metres, _ = relations_error(recording.odometry, known.t1, known.t2, known.poses)
+    assert metres.max() > 1.0  # raw odometry of that drive is far off: the relations are not the odometry
+
+
+@pytest.mark.parametrize(("count", "last_deg"), [(180, 89.0), (181, 90.0), (360, 89.5), (361, 90.0)])
+def test_angles_of_the_old_laser_message(tmp_path, count, last_deg):
+    lidar = load(tmp_path, flaser(1.0, ranges=[1] * count)).robot.lidar
+    np.testing.assert_allclose(np.rad2deg([lidar.angle_min, lidar.angle_max]), [-90.0, last_deg])
+
+
+def test_new_laser_message(tmp_path):
+    recording = load(
+        tmp_path, "# made by hand", robotlaser(10.5), robotlaser(10.75, robot="1.1 2 0", laser="1.3 2 0")
+    )
+    lidar = recording.robot.lidar
+    np.testing.assert_allclose(lidar.angles, [-1.0, 0.0, 1.0])
+    np.testing.assert_allclose(lidar.position_b[:2], [0.2, 0.0], atol=1e-12)
+    assert 49.0 < lidar.range_max < 50.0
+    np.testing.assert_array_equal(recording.lidar.t, [10.5, 10.75])
+    np.testing.assert_allclose(recording.odometry.poses, [[1, 2, 0], [1.1, 2, 0]])
+    np.testing.assert_array_equal(recording.lidar.ranges, [[1, 2, 3], [1, 2, 3]])
+
+
+def test_a_laser_mounted_askew_turns_its_beams(tmp_path):
+    recording = load(tmp_path, robotlaser(1.0, laser="1 2 0.25"))
+    np.testing.assert_allclose(recording.robot.lidar.angles, [-0.75, 0.25, 1.25])
+
+
+def test_raw_laser_with_odometry_lines(tmp_path):
+    odometry = [f"ODOM {x} 0 0 0.1 0 0 {t} host 0.1" for x, t in ((0, 1.0), (1, 2.0), (2, 3.0))]
+    recording = load(tmp_path, *odometry, rawlaser(1.5), rawlaser(2.5))
+    np.testing.assert_allclose(recording.odometry.at(recording.lidar.t)[:, 0], [0.5, 1.5])
+
+
+def test_parameters_place_the_laser(tmp_path):
+    recording = load(tmp_path, "PARAM robot_frontlaser_offset 0.17 1 host 1", flaser(1.0))
+    assert recording.robot.lidar.position_b[:2] == (0.17, 0.0)
+
+
+def test_corrected_poses_are_not_taken_for_a_mounting(tmp_path):
+    recording = load(tmp_path, flaser(1.0, laser="1 2 0.5"), flaser(2.0, laser="1.4 2.1 0.6"))
+    assert recording.robot.lidar.position_b[:2] == (0.0, 0.0)
+
+
+def test_what_is_not_used_is_counted(tmp_path):
+    lines = [flaser(3.0, (9, 9, 9, 9)), flaser(1.0), flaser(1.0, (5, 5, 5, 5)), flaser(2.0, (1, "nan", 3, 4))]
+    recording = load(tmp_path, *lines, "SYNC 1", "# caf\xe9", "TRUEPOS 1 2 3")
+    np.testing.assert_array_equal(recording.lidar.t, [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(recording.lidar.ranges[0], [1, 2, 3, 4])
+    assert recording.dropped == {
+        "scans with the stamp of another": 1,
+        "ranges that are not a number": 1,
+        "messages of other kinds": 2,
+    }
+
+
+BAD_LOGS = {
+    "nothing in it": ("", "laser messages: found none"),
+    "not a log": ("\x89PNG\r\n\x1a\n\xff\xff", "laser messages: found none"),
+    "too few ranges": ("FLASER 180 1 2 3", "line 1: found 4 values, expected 190 values"),
+    "no count": ("FLASER", "line 1, word 2"),
+    "negative count": ("FLASER -3 1 2", "line 1, word 2: found -3"),
+    "absurd count": ("FLASER 999999999 1 2", "line 1, word 2: found 999999999"),
+    "other digits": ("FLASER \xb2 1 2", "line 1, word 2"),
+    "word for a range": (flaser(1.0, (1, "x", 3, 4)), "line 1: found a range that is no number"),
+    "nan pose": (flaser(1.0, pose="nan 0 0"), "line 1: found nan"),
+    "infinite stamp": (flaser("inf"), "line 1: found inf"),
+    "stamp in ns": (flaser(976052890244111000), "line 1: found stamp 9.76"),
+    "beams change": (flaser(1.0) + "\n" + flaser(2.0, (1, 2)), "line 2: found 2 beams"),
+    "angles in degrees": (robotlaser(1.0, start=-90.0), "line 1: found angles from -90"),
+    "angles backwards": (robotlaser(1.0, step=-1.0), "line 1: found angles"),
+    "remissions missing": ("RAWLASER1 0 -1 2 1 80 0 0 3 1 2 3", "line 1, word 13"),
+    "no odometry": (rawlaser(1.0), "odometry: found none"),
+    "odometry for some": (rawlaser(1.0) + "\n" + robotlaser(2.0, start=-1.0), "odometry"),
+    "short odometry": (rawlaser(1.0) + "\nODOM 1 2 3", "line 2: found 3 values"),
+    "endless line": ("#" * (2**20 + 5), "line 1: found a longer"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_LOGS)
+def test_a_bad_log_is_named_by_its_line(tmp_path, case):
+    text, message = BAD_LOGS[case]
+    with pytest.raises(DataError, match=message) as raised:
+        load(tmp_path, text)
+    assert "a log.v1.clf" in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_bad_relations(tmp_path):
+    (tmp_path / "r.txt").write_text("1 2 3\n")
+    with pytest.raises(DataError, match="line 1: found 3 values"):
+        read_relations(tmp_path / "r.txt")
+    (tmp_path / "r.txt").write_text("# none\n")
+    with pytest.raises(DataError, match="relations: found none"):
+        read_relations(tmp_path / "r.txt")
