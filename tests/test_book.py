@@ -29,6 +29,13 @@ def test_names_of_the_package_exist(page):
         resolve(dotted)
 
 
+def test_names_in_the_notation_exist():
+    names = re.findall(r"`([a-z_]+(?:\.\w+)+)`", (ROOT / "book" / "notation.md").read_text(encoding="utf-8"))
+    assert len(names) > 30
+    for name in names:
+        resolve("pfslam." + name)
+
+
 def test_the_notation_covers_every_equation_that_has_symbols():
     table = (ROOT / "book" / "notation.md").read_text(encoding="utf-8")
     cited = {

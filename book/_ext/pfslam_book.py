@@ -10,7 +10,7 @@ from importlib.metadata import files
 from pathlib import Path
 
 MATHJAX_PACKAGE = "sphinx-mathjax-offline"
-MATHJAX_SCRIPT = "tex-svg.js"  # one file with its fonts inside: works from file:// too
+MATHJAX_SCRIPT = "tex-svg-full.js"  # one file, fonts and extensions inside: works from file:// too
 
 # Thebe wants a server on the network and throws without it; preloading a font is forbidden from file://.
 DEAD_MARKUP = re.compile(
