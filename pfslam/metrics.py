@@ -167,7 +167,7 @@ def slam_cost(
 ) -> SlamCost:
     """Least-squares cost of a trajectory and a map. Implements Eq. 2.
 
-    First sum: measured less predicted ranges, over the valid beams of every scan at one of the trajectory's times.
+    First sum: measured less predicted ranges, over the valid beams of each scan at one of the poses' times.
     Second sum: each pose less the motion model's prediction from the one before, heading on the circle; the
     odometry's own trajectory costs nothing there. Metres, radians and beams weigh alike, as in the report.
     ``step`` is that of ``predicted_ranges``.

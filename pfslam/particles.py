@@ -97,6 +97,13 @@ def effective_sample_size(weights: np.ndarray) -> float:
     return float(1.0 / np.sum(weights**2))
 
 
+def _checked(weights) -> np.ndarray:
+    weights = np.asarray(weights, dtype=float)
+    if weights.ndim != 1 or not (weights >= 0).all() or not 0 < weights.sum() < np.inf:
+        raise DataError("resampling", "weights", weights, "(N,) finite weights, none negative, not all zero")
+    return weights
+
+
 def _pick(weights: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """The particle in whose share of [0, 1) each position falls; never one of zero weight."""
     edges = np.cumsum(weights)
@@ -106,25 +113,25 @@ def _pick(weights: np.ndarray, positions: np.ndarray) -> np.ndarray:
 
 def systematic_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Ancestors ``(N,)``: one random offset, then N equal strides through the cumulative weights."""
-    n = len(weights)
+    weights, n = _checked(weights), len(weights)
     return _pick(weights, (np.arange(n) + rng.random()) / n)
 
 
 def stratified_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Ancestors ``(N,)``: one random position in each of N equal strata."""
-    n = len(weights)
+    weights, n = _checked(weights), len(weights)
     return _pick(weights, (np.arange(n) + rng.random(n)) / n)
 
 
 def multinomial_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Ancestors ``(N,)``: N independent draws."""
-    return _pick(weights, np.sort(rng.random(len(weights))))
+    return _pick(_checked(weights), np.sort(rng.random(len(weights))))
 
 
 def residual_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Ancestors ``(N,)``: floor(N w) copies for certain, the rest drawn from what remains of each weight."""
-    n = len(weights)
-    expected = n * np.asarray(weights, dtype=float) / np.sum(weights)
+    weights, n = _checked(weights), len(weights)
+    expected = n * weights / np.sum(weights)
     certain = np.floor(expected + 1e-9).astype(int)  # 3 * (1/3) must count as one whole copy
     ancestors = np.repeat(np.arange(n), certain)[:n]
     missing = n - len(ancestors)
