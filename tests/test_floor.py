@@ -189,6 +189,13 @@ def test_a_tilted_plane_is_recovered_among_walls(pitch_deg, height):
     assert np.mean(plane.inliers[~floor]) < 0.05
 
 
+def test_a_plane_between_two_bins_of_the_vote_beats_a_smaller_one_within_a_bin():
+    rng = np.random.default_rng(6)
+    x, height = rng.uniform(0.6, 3.0, 1000), np.where(np.arange(1000) < 600, 0.01, 0.08)
+    plane = fit_floor_plane(np.column_stack([x, 0 * x, height + rng.normal(0, 0.002, 1000)]), tolerance=0.02)
+    assert plane.height == pytest.approx(0.01, abs=0.002)
+
+
 def test_a_plane_does_not_depend_on_the_order_of_its_points():
     points, _ = synthetic_plane(0.05, 0.01, np.random.default_rng(3))
     points = points[:2000]

@@ -7,7 +7,7 @@ import pytest
 from floor_oracle import TILE, colour_image, disparity_image, tile_colour
 
 from pfslam.errors import DataError
-from pfslam.floor_views import PixelRays, floor_pixels, posed_pairs
+from pfslam.floor_views import PixelRays, camera_from_floor, floor_pixels, posed_pairs
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording, RgbdStream
@@ -207,6 +207,22 @@ def test_a_rising_floor_is_found_by_its_plane():
     assert refined.seen.sum() > 500
 
 
+def test_a_lower_floor_is_found_by_its_height():
+    pose, rays = np.zeros(3), PixelRays.of(RgbdModel(), REFINED, 0.05)
+    level = floor_pixels(disparity_image(pose), rays, pose, pose, SPEC, REFINED)
+    lower = floor_pixels(disparity_image(pose, floor_height=-0.05), rays, pose, pose, SPEC, REFINED)
+    assert len(lower.depth) > 0.8 * len(level.depth)
+
+
+def test_one_image_of_a_ramp_does_not_turn_the_camera():
+    def read(k):
+        return disparity_image((0, 0, 0), slope=0.1 if k == 0 else 0.0)
+
+    t = np.arange(5.0)
+    camera = camera_from_floor(stream(t, t, read, None), np.arange(5), RgbdModel(), REFINED)
+    assert camera.pitch == pytest.approx(RgbdModel().pitch, abs=np.deg2rad(0.1))
+
+
 # What is left out is counted
 
 
@@ -217,6 +233,13 @@ def test_pairs_without_partner_or_state_are_counted():
     pairs = posed_pairs(camera, truth, REFINED)
     assert pairs.disparity.tolist() == [0, 1]
     assert pairs.dropped == {"pairs: no partner in time": 1, "pairs: outside the trajectory": 1}
+
+
+def test_a_colour_image_after_the_end_is_outside_though_its_depth_image_is_not():
+    camera = stream([0.0, 1.0], [0.0, 1.01], None, None)
+    truth = Trajectory([0.0, 0.5, 1.0], np.zeros((3, 3)))
+    assert posed_pairs(camera, truth, REFINED).dropped == {"pairs: outside the trajectory": 1}
+    assert posed_pairs(camera, truth, REPORT).disparity.tolist() == [0, 1]
 
 
 def test_a_hole_in_the_trajectory_is_not_bridged():
