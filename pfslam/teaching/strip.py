@@ -14,23 +14,28 @@ KEPT_LANGUAGE = ("name", "pygments_lexer", "file_extension", "mimetype")
 
 
 def strip_notebook(notebook: dict) -> dict:
-    """Return the notebook without pictures, markup, widget state, counters and tool metadata."""
+    """Return the notebook without pictures, markup, widget state and tool metadata, its cells counted from 1."""
     metadata = {k: v for k, v in notebook.get("metadata", {}).items() if k in KEPT_METADATA}
     if "language_info" in metadata:
         language = metadata["language_info"]
         metadata["language_info"] = {k: v for k, v in language.items() if k in KEPT_LANGUAGE}
-    return {**notebook, "metadata": metadata, "cells": [_strip_cell(cell) for cell in notebook["cells"]]}
+    cells, count = [], 0
+    for cell in notebook["cells"]:
+        count += cell["cell_type"] == "code" and bool("".join(cell["source"]).strip())
+        cells.append(_strip_cell(cell, count))
+    return {**notebook, "metadata": metadata, "cells": cells}
 
 
-def _strip_cell(cell: dict) -> dict:
+def _strip_cell(cell: dict, count: int) -> dict:
     metadata = {k: v for k, v in cell["metadata"].items() if k not in ("execution", "collapsed", "scrolled")}
     if cell["cell_type"] != "code":
         return {**cell, "metadata": metadata}
-    outputs = [kept for output in cell["outputs"] if (kept := _strip_output(output)) is not None]
-    return {**cell, "metadata": metadata, "execution_count": None, "outputs": outputs}
+    number = count if "".join(cell["source"]).strip() else None
+    outputs = [kept for output in cell["outputs"] if (kept := _strip_output(output, number)) is not None]
+    return {**cell, "metadata": metadata, "execution_count": number, "outputs": outputs}
 
 
-def _strip_output(output: dict) -> dict | None:
+def _strip_output(output: dict, count: int | None) -> dict | None:
     """Streams and errors stay; of a result its text stays, if it has one."""
     if output["output_type"] == "stream":
         return None if output["name"] == "stderr" else output
@@ -43,7 +48,7 @@ def _strip_output(output: dict) -> dict | None:
         return None
     stripped = {**output, "data": data}
     if "execution_count" in stripped:
-        stripped["execution_count"] = None
+        stripped["execution_count"] = count
     return stripped
 
 
