@@ -1,8 +1,9 @@
 """A simulated building, robot and drive with exact truth.
 
-``simulate("hall")`` stands for the report's data set 20, ``simulate("ramp")`` for set 21: the same building, driven
-over slopes. Another seed is another building. Everything comes from one seed, through independent streams of random
-numbers, so that the same call gives the same numbers on any machine and any number of cores.
+``simulate("hall")`` stands for the report's data set 20, ``simulate("ramp")`` for set 21: the same building,
+driven over slopes. Another seed is another building. Everything comes from one seed, through independent
+streams of random numbers, so that the same call gives the same numbers on any machine and any number of
+cores.
 """
 
 from __future__ import annotations
@@ -12,9 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pfslam.errors import DataError
+from pfslam.grid import GridSpec
 from pfslam.poses import Trajectory
-from pfslam.recording import LidarScans, Recording
-from pfslam.simulator.clocks import LIDAR_CLOCK, START_OF_TIME, ticks_and_stamps, unix
+from pfslam.recording import LidarScans, Recording, RgbdStream
+from pfslam.simulator.camera import CameraRenderer
+from pfslam.simulator.clocks import LIDAR_CLOCK, START_OF_TIME, camera_stamps, ticks_and_stamps, unix
 from pfslam.simulator.config import HALL, PRESETS, RAMP, GyroModel, SimulatorConfig, SlipModel, Timing
 from pfslam.simulator.drive import Drive, drive_path
 from pfslam.simulator.lidar import measured, true_ranges
@@ -25,17 +28,27 @@ BUILT_IN = {name: config.number for name, config in PRESETS.items()}
 DEFAULT_SEED = 2021  # the building of the built-in sets
 
 __all__ = [
-    "BUILT_IN", "HALL", "PRESETS", "RAMP", "Drive", "GyroModel", "Simulation", "SimulatorConfig", "SlipModel", "Timing",
-    "World", "simulate",
-]  # fmt: skip
+    "BUILT_IN",
+    "HALL",
+    "PRESETS",
+    "RAMP",
+    "Drive",
+    "GyroModel",
+    "Simulation",
+    "SimulatorConfig",
+    "SlipModel",
+    "Timing",
+    "World",
+    "simulate",
+]
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
     """A recording and what only a simulator knows.
 
-    ``recording.truth`` holds the poses at the LiDAR's stamps; ``z``, ``pitch``, ``roll`` ``(K,)`` (m, rad) are the rest of
-    the truth there.
+    ``recording.truth`` holds the poses at the LiDAR's stamps; ``z``, ``pitch``, ``roll`` ``(K,)`` (m, rad)
+    are the rest of the truth there.
     """
 
     recording: Recording
@@ -46,21 +59,35 @@ class Simulation:
     z: np.ndarray
     pitch: np.ndarray
     roll: np.ndarray
+    renderer: CameraRenderer
+
+    def true_grid(self, spec: GridSpec) -> np.ndarray:
+        """Cells ``(H, W)`` bool that a wall runs through."""
+        return self.world.true_grid(spec)
+
+    def floor_area(self, spec: GridSpec) -> np.ndarray:
+        """Cells ``(H, W)`` bool that are floor: inside the building and not under clutter."""
+        return self.world.free_area(spec)
+
+    def floor_image(self, spec: GridSpec) -> np.ndarray:
+        """True colours ``(H, W, 3)`` uint8 of the floor, the mean over each cell."""
+        return self.renderer.floor.image(spec, self.world.pose_pw)
 
 
 def simulate(
     what: str | SimulatorConfig = "hall", seed: int | None = None, ranges: np.ndarray | None = None
 ) -> Simulation:
-    """Simulate one drive. ``what`` is "hall", "ramp" or a configuration; ``seed=None`` is the built-in building.
+    """Simulate one drive.
 
-    ``ranges (K, beams)`` from an earlier call with the same arguments may be given back to save casting them again.
+    ``what`` is "hall", "ramp" or a configuration; ``seed=None`` is the built-in building. ``ranges``
+    ``(K, beams)`` of an earlier call with the same arguments may be given back, which saves casting them.
     """
     config = _configuration(what)
     seed = DEFAULT_SEED if seed is None else _whole(seed)
     # The building depends on the seed alone: hall and ramp of one seed are drives through the same building.
     world = make_world(config, np.random.SeedSequence(seed))
     streams = np.random.SeedSequence([seed, config.number]).spawn(6)
-    drive_rng, wheels, imu, scan_clock, scans, camera = (np.random.default_rng(s) for s in streams)
+    drive_rng, wheels, imu, scan_clock, scans = (np.random.default_rng(s) for s in streams[:5])
     drive = drive_path(world.path, world.slopes, config, drive_rng)
     t = _scan_times(config, drive, scan_clock)
     stamps = unix(t, config.quantised)
@@ -68,15 +95,17 @@ def simulate(
         exact = true_ranges(world, drive, config.robot.lidar, stamps - START_OF_TIME, config.scan_time)
         ranges = measured(exact, config, scans)
     poses, z, pitch, roll = drive.at(stamps - START_OF_TIME)
+    renderer = _camera(config, world, drive, streams[5])
     recording = Recording(
         name=config.name,
         robot=config.robot,
         encoders=encoder_counts(drive, config, wheels),
         imu=imu_samples(drive, config, imu),
         lidar=LidarScans(stamps, ranges),
+        camera=_stream(renderer, config),
         truth=Trajectory(stamps, poses),
     )
-    return Simulation(recording, config, seed, world, drive, z, pitch, roll)
+    return Simulation(recording, config, seed, world, drive, z, pitch, roll, renderer)
 
 
 def _configuration(what: str | SimulatorConfig) -> SimulatorConfig:
@@ -91,6 +120,24 @@ def _whole(seed) -> int:
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise DataError("simulate", "seed", repr(seed), "a whole number, 0 or more")
     return int(seed)
+
+
+def _camera(
+    config: SimulatorConfig, world: World, drive: Drive, seed: np.random.SeedSequence
+) -> CameraRenderer:
+    begin, end = config.timing.camera
+    disparity, rgb, images = seed.spawn(3)
+    jitter = config.timing.jitter
+    t = camera_stamps(begin, drive.duration + end, np.random.default_rng(disparity), jitter)
+    t_rgb = camera_stamps(begin + 0.1445, drive.duration + end + 0.02, np.random.default_rng(rgb), jitter)
+    exact = [unix(stamps, config.quantised) - START_OF_TIME for stamps in (t, t_rgb)]
+    return CameraRenderer(world, drive, config, *exact, images)
+
+
+def _stream(renderer: CameraRenderer, config: SimulatorConfig) -> RgbdStream:
+    t, t_rgb = (unix(stamps, config.quantised) for stamps in (renderer.disparity_t, renderer.rgb_t))
+    every = (np.arange(len(t)), np.arange(len(t_rgb)))
+    return RgbdStream(t, t_rgb, renderer.read_disparity, renderer.read_rgb, *every)
 
 
 def _scan_times(config: SimulatorConfig, drive: Drive, rng: np.random.Generator) -> np.ndarray:

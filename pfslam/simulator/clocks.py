@@ -1,4 +1,7 @@
-"""When instruments speak: regular in themselves, stamped by a busy computer. Times in seconds from the first encoder stamp."""
+"""When instruments speak: regular in themselves, stamped by a busy computer.
+
+Times in seconds from the first encoder stamp.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,9 @@ START_OF_TIME = 1_700_000_000.0  # unix time of the first encoder stamp of every
 
 @dataclass(frozen=True)
 class Clock:
-    """How one instrument's stamps fall. ``period`` is the usual interval (s); a share ``long_share`` of the intervals is
-    ``long_period`` instead. Stamps scatter by ``jitter``; a share ``late_share`` is late by up to ``late``; no two are
-    closer than ``least_gap``.
+    """How one instrument's stamps fall. ``period`` is the usual interval (s); a share ``long_share`` of the
+    intervals is ``long_period`` instead. Stamps scatter by ``jitter``; a share ``late_share`` is late by up
+    to ``late``; no two are closer than ``least_gap``.
     """
 
     period: float
@@ -38,7 +41,8 @@ def ticks_and_stamps(
 ) -> tuple[np.ndarray, np.ndarray]:
     """When readings are taken and how they are stamped, both ``(K,)`` s within [start, stop].
 
-    The readings are even; the stamps tremble around them. ``jitter`` = 0 makes both the same and perfectly regular.
+    The readings are even; the stamps tremble around them. ``jitter`` = 0 makes both the same and perfectly
+    regular.
     """
     count = int((stop - start) / min(clock.period, clock.long_period or clock.period)) + 2
     long = (rng.random(count) < clock.long_share) & (jitter > 0)
@@ -47,16 +51,14 @@ def ticks_and_stamps(
     ticks = start + np.concatenate([[0.0], np.cumsum(np.where(long, clock.long_period, clock.period))[:-1]])
     stamps = ticks + np.clip(tremble, -4.0 * clock.jitter, 4.0 * clock.jitter) + late
     floor = clock.least_gap * np.arange(count)
-    stamps = np.maximum.accumulate(stamps - floor) + floor  # later ones wait, so that order and least gap hold
     stamps[0] = start
+    # Nobody overtakes: a stamp that would come too early waits until the least gap has passed.
     stamps = np.maximum.accumulate(np.maximum(stamps, start) - floor) + floor
     kept = np.maximum(stamps, ticks) <= stop
     return ticks[kept], stamps[kept]
 
 
-def camera_stamps(
-    start: float, stop: float, rng: np.random.Generator, jitter: float = 1.0
-) -> np.ndarray:
+def camera_stamps(start: float, stop: float, rng: np.random.Generator, jitter: float = 1.0) -> np.ndarray:
     """Stamps ``(K,)`` of one of the camera's streams: 30 Hz, with images lost a few at a time."""
     stamps = ticks_and_stamps(CAMERA_CLOCK, start, stop, rng, jitter)[1]
     if jitter == 0:

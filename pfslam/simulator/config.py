@@ -1,4 +1,7 @@
-"""What can be chosen about a simulated drive. The defaults are the real robot of the report on a flat floor."""
+"""What can be chosen about a simulated drive.
+
+The defaults are the real robot of the report on a flat floor.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ class SlipModel:
 
     true_metres_per_count: float = 0.254 * 3.141592653589793 / 360
     """What the wheel really travels per count; the report rounds it to 0.0022 m."""
-    effective_track: float = 0.75
+    effective_track: float = 0.735
     """Track (m) that turns a wheel difference into yaw; the wheels stand 0.394 m apart."""
     straight: float = 0.013
     """Wheel travel lost on the floor, as a fraction."""
@@ -61,15 +64,16 @@ class Timing:
 class SimulatorConfig:
     """One simulated drive.
 
-    ``layout``: "arms" (two corridors at a right angle and a cluttered room), "loop" (a ring of corridors), "symmetric"
-    (a ring that looks the same after half a turn), "corridor" (20 m along a bare corridor whose ends are out of range).
+    ``layout``: "arms" (two corridors at a right angle and a cluttered room), "loop" (a ring of corridors),
+    "symmetric" (a ring that looks the same after half a turn), "corridor" (20 m along a bare corridor whose
+    ends are out of range).
     """
 
     name: str = "hall"
     number: int = 20
     layout: str = "arms"
     laps: int = 1
-    """How often the route is driven; each further lap begins where the one before ended (not for "corridor")."""
+    """How often the route is driven, one lap after the other (not for "corridor")."""
     path_length: float = 95.2
     """Length of the drive (m), reached by choosing where the robot turns round ("arms" only)."""
     cruise_speed: float = 0.97
@@ -105,7 +109,7 @@ class SimulatorConfig:
     def __post_init__(self):
         if self.layout not in LAYOUTS:
             raise DataError("SimulatorConfig", "layout", repr(self.layout), f"one of {', '.join(LAYOUTS)}")
-        for name in ("range_noise", "invalid_share", "random_share", "scan_time", "disparity_noise", "people"):
+        for name in ("range_noise", "invalid_share", "random_share", "scan_time", "disparity_noise"):
             if not getattr(self, name) >= 0:
                 raise DataError("SimulatorConfig", name, getattr(self, name), "0 or more")
         for name in ("path_length", "cruise_speed", "top_yaw_rate", "laps"):
@@ -115,14 +119,13 @@ class SimulatorConfig:
     def without_errors(self) -> SimulatorConfig:
         """The same drive with perfect instruments and clocks: what is left is geometry alone."""
         perfect = replace(self.robot, encoders=replace(self.robot.encoders, track=self.slip.effective_track))
-        still = dict(bias=(0.0, 0.0, 0.0), warm_up=0.0, scale=1.0, noise=0.0, sway=0.0)
-        level = dict(acceleration_bias_g=(0.0, 0.0, 0.0), acceleration_noise_g=0.0, acceleration_sway_g=0.0)
+        still = GyroModel((0.0, 0.0, 0.0), 0.0, 1.0, 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0)
         return replace(
             self,
             robot=perfect,
             timing=replace(self.timing, jitter=0.0, imu=(0.0, 0.0)),
             slip=SlipModel(self.robot.encoders.metres_per_count, self.slip.effective_track, 0.0, 0.0, 0.0),
-            gyro=GyroModel(**still, **level),
+            gyro=still,
             quantised=False,
             range_noise=0.0,
             invalid_share=0.0,
@@ -141,6 +144,8 @@ RAMP = SimulatorConfig(
     top_yaw_rate=1.85,
     slopes=True,
     timing=Timing(still_start=12.9, still_end=10.3, imu=(0.48, -1.57), camera=(3.33, -3.32)),
-    gyro=GyroModel(bias=(0.0015, 0.0037, 0.0003), warm_up=-0.0020, acceleration_bias_g=(-0.005, -0.006, 0.008)),
+    gyro=GyroModel(
+        bias=(0.0015, 0.0037, 0.0003), warm_up=-0.0020, acceleration_bias_g=(-0.005, -0.006, 0.008)
+    ),
 )
 PRESETS = {"hall": HALL, "ramp": RAMP}

@@ -1,7 +1,7 @@
 """The drive: from waypoints to where the robot truly is at every 2 ms.
 
-Waypoints become a path with rounded corners, the path gets a speed, and speed and curvature are integrated once, with
-exact arcs. That integral is the truth: what the instruments say is read off it.
+Waypoints become a path with rounded corners, the path gets a speed, and speed and curvature are integrated
+once, with exact arcs. That integral is the truth: what the instruments say is read off it.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ LEAD = 6.0  # the robot also stands still this long before the first stamp and a
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """The truth: every ``TIME_STEP`` a time ``t (K,)`` (s, 0 at the first encoder stamp), planar ``poses (K, 3)`` in the
-    world, the stance ``z``, ``pitch``, ``roll`` ``(K,)`` on the ground, and the distance ``travelled (K,)`` by the body (m).
-    ``duration`` is the encoders' time.
+    """The truth: every ``TIME_STEP`` a time ``t (K,)`` (s, 0 at the first encoder stamp), planar ``poses (K,
+    3)`` in the world, the stance ``z``, ``pitch``, ``roll`` ``(K,)`` on the ground, and the distance
+    ``travelled (K,)`` by the body (m). ``duration`` is the encoders' time.
     """
 
     t: np.ndarray
@@ -38,14 +38,18 @@ class Drive:
     duration: float
 
     def at(self, t) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Poses ``(M, 3)``, z, pitch and roll ``(M,)`` at times ``t (M,)``. Outside the drive the robot stands still."""
+        """Poses ``(M, 3)``, z, pitch and roll ``(M,)`` at times ``t (M,)``.
+
+        Outside the drive the robot stands still.
+        """
         t = np.clip(t, self.t[0], self.t[-1])
         poses = Trajectory(self.t, self.poses).at(t)
         return poses, *(np.interp(t, self.t, values) for values in (self.z, self.pitch, self.roll))
 
 
 def make_path(waypoints: np.ndarray) -> np.ndarray:
-    """A smooth path ``(S, 2)``: the polyline through ``waypoints (W, 2)``, averaged under a bell curve along its length.
+    """A smooth path ``(S, 2)``: the polyline through ``waypoints (W, 2)``, averaged under a bell curve along
+    its length.
 
     An average stays inside the polyline's corners, so a path between walls stays between walls.
     """
@@ -101,8 +105,12 @@ def _geometry(path: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return s, heading, np.gradient(heading, s)
 
 
-def _speed_limit(s: np.ndarray, curvature: np.ndarray, config: SimulatorConfig, rng: np.random.Generator) -> np.ndarray:
-    """Speed ``(S,)`` along the path: the driver's mood, slow corners, bounded acceleration, zero at both ends."""
+def _speed_limit(
+    s: np.ndarray, curvature: np.ndarray, config: SimulatorConfig, rng: np.random.Generator
+) -> np.ndarray:
+    """Speed ``(S,)`` along the path: the driver's mood, slow corners, bounded acceleration, zero at both
+    ends.
+    """
     knots = np.arange(0.0, s[-1] + 4.0, 4.0)
     mood = np.interp(s, knots, 1.0 + 0.36 * rng.uniform(-1.0, 1.0, len(knots)))
     limit = np.minimum(config.cruise_speed * mood, config.top_yaw_rate / np.maximum(np.abs(curvature), 1e-9))
@@ -117,14 +125,18 @@ def _speed_limit(s: np.ndarray, curvature: np.ndarray, config: SimulatorConfig, 
 
 
 def _in_time(s, heading, speed, config: SimulatorConfig) -> tuple[np.ndarray, np.ndarray, float]:
-    """Distance and heading ``(K,)`` on the clock of ``TIME_STEP``, standing included, and the encoders' duration (s)."""
+    """Distance and heading ``(K,)`` on the clock of ``TIME_STEP``, standing included, and the encoders'
+    duration (s).
+    """
     mean_speed = 0.5 * (speed[1:] + speed[:-1])
     arrival = np.concatenate([[0.0], np.cumsum(np.diff(s) / mean_speed)])
     duration = config.timing.still_start + arrival[-1] + config.timing.still_end
     t = np.arange(-LEAD, duration + LEAD, TIME_STEP) - config.timing.still_start
     reach = int(0.2 / TIME_STEP)  # nobody starts or brakes in an instant: smooth the way over 0.2 s
     bell = np.hanning(2 * reach + 1)
-    travelled = np.convolve(np.pad(np.interp(t, arrival, s), reach, mode="edge"), bell / bell.sum(), mode="valid")
+    travelled = np.convolve(
+        np.pad(np.interp(t, arrival, s), reach, mode="edge"), bell / bell.sum(), mode="valid"
+    )
     return travelled, np.interp(travelled, s, heading), duration
 
 

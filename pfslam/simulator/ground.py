@@ -6,17 +6,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-
 WHEELBASE = 0.33  # front axle to rear axle (m)
 
 
 @dataclass(frozen=True)
 class Slope:
-    """A hump across a corridor, between its walls: height over one axis is piecewise linear through the knots."""
+    """A hump across a corridor, between its walls: height over one axis is piecewise linear through the
+    knots.
+    """
 
     axis: str
     sides: tuple[float, float]
-    """The corridor's walls on the other axis (m)."""
+    """How far it reaches on the other axis, from wall to wall (m)."""
     knots: tuple[float, ...]
     heights: tuple[float, ...]
 
@@ -28,12 +29,16 @@ class Slope:
     def along_across(self, points_p) -> tuple[np.ndarray, np.ndarray]:
         """The two coordinates of points ``(..., 2)``: along the hump's axis, and across it."""
         points_p = np.asarray(points_p)
-        return (points_p[..., 0], points_p[..., 1]) if self.axis == "x" else (points_p[..., 1], points_p[..., 0])
+        return (
+            (points_p[..., 0], points_p[..., 1]) if self.axis == "x" else (points_p[..., 1], points_p[..., 0])
+        )
 
     def faces(self) -> list[tuple[float, float, float, float]]:
         """The planes (from, to, height at 0, slope) over the axis that rise above the flat ground."""
         faces = []
-        for a, b, ha, hb in zip(self.knots[:-1], self.knots[1:], self.heights[:-1], self.heights[1:], strict=True):
+        for a, b, ha, hb in zip(
+            self.knots[:-1], self.knots[1:], self.heights[:-1], self.heights[1:], strict=True
+        ):
             slope = (hb - ha) / (b - a)
             if ha or hb:
                 faces.append((a, b, ha - slope * a, slope))
@@ -79,3 +84,62 @@ def rotations(roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> np.ndarra
         [-sp, cp * sr, cp * cr],
     ]
     return np.moveaxis(np.array(rows), 2, 0)
+
+
+def ground_distance(slopes: tuple[Slope, ...], origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """How many times ``direction (..., 3)`` it takes from ``origin (..., 3)`` to the ground (``(...)``;
+    infinity if never).
+
+    The plane z = 0 runs on below the humps, where a ray reaches a face first, so the nearest of all is right.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = origin[..., 2] / -direction[..., 2]
+        t = np.where(t > 0.0, t, np.inf)
+        for slope in slopes:
+            at, aside = slope.along_across(origin[..., :2])
+            along, across = slope.along_across(direction[..., :2])
+            for begin, end, base, rise in slope.faces():
+                face = (base + rise * at - origin[..., 2]) / (direction[..., 2] - rise * along)
+                u, v = at + face * along, aside + face * across
+                on = (face > 0.0) & (u >= begin) & (u <= end) & (v >= slope.sides[0]) & (v <= slope.sides[1])
+                t = np.where(on, np.minimum(t, face), t)
+    return t
+
+
+def ground_in_view(slopes: tuple[Slope, ...], origin: np.ndarray, yaw: float, ray: np.ndarray) -> np.ndarray:
+    """Inverse depth ``(H, W)`` float32 of the ground along camera rays ``(3, H, W)`` that ``yaw`` turns into
+    the plan.
+
+    The same ground as ``ground_distance``. A plane's inverse depth is linear in the ray, which makes images
+    quick.
+    """
+    inverse = ray[2] * np.float32(-1.0 / origin[2])
+    np.maximum(inverse, np.float32(0.0), out=inverse)
+    c, s = np.cos(yaw), np.sin(yaw)
+    for slope in slopes:
+        if not _may_be_seen(slope, origin, (c, s)):
+            continue
+        at, aside = slope.along_across(origin[:2])
+        ways = (
+            np.float32(c) * ray[0] - np.float32(s) * ray[1],
+            np.float32(s) * ray[0] + np.float32(c) * ray[1],
+        )
+        along, across = ways if slope.axis == "x" else ways[::-1]
+        for begin, end, base, rise in slope.faces():
+            above = origin[2] - base - rise * at
+            if above <= 0.0:  # the camera is behind this plane, which faces away
+                continue
+            face = (np.float32(rise) * along - ray[2]) * np.float32(1.0 / above)
+            first, last = face * np.float32(begin - at), face * np.float32(end - at)
+            on = (face > inverse) & (along >= first) & (along <= last)
+            left, right = face * np.float32(slope.sides[0] - aside), face * np.float32(slope.sides[1] - aside)
+            on &= (across >= left) & (across <= right)
+            np.copyto(inverse, face, where=on)
+    return inverse
+
+
+def _may_be_seen(slope: Slope, origin: np.ndarray, ahead: tuple[float, float]) -> bool:
+    """Whether any corner of a hump lies in front of the camera, give or take."""
+    ends = [(u, v) for u in (slope.knots[0], slope.knots[-1]) for v in slope.sides]
+    corners = np.array(ends) if slope.axis == "x" else np.array(ends)[:, ::-1]
+    return bool((((corners - origin[:2]) @ np.array(ahead)) > -0.5).any())

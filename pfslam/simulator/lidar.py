@@ -1,7 +1,7 @@
 """The LiDAR: exact intersections of beams with walls, people and sloping ground, many scans at a time.
 
-A wall covers a contiguous run of beams. So each wall is intersected only with the beams of its run, which is about
-twenty times less work than every beam with every wall.
+A wall covers a contiguous run of beams. So each wall is intersected only with the beams of its run, which is
+about twenty times less work than every beam with every wall.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pfslam.poses import compose
 from pfslam.sensors import LidarModel
 from pfslam.simulator.config import SimulatorConfig
 from pfslam.simulator.drive import Drive
-from pfslam.simulator.ground import rotations
+from pfslam.simulator.ground import ground_distance, rotations
 from pfslam.simulator.world import World
 
 CHUNK = 96  # scans at a time: what they need fits into the processor's cache
@@ -24,7 +24,10 @@ SWEEP_PARTS = 23  # a smeared scan is this many short scans of 47 beams
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """A fan of beams at S moments: ``t (S,)``, ``origin (S, 3)`` and ``rotation (S, 3, 3)`` sensor to plan."""
+    """A fan of beams at S moments.
+
+    ``t (S,)``, ``origin (S, 3)`` and ``rotation (S, 3, 3)`` sensor to plan.
+    """
 
     t: np.ndarray
     origin: np.ndarray
@@ -43,7 +46,9 @@ def sensor_at(world: World, drive: Drive, t: np.ndarray, position_b) -> Sensor:
 
 
 def cast(world: World, sensor: Sensor, angles: np.ndarray) -> np.ndarray:
-    """True ranges ``(S, B)`` in metres along beams at ``angles (B,)`` (evenly spaced, rad); infinity where nothing is met."""
+    """True ranges ``(S, B)`` in metres along beams at ``angles (B,)`` (evenly spaced, rad); infinity where
+    nothing is met.
+    """
     ranges = np.empty((len(sensor.t), len(angles)))
     for first in range(0, len(sensor.t), CHUNK):
         part = slice(first, first + CHUNK)
@@ -53,7 +58,8 @@ def cast(world: World, sensor: Sensor, angles: np.ndarray) -> np.ndarray:
 
 def _cast_chunk(world: World, sensor: Sensor, angles: np.ndarray) -> np.ndarray:
     ranges = np.full((len(sensor.t), len(angles)), np.inf)
-    # Beam a points along M (cos a, sin a), seen from above; M (S, 2, 2) is the identity turned, on level ground.
+    # Beam a points along M (cos a, sin a), seen from above; M (S, 2, 2) is the identity turned, on
+    # level ground.
     M = sensor.rotation[:, :2, :2]
     _meet_walls(ranges, world, sensor, M, angles)
     for person in world.people:
@@ -87,7 +93,8 @@ def _meet_walls(ranges: np.ndarray, world: World, sensor: Sensor, M: np.ndarray,
     scan, wall, first, count = scan[met], wall[met], first[met], count[met]
     pair = np.repeat(np.arange(len(scan)), count)
     beam = np.arange(len(pair)) + np.repeat(first - np.cumsum(count) + count, count)
-    # Cramer's rule for origin + t M (cos, sin) = begin + s edge, with what does not depend on the beam taken out.
+    # Cramer's rule for origin + t M (cos, sin) = begin + s edge, with what does not depend on the beam
+    # taken out.
     across = M[scan, 0] * edge[wall, 1, None] - M[scan, 1] * edge[wall, 0, None]
     scaled = across / facing[scan, wall][:, None]
     t = 1.0 / (scaled[pair, 0] * np.cos(angles)[beam] + scaled[pair, 1] * np.sin(angles)[beam])
@@ -95,7 +102,9 @@ def _meet_walls(ranges: np.ndarray, world: World, sensor: Sensor, M: np.ndarray,
     np.minimum.at(ranges.reshape(-1), (scan * len(angles))[pair] + beam, t)
 
 
-def _meet_disc(ranges: np.ndarray, centre: np.ndarray, radius: float, M: np.ndarray, angles: np.ndarray) -> None:
+def _meet_disc(
+    ranges: np.ndarray, centre: np.ndarray, radius: float, M: np.ndarray, angles: np.ndarray
+) -> None:
     """Shorten ``ranges (S, B)`` to a vertical cylinder at ``centre (S, 2)`` from the sensor."""
     direction = np.einsum("sij,jb->sbi", M, np.stack([np.cos(angles), np.sin(angles)]))
     a = (direction**2).sum(axis=-1)
@@ -117,29 +126,13 @@ def _meet_ground(ranges: np.ndarray, world: World, sensor: Sensor, angles: np.nd
     ranges[tilted] = np.minimum(ranges[tilted], nearest)
 
 
-def ground_distance(slopes, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """How many times ``direction (..., 3)`` it takes from ``origin (..., 3)`` to the ground (``(...)``; infinity if never).
-
-    The plane z = 0 runs on below the humps, where a ray reaches a face first, so the nearest of all is right.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = origin[..., 2] / -direction[..., 2]
-        t = np.where(t > 0.0, t, np.inf)
-        for slope in slopes:
-            at, aside = slope.along_across(origin[..., :2])
-            along, across = slope.along_across(direction[..., :2])
-            for begin, end, base, rise in slope.faces():
-                face = (base + rise * at - origin[..., 2]) / (direction[..., 2] - rise * along)
-                u, v = at + face * along, aside + face * across
-                on = (face > 0.0) & (u >= begin) & (u <= end) & (v >= slope.sides[0]) & (v <= slope.sides[1])
-                t = np.where(on, np.minimum(t, face), t)
-    return t
-
-
-def true_ranges(world: World, drive: Drive, lidar: LidarModel, t: np.ndarray, scan_time: float = 0.0) -> np.ndarray:
+def true_ranges(
+    world: World, drive: Drive, lidar: LidarModel, t: np.ndarray, scan_time: float = 0.0
+) -> np.ndarray:
     """What a perfect LiDAR would read, ``(S, beams)`` m, at stamps ``t (S,)``.
 
-    With a ``scan_time`` (s) the beams are measured one after the other, the middle one at the stamp: the scan is smeared.
+    With a ``scan_time`` (s) the beams are measured one after the other, the middle one at the stamp: the scan
+    is smeared.
     """
     if scan_time == 0.0:
         return cast(world, sensor_at(world, drive, t, lidar.position_b), lidar.angles)
@@ -151,7 +144,9 @@ def true_ranges(world: World, drive: Drive, lidar: LidarModel, t: np.ndarray, sc
 
 
 def measured(ranges: np.ndarray, config: SimulatorConfig, rng: np.random.Generator) -> np.ndarray:
-    """Ranges ``(S, beams)`` float32 as the instrument reports them: noise, wrong and missing returns, whole millimetres."""
+    """Ranges ``(S, beams)`` float32 as the instrument reports them: noise, wrong and missing returns, whole
+    millimetres.
+    """
     noisy = ranges + config.range_noise * rng.standard_normal(ranges.shape, dtype=np.float32)
     noisy[~(noisy < TOO_FAR)] = TOO_FAR
     random = rng.random(ranges.shape, dtype=np.float32)

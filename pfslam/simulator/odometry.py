@@ -11,7 +11,10 @@ from pfslam.simulator.config import SimulatorConfig
 from pfslam.simulator.drive import TIME_STEP, Drive, turned
 from pfslam.simulator.ground import rotations
 
-GYRO_POLE, GYRO_STAGES = 0.48, 3  # three equal low-pass stages give the noise its memory: 0.90, 0.70, 0.21 at 1, 2, 5
+GYRO_POLE, GYRO_STAGES = (
+    0.48,
+    3,
+)  # three equal low-pass stages give the noise its memory: 0.90, 0.70, 0.21 at 1, 2, 5
 ACCELEROMETER_WINDOW = 0.40  # s
 WARM_UP = 0.5  # s
 
@@ -23,7 +26,9 @@ def encoder_counts(drive: Drive, config: SimulatorConfig, rng: np.random.Generat
     rate = np.abs(np.gradient(yaw, TIME_STEP))
     loss = slip.straight + slip.turning * rate + slip.wander * _slow_noise(drive, rng)
     middle = np.concatenate([[0.0], np.cumsum(np.diff(drive.travelled) * (1.0 + loss[1:]))])
-    uneven = np.cumsum(np.concatenate([[0.0], np.diff(drive.travelled)]) * slip.wander * _slow_noise(drive, rng))
+    uneven = np.cumsum(
+        np.concatenate([[0.0], np.diff(drive.travelled)]) * slip.wander * _slow_noise(drive, rng)
+    )
     half = 0.5 * slip.effective_track * yaw
     right, left = middle + half + uneven, middle - half - uneven
     tyres = 1.0 + 0.1 * slip.wander * rng.uniform(-1.0, 1.0, 4)
@@ -36,14 +41,21 @@ def encoder_counts(drive: Drive, config: SimulatorConfig, rng: np.random.Generat
 
 
 def imu_samples(drive: Drive, config: SimulatorConfig, rng: np.random.Generator) -> Imu:
-    """Angular velocity and acceleration in the body's axes. A gyro sample is the mean rate since the one before."""
+    """Angular velocity and acceleration in the body's axes.
+
+    A gyro sample is the mean rate since the one before.
+    """
     begin, end = config.timing.imu
     t, stamps = ticks_and_stamps(IMU_CLOCK, begin, drive.duration + end, rng, config.timing.jitter)
     rate = _body_rates(drive, t) / config.gyro.scale
     speed = np.interp(t, drive.t, np.gradient(drive.travelled, TIME_STEP))
-    rate += config.gyro.bias + config.gyro.noise * np.column_stack([_gyro_noise(len(t), rng) for _ in range(3)])
+    rate += config.gyro.bias + config.gyro.noise * np.column_stack(
+        [_gyro_noise(len(t), rng) for _ in range(3)]
+    )
     rate[:, 2] += config.gyro.warm_up * 2.0 * np.exp(-(t - t[0]) / WARM_UP)
-    rate[:, :2] += config.gyro.sway * speed[:, None] * np.column_stack([_shaking(len(t), rng) for _ in range(2)])
+    rate[:, :2] += (
+        config.gyro.sway * speed[:, None] * np.column_stack([_shaking(len(t), rng) for _ in range(2)])
+    )
     force = _specific_force_g(drive, t) + config.gyro.acceleration_bias_g
     force += config.gyro.acceleration_noise_g * rng.standard_normal(force.shape)
     shake = np.column_stack([_shaking(len(t), rng) for _ in range(3)]) * [1.0, 1.0, 0.3]
@@ -54,7 +66,9 @@ def imu_samples(drive: Drive, config: SimulatorConfig, rng: np.random.Generator)
 
 
 def _body_rates(drive: Drive, t: np.ndarray) -> np.ndarray:
-    """Mean angular velocity ``(K, 3)`` rad/s about the body's axes between consecutive times (the first is repeated)."""
+    """Mean angular velocity ``(K, 3)`` rad/s about the body's axes between consecutive times (the first is
+    repeated).
+    """
     yaw, pitch, roll = (np.interp(t, drive.t, angle) for angle in (turned(drive), drive.pitch, drive.roll))
     dt = np.diff(t)
     dyaw, dpitch, droll = (np.diff(angle) / dt for angle in (yaw, pitch, roll))
@@ -67,7 +81,7 @@ def _body_rates(drive: Drive, t: np.ndarray) -> np.ndarray:
 
 
 def _specific_force_g(drive: Drive, t: np.ndarray) -> np.ndarray:
-    """What an accelerometer at the body's origin feels, ``(K, 3)`` in g: motion and the push of the ground."""
+    """What an accelerometer at the body's origin feels, ``(K, 3)`` g: motion and the push of the ground."""
     position = np.column_stack([drive.poses[:, :2], drive.z])
     velocity = np.gradient(position, TIME_STEP, axis=0)
     acceleration = np.gradient(velocity, TIME_STEP, axis=0) / STANDARD_GRAVITY + [0.0, 0.0, 1.0]
@@ -96,6 +110,8 @@ def _shaking(count: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def _slow_noise(drive: Drive, rng: np.random.Generator) -> np.ndarray:
-    """A slowly changing number of about unit variance at every time of the drive: one draw per metre, interpolated."""
+    """A slowly changing number of about unit variance at every time of the drive: one draw per metre,
+    interpolated.
+    """
     knots = np.arange(int(drive.travelled[-1]) + 2)
     return np.interp(drive.travelled, knots, rng.standard_normal(len(knots)))

@@ -18,7 +18,9 @@ LANE = 0.3  # the robot keeps to the right of the corridor's middle (m)
 
 @dataclass(frozen=True, eq=False)
 class FloorPlan:
-    """``areas (R, 4)``: free rectangles (x0, y0, x1, y1) with a ``kinds`` entry each; ``waypoints (W, 2)`` of the drive."""
+    """``areas (R, 4)``: free rectangles (x0, y0, x1, y1) with a ``kinds`` entry each; ``waypoints (W, 2)`` of
+    the drive.
+    """
 
     areas: np.ndarray
     kinds: tuple[str, ...]
@@ -49,7 +51,9 @@ def make_plan(config: SimulatorConfig, rng: np.random.Generator, turn_at: float 
 
 
 def _arms(config: SimulatorConfig, rng: np.random.Generator, turn_at: float) -> FloorPlan:
-    """A cluttered room (west), two arms from one junction (north and east), a lobby and a hall at the north end."""
+    """A cluttered room (west), two arms from one junction (north and east), a lobby and a hall at the north
+    end.
+    """
     half = 0.5 * rng.uniform(1.85, 2.0)
     mirror, parked = rng.random() < 0.5, np.deg2rad(rng.choice([-1, 1]) * rng.uniform(2.0, 5.0))
     north, east = rng.uniform(14.5, 16.0), rng.uniform(18.5, 20.0)
@@ -80,7 +84,13 @@ def _arms(config: SimulatorConfig, rng: np.random.Generator, turn_at: float) -> 
     legs = [
         [ahead, (room_e - 0.7, door_y), (-half + 0.4, door_y)],
         _weave(rng, (LANE, 2.4), (LANE, north - 0.5)),
-        [(LANE, north + 0.9), (up, north + 1.7), (up, lobby_n + 0.6), (up, hall_n - 1.1), (down, hall_n - 1.1)],
+        [
+            (LANE, north + 0.9),
+            (up, north + 1.7),
+            (up, lobby_n + 0.6),
+            (up, hall_n - 1.1),
+            (down, hall_n - 1.1),
+        ],
         [(down, lobby_n - 0.2), (-LANE, north + 0.6)],
         _weave(rng, (-LANE, north - 1.0), (-LANE, 1.6)),
         [(0.2, -0.3)],
@@ -88,15 +98,16 @@ def _arms(config: SimulatorConfig, rng: np.random.Generator, turn_at: float) -> 
         [(turn - 1.2, 0.5), (turn, 0.5), (turn, -0.5), (turn - 1.2, -0.5)],
         _weave(rng, (turn - 3.5, LANE), (2.0, LANE)),
         [(0.0, door_y), (room_e - 0.6, door_y)],
-        start + [(2.0, -0.7), (0.4, -1.1), (-0.9, -0.9), (-1.1, 0.0), (-0.3, 0.3), (0.5, 0.35)],
+        start + np.array([(2.0, -0.7), (0.4, -1.1), (-0.9, -0.9), (-1.1, 0.0), (-0.3, 0.3), (0.5, 0.35)]),
     ]
     waypoints = np.vstack([[start], *(legs * config.laps)])
     slopes = ()
     if config.slopes:
         y, x = rng.uniform(5.0, 6.0), rng.uniform(5.0, 6.5)
+        sides = (-half - 0.85, half + 0.85)  # the alcoves beside a hump rise with it
         slopes = (
-            Slope("y", (-half, half), (y, y + 2.6, y + 4.4, y + 7.0), (0.0, 0.45, 0.45, 0.0)),
-            Slope("x", (-half, half), (x, x + 1.2, x + 3.2, x + 4.7), (0.0, 0.44, 0.44, 0.0)),
+            Slope("y", sides, (y, y + 2.6, y + 4.4, y + 7.0), (0.0, 0.45, 0.45, 0.0)),
+            Slope("x", sides, (x, x + 1.2, x + 3.2, x + 4.7), (0.0, 0.44, 0.44, 0.0)),
         )
     walks = (np.array([[0.0, 3.0], [0.0, north]]), np.array([[3.0, 0.0], [east - 0.6, 0.0]]))
     return _plan(areas, waypoints, slopes, walks, mirror)
@@ -134,7 +145,9 @@ def _ring(config: SimulatorConfig, rng: np.random.Generator) -> FloorPlan:
 def _corridor() -> FloorPlan:
     """Forty metres of nothing on either side of a 20 m drive: the ends are beyond the LiDAR's 30 m."""
     areas = {"corridor": [(-40.0, -1.0, 60.0, 1.0)]}
-    return _plan(areas, np.array([[0.0, 0.0], [10.0, 0.1], [20.0, 0.0]]), (), (np.array([[-5.0, 0.0], [25.0, 0.0]]),))
+    return _plan(
+        areas, np.array([[0.0, 0.0], [10.0, 0.1], [20.0, 0.0]]), (), (np.array([[-5.0, 0.0], [25.0, 0.0]]),)
+    )
 
 
 def _plan(areas: dict, waypoints, slopes, walks, mirror: bool = False) -> FloorPlan:
@@ -144,8 +157,12 @@ def _plan(areas: dict, waypoints, slopes, walks, mirror: bool = False) -> FloorP
     return plan.mirrored() if mirror else plan
 
 
-def _alcoves(rng: np.random.Generator, axis: str, wall: float, side: int, start: float, stop: float) -> list[tuple]:
-    """Door recesses along a wall at ``wall`` on the other axis; ``side`` is -1 or +1, the way they reach outwards."""
+def _alcoves(
+    rng: np.random.Generator, axis: str, wall: float, side: int, start: float, stop: float
+) -> list[tuple]:
+    """Door recesses along a wall at ``wall`` on the other axis; ``side`` is -1 or +1, the way they reach
+    outwards.
+    """
     found, at = [], start + rng.uniform(0.0, 1.5)
     while at + 1.1 < stop:
         width = rng.uniform(0.85, 1.1)
@@ -157,7 +174,9 @@ def _alcoves(rng: np.random.Generator, axis: str, wall: float, side: int, start:
 
 
 def _weave(rng: np.random.Generator, start, stop) -> np.ndarray:
-    """Waypoints ``(n, 2)`` from ``start`` to ``stop``, about 2.5 m apart, a little to the left and right of the line."""
+    """Waypoints ``(n, 2)`` from ``start`` to ``stop``, about 2.5 m apart, a little to the left and right of
+    the line.
+    """
     start, stop = np.asarray(start, dtype=float), np.asarray(stop, dtype=float)
     way = stop - start
     count = max(int(np.hypot(*way) / 2.5), 1) + 1
@@ -167,7 +186,9 @@ def _weave(rng: np.random.Generator, start, stop) -> np.ndarray:
 
 
 def outline(areas: np.ndarray) -> np.ndarray:
-    """Walls ``(W, 2, 2)`` around the union of rectangles ``(R, 4)``: segments from point to point, free side on the left."""
+    """Walls ``(W, 2, 2)`` around the union of rectangles ``(R, 4)``: segments from point to point, free side
+    on the left.
+    """
     xs = np.unique(areas[:, [0, 2]])
     ys = np.unique(areas[:, [1, 3]])
     mid_x, mid_y = 0.5 * (xs[1:] + xs[:-1]), 0.5 * (ys[1:] + ys[:-1])

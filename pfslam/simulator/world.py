@@ -1,4 +1,7 @@
-"""The building: walls, clutter, doors, people and ground. Geometry is kept in the plan frame p, along the walls."""
+"""The building: walls, clutter, doors, people and ground.
+
+Geometry is kept in the plan frame p, along the walls.
+"""
 
 from __future__ import annotations
 
@@ -34,10 +37,11 @@ class Person:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A building. ``pose_wp (3,)`` places the plan in the world; ``path (S, 2)`` is the way the robot will take.
+    """A building. ``pose_wp (3,)`` places the plan in the world; ``path (S, 2)`` is the way the robot will
+    take.
 
-    ``walls (W, 2, 2)`` are segments with the free side on their left; ``wall_kind (W,)`` indexes ``WALL_KINDS``;
-    ``closed (W, 2)`` is the time (from, to) during which a wall is there: doors come and go.
+    ``walls (W, 2, 2)`` are segments with the free side on their left; ``wall_kind (W,)`` indexes
+    ``WALL_KINDS``; ``closed (W, 2)`` is the time (from, to) during which a wall is there: doors come and go.
     """
 
     plan: FloorPlan
@@ -104,7 +108,9 @@ def make_world(config: SimulatorConfig, seed: np.random.SeedSequence) -> World:
     turn = 15.0
     plan = make_plan(config, np.random.default_rng(plan_seed), turn)
     path = make_path(plan.waypoints)
-    if config.layout == "arms":  # a turning point one metre farther makes the way two metres longer, every lap
+    if (
+        config.layout == "arms"
+    ):  # a turning point one metre farther makes the way two metres longer, every lap
         turn += 0.5 * (config.path_length - path_length(path) / config.laps)
         plan = make_plan(config, np.random.default_rng(plan_seed), turn)
         path = make_path(plan.waypoints)
@@ -140,7 +146,7 @@ def _place_clutter(plan: FloorPlan, path: np.ndarray, rng: np.random.Generator) 
         for _ in range(12 * wanted.get(kind, 0)):
             shape = _box(rng) if rng.random() < 0.75 else _pillar(rng)
             reach = np.hypot(*shape.T).max()
-            centre = rng.uniform(area[:2] + 0.3, area[2:] - 0.3)
+            centre = rng.uniform(area[:2] + reach, area[2:] - reach)
             off_path = np.hypot(*(path - centre).T).min() > reach + CLEARANCE
             apart = all(np.hypot(*(centre - other)) > reach + size + 0.1 for other, size in placed)
             if off_path and apart and _count_in(placed, area) < wanted[kind]:
