@@ -120,6 +120,8 @@ def _parabola_peak(J: np.ndarray, choice: np.ndarray, window: Window) -> np.ndar
     strides = np.array([window.shape[1] * window.shape[2], window.shape[2], 1])
     peak = np.zeros((len(choice), 3))
     for axis, (stride, size) in enumerate(zip(strides, window.shape, strict=True)):
+        if size < 3:
+            continue
         inner = (index[axis] > 0) & (index[axis] < size - 1)
         at = np.where(inner, choice, stride)  # any place with two neighbours; not used
         before, here, after = J[rows, at - stride], J[rows, at], J[rows, at + stride]

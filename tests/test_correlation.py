@@ -1,0 +1,188 @@
+"""The fast search gives the integers of the definition, everywhere and for every cloud."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pfslam import correlation
+from pfslam.correlation import (
+    MAX_FIELD_VALUE,
+    Lattice,
+    Window,
+    cheapest_boxes,
+    map_correlation,
+    score_field,
+    search,
+    updated_field,
+)
+from pfslam.grid import GridSpec
+from pfslam.poses import transform_points
+
+SPEC = GridSpec((-1.0, -2.0), 0.5, (8, 6))
+
+
+def test_definition_counts_points_on_occupied_cells():
+    occupied = np.zeros((8, 6), dtype=bool)
+    occupied[3, 1] = occupied[7, 5] = True  # x in [-0.5, 0), y in [-0.5, 0); and the last cell, to (2, 2)
+    points = [[-0.5, -0.5], [-0.01, -0.01], [0.0, -0.25], [-0.25, 0.0], [1.9, 1.9], [-0.4, -0.4]]
+    score = map_correlation(occupied, SPEC, np.array(points))
+    assert score == 4  # two points of one cell count twice
+    assert isinstance(score, int)
+
+
+def test_points_outside_the_grid_score_nothing():
+    outside = np.array([[-1.01, 0.0], [2.0, 0.0], [0.0, -2.01], [0.0, 2.0], [-700.0, 900.0]])
+    assert map_correlation(np.ones((8, 6), dtype=bool), SPEC, outside) == 0
+    assert map_correlation(np.ones((8, 6), dtype=bool), SPEC, np.zeros((0, 2))) == 0
+
+
+def by_definition(occupied, spec, points_b, node, lattice, window):
+    """Scores of the window around a node, one pose after another through the definition."""
+    poses = lattice.pose(node + window.steps())
+    return [map_correlation(occupied, spec, transform_points(pose, points_b)) for pose in poses]
+
+
+def assert_search_is_the_definition(occupied, spec, points_b, poses, lattice, window):
+    field, seen = occupied.astype(np.float32), []
+    for found in search(field, spec, points_b, poses, lattice, window):
+        for scores, node in zip(found.scores, found.nodes, strict=True):
+            np.testing.assert_array_equal(scores, by_definition(occupied, spec, points_b, node, lattice, window))
+        np.testing.assert_array_equal(found.nodes[found.node_of], np.rint(poses[found.members] / lattice.steps))
+        seen.extend(found.members)
+    assert sorted(seen) == list(range(len(poses)))
+
+
+def random_case(seed, beams=25, cells=(30, 40), share=0.3, resolution=0.05):
+    rng = np.random.default_rng(seed)
+    occupied = rng.random(cells) < share
+    # Off the lattice, so that no end point lies on the border of a cell, where round-off would decide.
+    origin = -0.5 * resolution * np.array(cells[::-1]) + rng.uniform(0.1, 0.9, 2) * resolution
+    return rng, occupied, GridSpec(tuple(origin), resolution, cells), rng.uniform(-1.0, 1.0, (beams, 2))
+
+
+LATTICE, WINDOW = Lattice(0.05, 0.01), Window(2, 2)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_search_equals_the_definition_on_random_maps_and_clouds(seed):
+    rng, occupied, spec, points = random_case(seed)
+    poses = rng.normal(0.0, [0.1, 0.1, 0.03], (12, 3))
+    assert_search_is_the_definition(occupied, spec, points, poses, LATTICE, WINDOW)
+
+
+@pytest.mark.parametrize("yaw_step", [0.01, 0.005, 0.0073])
+def test_search_equals_the_definition_for_headings_on_both_sides_of_pi(yaw_step):
+    rng, occupied, spec, points = random_case(7)
+    poses = rng.normal(0.0, [0.05, 0.05, 0.02], (10, 3))
+    poses[:, 2] = np.pi - np.abs(poses[:, 2])
+    poses[::2, 2] *= -1
+    assert_search_is_the_definition(occupied, spec, points, poses, Lattice(0.05, yaw_step), WINDOW)
+
+
+@pytest.mark.parametrize("offset", [(1.0, 0.0), (0.0, -0.9), (-1.7, 1.2), (50.0, -80.0)])
+def test_search_equals_the_definition_at_and_beyond_the_edge_of_the_map(offset):
+    rng, occupied, spec, points = random_case(8)
+    poses = rng.normal(0.0, [0.1, 0.1, 0.02], (6, 3)) + [*offset, 1.0]
+    assert_search_is_the_definition(occupied, spec, points, poses, LATTICE, WINDOW)
+
+
+def test_search_with_one_beam_one_particle_and_the_smallest_window():
+    rng, occupied, spec, points = random_case(9, beams=1)
+    assert_search_is_the_definition(occupied, spec, points, rng.normal(0, 0.1, (5, 3)), LATTICE, WINDOW)
+    assert_search_is_the_definition(occupied, spec, points, np.zeros((1, 3)), LATTICE, Window(0, 0))
+
+
+def test_search_with_unequal_window_and_cells_counted_twice():
+    rng, occupied, spec, points = random_case(10)
+    doubled = np.concatenate([points, points[:10]])
+    assert_search_is_the_definition(occupied, spec, doubled, rng.normal(0, 0.1, (5, 3)), LATTICE, Window(3, 1))
+
+
+def test_wide_cloud_is_cut_into_boxes_with_the_same_scores():
+    rng, occupied, spec, points = random_case(11, cells=(120, 140))
+    centres = np.array([[-2.0, -2.0, -3.0], [2.0, 2.0, 0.0], [2.5, -2.0, 1.5]])
+    poses = np.repeat(centres, 4, axis=0) + rng.normal(0, 0.02, (12, 3))
+    boxes = list(search(occupied.astype(np.float32), spec, points, poses, LATTICE, WINDOW))
+    assert len(boxes) > 1  # one volume over all three groups would hold 300 headings
+    assert_search_is_the_definition(occupied, spec, points, poses, LATTICE, WINDOW)
+
+
+def test_boxes_are_cut_where_memory_runs_out(monkeypatch):
+    rng, occupied, spec, points = random_case(12)
+    monkeypatch.setattr(correlation, "MAX_SCORES", 2 * 5**3)
+    assert_search_is_the_definition(occupied, spec, points, rng.normal(0, 0.05, (12, 3)), LATTICE, WINDOW)
+
+
+def test_wide_cloud_over_a_distance_field_scores_whole_numbers():
+    rng, occupied, spec, points = random_case(13)
+    field, poses = score_field(occupied, "distance"), rng.normal(0, [0.3, 0.3, 0.5], (8, 3))
+    for found in search(field, spec, points, poses, LATTICE, WINDOW):
+        for scores, node in zip(found.scores, found.nodes, strict=True):
+            for score, pose in zip(scores, LATTICE.pose(node + WINDOW.steps()), strict=True):
+                cells = spec.world_to_cell(transform_points(pose, points))
+                ix, iy = cells[spec.contains(cells)].T
+                assert score == field[iy, ix].astype(int).sum()
+
+
+@given(st.lists(st.tuples(*[st.integers(-300, 300)] * 3), min_size=1, max_size=40, unique=True), st.integers(1, 2000))
+@settings(max_examples=50)
+def test_boxes_part_the_nodes(nodes, beams):
+    parts = cheapest_boxes(np.array(nodes), np.array([4, 4, 4]), beams)
+    assert sorted(np.concatenate(parts)) == list(range(len(nodes)))
+
+
+def test_window_steps_run_through_headings_rows_columns():
+    steps = WINDOW.steps()
+    assert steps.shape == (125, 3)
+    np.testing.assert_array_equal(steps[0], [-2, -2, -2])
+    np.testing.assert_array_equal(steps[1] - steps[0], [1, 0, 0])
+    np.testing.assert_array_equal(steps[5] - steps[0], [0, 1, 0])
+    np.testing.assert_array_equal(steps[25] - steps[0], [0, 0, 1])
+    np.testing.assert_array_equal(steps[WINDOW.centre], [0, 0, 0])
+
+
+def test_report_window_has_729_poses():
+    assert len(Window(4, 4).steps()) == 729
+
+
+def test_nearest_lattice_node():
+    np.testing.assert_array_equal(LATTICE.nearest([[0.074, -0.076, 0.0149], [0.0, 0.024, -0.0051]]), [[1, -2, 1], [0, 0, -1]])
+
+
+def field_by_brute_force(occupied):
+    """1000 exp(-d^2 / 2) of the distance in cells to the nearest occupied cell, up to four cells."""
+    field, there = np.zeros(occupied.shape), np.argwhere(occupied)
+    for iy, ix in np.ndindex(occupied.shape):
+        squared = ((there - [iy, ix]) ** 2).sum(axis=1).min(initial=10_000)
+        field[iy, ix] = np.round(1000 * np.exp(-0.5 * squared)) if squared <= 16 else 0
+    return field
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.1, 0.5, 1.0])
+def test_distance_field_is_that_of_the_nearest_occupied_cell(share):
+    occupied = np.random.default_rng(0).random((25, 35)) < share
+    np.testing.assert_array_equal(score_field(occupied, "distance"), field_by_brute_force(occupied))
+    np.testing.assert_array_equal(score_field(occupied, "occupied"), occupied)
+
+
+@given(st.integers(0, 10_000), st.sampled_from(["occupied", "distance"]))
+def test_field_updated_around_a_change_is_the_field_computed_anew(seed, kind):
+    rng = np.random.default_rng(seed)
+    before = rng.random((30, 40)) < 0.02
+    (y0, y1), (x0, x1) = np.sort(rng.integers(0, 31, 2)), np.sort(rng.integers(0, 41, 2))
+    after = before.copy()
+    after[y0:y1, x0:x1] = rng.random((y1 - y0, x1 - x0)) < 0.1
+    field = score_field(before, kind)
+    kept = field.copy()
+    found = updated_field(field, after, np.s_[int(y0) : int(y1), int(x0) : int(x1)], kind)
+    np.testing.assert_array_equal(found, score_field(after, kind))
+    np.testing.assert_array_equal(field, kept)
+
+
+def test_sums_of_the_longest_scan_stay_exact_in_float32():
+    # The largest sum that a scan of 16777 beams can reach is still a float32 whole number with a neighbour one away.
+    beams = 16_777
+    full = np.full((1, 1), MAX_FIELD_VALUE, dtype=np.float32)
+    boxes = search(full, GridSpec((-0.5, -0.5), 1.0, (1, 1)), np.zeros((beams, 2)), np.zeros((1, 3)), Lattice(1.0, 0.1), Window(0, 0))
+    assert int(next(iter(boxes)).scores[0, 0]) == beams * MAX_FIELD_VALUE < 2**24
