@@ -14,7 +14,7 @@ KEPT_LANGUAGE = ("name", "pygments_lexer", "file_extension", "mimetype")
 
 
 def strip_notebook(notebook: dict) -> dict:
-    """Return the notebook without pictures, markup, widget state and tool metadata, its cells counted from 1."""
+    """Return the notebook without pictures, widget state and tool metadata, its cells counted from 1."""
     metadata = {k: v for k, v in notebook.get("metadata", {}).items() if k in KEPT_METADATA}
     if "language_info" in metadata:
         language = metadata["language_info"]
