@@ -1,0 +1,221 @@
+"""Errors by hand, against evo, and the cost of Eq. 2 against its definition."""
+
+import numpy as np
+import pytest
+from evo.core import metrics as evo_metrics
+from evo.core.trajectory import PoseTrajectory3D
+from rooms import LIDAR, ROOM, SQUARE, box, drive, scan, sensor_position
+
+from pfslam.errors import DataError
+from pfslam.grid import GridSpec, OccupancyGrid
+from pfslam.metrics import map_agreement, predicted_ranges, relations_error, relative_error, slam_cost, trajectory_error
+from pfslam.motion import dead_reckoning
+from pfslam.poses import Trajectory, compose, wrap_angle
+
+T = np.linspace(10.0, 20.0, 60)
+
+
+def wandering(seed, scale=1.0):
+    rng = np.random.default_rng(seed)
+    return Trajectory(T, np.cumsum(scale * rng.normal(0, [0.1, 0.1, 0.2], (60, 3)), axis=0) + [3.0, -2.0, 1.0])
+
+
+TRUTH = wandering(0)
+ESTIMATE = Trajectory(T, TRUTH.poses + 0.3 * (wandering(1).poses - wandering(1).poses[0]) + [1.0, 2.0, 0.5])
+
+
+def evo_trajectory(trajectory):
+    half = 0.5 * trajectory.poses[:, 2]
+    xyz = np.column_stack([trajectory.poses[:, :2], np.zeros(len(half))])
+    return PoseTrajectory3D(xyz, np.column_stack([np.cos(half), 0 * half, 0 * half, np.sin(half)]), trajectory.t)
+
+
+def test_constant_offset_is_no_error_after_alignment_at_the_first_pose():
+    moved = Trajectory(T, compose([5.0, -3.0, 2.0], TRUTH.poses))
+    error = trajectory_error(moved, TRUTH)
+    # Round-off of coordinates below 10 m.
+    assert max(error.ate_rmse_m, error.ate_max_m, error.heading_rmse_deg) < 1e-12
+    assert error.poses == 60
+
+
+def test_trajectory_error_by_hand():
+    truth = Trajectory([0.0, 1.0, 2.0], [[0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    estimate = Trajectory([0.0, 1.0, 2.0], [[7, 7, np.pi / 2], [7, 8, np.pi / 2], [4, 9, np.pi / 2 + np.deg2rad(6)]])
+    error = trajectory_error(estimate, truth)  # aligned: (0, 0), (1, 0), (2, 3), heading 6 degrees at the end
+    assert error.ate_rmse_m == pytest.approx(np.sqrt(3))
+    assert error.ate_max_m == pytest.approx(3)
+    assert error.heading_rmse_deg == pytest.approx(6 / np.sqrt(3))
+
+
+def test_heading_error_goes_the_short_way_round():
+    truth = Trajectory([0.0, 1.0], [[0, 0, 0], [0, 0, 3.1]])
+    estimate = Trajectory([0.0, 1.0], [[0, 0, 0], [0, 0, -3.1]])
+    assert trajectory_error(estimate, truth).heading_rmse_deg == pytest.approx(np.rad2deg((2 * np.pi - 6.2) / np.sqrt(2)))
+
+
+def test_only_times_that_the_truth_covers_are_compared():
+    truth = Trajectory(T[5:50], TRUTH.poses[5:50])
+    inside = Trajectory(T[5:50], ESTIMATE.poses[5:50])
+    assert trajectory_error(ESTIMATE, truth) == trajectory_error(inside, truth)
+    with pytest.raises(DataError):
+        trajectory_error(Trajectory(T + 100.0, ESTIMATE.poses), TRUTH)
+
+
+def test_absolute_error_agrees_with_evo():
+    reference, estimate = evo_trajectory(TRUTH), evo_trajectory(ESTIMATE)
+    estimate.align_origin(reference)
+    metric = evo_metrics.APE(evo_metrics.PoseRelation.translation_part)
+    metric.process_data((reference, estimate))
+    ours = trajectory_error(ESTIMATE, TRUTH)
+    assert ours.ate_rmse_m == pytest.approx(metric.get_statistic(evo_metrics.StatisticsType.rmse))
+    assert ours.ate_max_m == pytest.approx(metric.get_statistic(evo_metrics.StatisticsType.max))
+    metric = evo_metrics.APE(evo_metrics.PoseRelation.rotation_angle_deg)
+    metric.process_data((reference, estimate))
+    assert ours.heading_rmse_deg == pytest.approx(metric.get_statistic(evo_metrics.StatisticsType.rmse))
+
+
+@pytest.mark.parametrize("delta", [1, 7])
+def test_relative_error_agrees_with_evo(delta):
+    ours = relative_error(ESTIMATE, TRUTH, delta)
+    for value, relation in (
+        (ours.rmse_m, evo_metrics.PoseRelation.translation_part),
+        (ours.rmse_deg, evo_metrics.PoseRelation.rotation_angle_deg),
+    ):
+        metric = evo_metrics.RPE(relation, delta=delta, delta_unit=evo_metrics.Unit.frames, all_pairs=True)
+        metric.process_data((evo_trajectory(TRUTH), evo_trajectory(ESTIMATE)))
+        assert value == pytest.approx(metric.get_statistic(evo_metrics.StatisticsType.rmse))
+        assert ours.pairs == len(metric.error)
+
+
+def test_relative_error_by_hand():
+    # Truth advances one metre a pose; the estimate 1.1 m in its own heading, whatever that is.
+    truth = Trajectory(np.arange(4.0), [[k, 0, 0] for k in range(4)])
+    estimate = Trajectory(np.arange(4.0), [[5, 1.1 * k, np.pi / 2] for k in range(4)])
+    assert relative_error(estimate, truth).rmse_m == pytest.approx(0.1)
+    assert relative_error(estimate, truth, delta=3).rmse_m == pytest.approx(0.3)
+    for delta in (0, 4):
+        with pytest.raises(DataError, match="delta"):
+            relative_error(estimate, truth, delta)
+
+
+def test_relations_error_by_hand():
+    # From (1, 0) facing +y to (1, 2) facing -x is two ahead and a quarter turn left.
+    estimate = Trajectory([0.0, 1.0], [[1, 0, np.pi / 2], [1, 2, np.pi]])
+    metres, radians = relations_error(estimate, [0.0, 0.0], [1.0, 1.0], np.array([[2.0, 0, np.pi / 2], [2.3, 0.4, np.pi / 2 - 0.2]]))
+    np.testing.assert_allclose(metres, [0.0, 0.5], atol=1e-15)
+    np.testing.assert_allclose(radians, [0.0, 0.2], atol=1e-15)
+
+
+def test_map_agreement_by_hand():
+    grid = OccupancyGrid(GridSpec((0, 0), 1.0, (2, 4)), np.array([[1, 1, -1, -1], [0, 1, -1, -1]], np.float32))
+    occupied = np.array([[1, 0, 0, 0], [1, 1, 0, 0]], bool)
+    free = np.array([[0, 1, 1, 1], [0, 0, 0, 0]], bool)
+    found = map_agreement(grid, occupied, free)  # the last two of the second row are labelled by neither
+    assert found.occupied_iou == pytest.approx(2 / 4)
+    assert found.free_iou == pytest.approx(2 / 3)
+    assert found.known == pytest.approx(5 / 6)
+    assert map_agreement(grid, grid.occupied, grid.free).occupied_iou == 1.0
+    assert np.isnan(map_agreement(OccupancyGrid.empty(grid.spec), np.zeros((2, 4), bool), free).occupied_iou)
+    with pytest.raises(DataError, match="true_free"):
+        map_agreement(grid, occupied, free[:1])
+
+
+def rasterised(walls, resolution=0.05):
+    """Every cell that a wall passes through: walls sampled a hundred times a cell."""
+    spec = GridSpec.around(walls.reshape(-1, 2), resolution)
+    grid = OccupancyGrid.empty(spec)
+    for ax, ay, bx, by in walls:
+        s = np.linspace(0, 1, int(100 * np.hypot(bx - ax, by - ay) / resolution) + 2)[:, None]
+        ix, iy = spec.world_to_cell(np.array([ax, ay]) + s * [bx - ax, by - ay]).T
+        grid.log_odds[iy, ix] = 1.0
+    return grid
+
+
+GRID = rasterised(ROOM)
+
+
+def first_occupied(grid, origin, angle, farthest, step):
+    """One beam walked in a loop."""
+    r = LIDAR.range_min
+    while r < farthest:
+        ix, iy = np.floor((origin + r * np.array([np.cos(angle), np.sin(angle)]) - grid.spec.origin) / grid.spec.resolution).astype(int)
+        if 0 <= ix < grid.spec.shape[1] and 0 <= iy < grid.spec.shape[0] and grid.log_odds[iy, ix] > 0:
+            return r
+        r += step
+    return farthest
+
+
+@pytest.mark.parametrize("pose", [(0.3, 0.2, 0.5), (3.4, 1.9, -3.0), (-9.0, 0.0, 0.1)])
+def test_predicted_ranges_are_those_of_beams_walked_one_by_one(pose):
+    # Off the room too: a beam may enter the grid from outside. Sums of steps differ from products in the last bits.
+    found = predicted_ranges(GRID, np.array(pose), LIDAR, step=0.02)
+    origin = sensor_position(pose)
+    expected = [first_occupied(GRID, origin, pose[2] + a, LIDAR.range_max, 0.02) for a in LIDAR.angles[::10]]
+    agree = np.abs(found[::10] - expected) < 1e-9
+    assert agree.sum() >= len(agree) - 1
+    np.testing.assert_allclose(found[::10], expected, atol=0.02 + 1e-9)
+
+
+@pytest.mark.parametrize("pose", [(0.3, 0.2, 0.5), (-1.5, -1.0, 2.0)])
+def test_predicted_ranges_stop_at_the_wall_no_later_than_a_step_behind_it(pose):
+    # The cell of a wall begins at most a diagonal before the wall, and at a grazing angle earlier; where the beam meets
+    # the wall it is inside the cell, so it cannot have gone on for more than one step, unless it clips the corner of a
+    # pillar by less than a step: there are twelve corners.
+    z, h = scan(ROOM, pose), predicted_ranges(GRID, np.array(pose), LIDAR, step=0.001)
+    assert np.count_nonzero(h > z + 0.001 + 1e-9) <= 12
+    assert np.median(z - h) < 0.05 * np.sqrt(2)
+
+
+def test_predicted_range_is_range_max_where_nothing_stands_in_the_way():
+    empty = OccupancyGrid.empty(GridSpec((-1, -1), 0.05, (40, 40)))
+    np.testing.assert_array_equal(predicted_ranges(empty, np.zeros(3), LIDAR), np.full(361, LIDAR.range_max))
+    np.testing.assert_array_equal(predicted_ranges(GRID, np.array([100.0, 0, 0]), LIDAR, 0.05), LIDAR.range_max)
+
+
+def test_cost_of_the_odometrys_own_trajectory_is_all_observation():
+    recording = drive(SQUARE[:2])
+    own = Trajectory(recording.lidar.t, dead_reckoning(recording).at(recording.lidar.t))
+    cost = slam_cost(own, GRID, recording)
+    assert cost.motion == pytest.approx(0.0, abs=1e-20)
+    z, h = recording.lidar.ranges, [predicted_ranges(GRID, pose, LIDAR) for pose in own.poses]
+    assert cost.observation == pytest.approx(np.sum((z - h) ** 2))
+    assert cost.total == cost.observation + cost.motion
+    assert (cost.scans, cost.beams) == (41, 41 * 361)
+
+
+def test_motion_cost_by_hand():
+    # The odometry says: straight on by 0.24 m, twice. The trajectory goes 0.3 m and turns by 0.1, then does as told.
+    recording = drive([(1.0, 12, 0.0)])
+    t = recording.lidar.t[[0, 5, 10]]
+    second = np.array([0.3, 0.0, 0.1])
+    bent = Trajectory(t, [[0, 0, 0], second, compose(second, [0.24, 0, 0])])
+    assert slam_cost(bent, GRID, recording).motion == pytest.approx(0.06**2 + 0.1**2)
+
+
+def test_motion_cost_takes_headings_on_the_circle():
+    recording = drive(SQUARE)
+    t, poses = recording.lidar.t, dead_reckoning(recording).at(recording.lidar.t)
+    assert (np.abs(np.diff(poses[:, 2])) > 6).any() or np.abs(wrap_angle(poses[-1, 2])) > 3.1
+    turned = Trajectory(t, compose([0.0, 0.0, np.pi / 2 + 0.01], poses))
+    assert (np.abs(np.diff(turned.poses[:, 2])) > 6).any()
+    assert slam_cost(turned, GRID, recording).motion == pytest.approx(0.0, abs=1e-18)
+
+
+def test_beams_without_a_reading_cost_nothing():
+    walls = box(-2.03, -1.52, 4.01, 2.48)[1:]  # the lower wall is missing: beams through it have no reading
+    recording = drive([(0.2, 0, 0.0)], walls)
+    cost = slam_cost(Trajectory([0.0, 0.1], np.zeros((2, 3))), rasterised(walls), recording)
+    assert cost.beams == 2 * np.count_nonzero(recording.lidar.ranges[0] <= 30.0) < 2 * 361
+
+
+def test_truth_costs_less_than_a_displaced_trajectory():
+    recording = drive(SQUARE[:2])
+    truth = Trajectory(recording.lidar.t, recording.truth.at(recording.lidar.t))
+    displaced = Trajectory(truth.t, compose([0.3, 0.1, 0.05], truth.poses))
+    assert slam_cost(truth, GRID, recording).observation < slam_cost(displaced, GRID, recording).observation
+
+
+def test_poses_at_no_scans_time_are_refused():
+    recording = drive([(0.2, 0, 0.0)])
+    with pytest.raises(DataError, match="lidar time_stamps"):
+        slam_cost(Trajectory([0.05, 0.15], np.zeros((2, 3))), GRID, recording)
