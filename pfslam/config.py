@@ -64,6 +64,8 @@ class PolishConfig:
 
     iterations: int = 6
     min_hits: int = 3
+    reach: int = 1
+    """A beam sees the hits up to so many cells away: 1 gives 3 x 3 cells, 2 gives 5 x 5."""
     elongation: float = 2.0
     """A cell's neighbourhood counts as a line if its long variance exceeds so many short ones (plus a floor)."""
     floor: float = 0.02
@@ -144,8 +146,8 @@ class SlamConfig:
             polish=PolishConfig(),
             estimate="mean",
             resample_below=0.5,
-            draw_metres=0.1,
-            draw_radians=0.05,
+            draw_metres=0.05,
+            draw_radians=0.025,
         )
 
     def as_dict(self) -> dict:

@@ -9,6 +9,7 @@ fitted to these lines by least squares.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -46,36 +47,54 @@ class HitMoments:
         np.add.at(sums, (cells[:, 1], cells[:, 0]), np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y]))
         return HitMoments(self.spec, sums)
 
-    def around(self, cells: np.ndarray) -> np.ndarray:
-        """Moments ``(M, 6)`` of the 3 x 3 cells around ``cells (M, 2)``, relative to the middle cell's centre.
+    def around(self, cells: np.ndarray, reach: int) -> np.ndarray:
+        """Moments ``(M, 6)`` of the cells up to ``reach`` away from ``cells (M, 2)``, relative to the middle cell's centre.
 
-        Cells at or beyond the border have none.
+        Cells nearer than that to the border have none.
         """
         height, width = self.spec.shape
-        inside = ((cells >= 1) & (cells < [width - 1, height - 1])).all(axis=1)
+        inside = ((cells >= reach) & (cells < [width - reach, height - reach])).all(axis=1)
         total = np.zeros((len(cells), 6))
+        dx, dy, moved = _neighbourhood(reach)
         ix, iy = cells[inside].T
-        for dy in (-1, 0, 1):
-            for dx in (-1, 0, 1):
-                n, x, y, xx, xy, yy = self.sums[iy + dy, ix + dx].astype(float).T
-                shifted = (n, x + n * dx, y + n * dy, xx + 2 * dx * x + n * dx * dx)
-                total[inside] += np.column_stack([*shifted, xy + dx * y + dy * x + n * dx * dy, yy + 2 * dy * y + n * dy * dy])
+        blocks = self.sums[iy[:, None] + dy, ix[:, None] + dx]
+        total[inside] = blocks.reshape(len(ix), len(moved)) @ moved
         return total
+
+
+@lru_cache(maxsize=4)
+def _neighbourhood(reach: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Offsets of the neighbours, and the matrix that sums their moments about the middle cell's centre."""
+    dy, dx = (d.ravel() - reach for d in np.indices((2 * reach + 1, 2 * reach + 1)))
+    return dx, dy, np.vstack([_moved(x, y) for x, y in zip(dx, dy, strict=True)])
+
+
+def _moved(dx: int, dy: int) -> np.ndarray:
+    """The matrix ``(6, 6)`` that takes moments (row vectors) about a cell (dx, dy) away to the middle cell's centre."""
+    moved = np.eye(6)
+    moved[0] = [1, dx, dy, dx * dx, dx * dy, dy * dy]
+    moved[1, 3:5] = 2 * dx, dy
+    moved[2, 4:6] = dx, 2 * dy
+    return moved
 
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """For each end point: whether there is a line near it, its centre ``(M, 2)`` (m) and unit normal ``(M, 2)``."""
+    """For each end point: whether there is a line near it, its centre ``(M, 2)`` (m) and unit normal ``(M, 2)``.
+
+    ``trust (M,)`` from 0 to 1 says how straight the piece of wall is, compared with the others that this scan sees.
+    """
 
     found: np.ndarray
     centre: np.ndarray
     normal: np.ndarray
+    trust: np.ndarray
 
 
 def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig) -> Lines:
     """The piece of wall near each of the points ``(M, 2)``: principal axes of the hits in the 3 x 3 cells around it."""
     cells = moments.spec.world_to_cell(points_w)
-    n, x, y, xx, xy, yy = moments.around(cells).T
+    n, x, y, xx, xy, yy = moments.around(cells, config.reach).T
     enough = n >= config.min_hits
     n = np.where(enough, n, 1.0)
     mean = np.column_stack([x, y]) / n[:, None]
@@ -83,9 +102,14 @@ def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig
     # Eigenvalues of a symmetric 2 x 2 matrix: half trace plus and minus a radius; the long axis lies at `angle`.
     half_trace, radius = 0.5 * (cxx + cyy), np.hypot(0.5 * (cxx - cyy), cxy)
     angle = 0.5 * np.arctan2(2.0 * cxy, cxx - cyy)
-    elongated = half_trace + radius > config.elongation * (half_trace - radius + config.floor)
+    elongation = (half_trace + radius) / (np.maximum(half_trace - radius, 0.0) + config.floor)
+    found = enough & (elongation > config.elongation)
+    # Rough or half-seen pieces show other faces as the robot moves on, and pull the pose along: trust straight ones.
+    # What counts as straight depends on the LiDAR's noise, so the scan's own median sets the scale.
+    typical = np.median(elongation[found]) if found.any() else 1.0
+    trust = (elongation / (elongation + typical)) ** 2
     centre = moments.spec.cell_to_world(cells) + mean * moments.spec.resolution
-    return Lines(enough & elongated, centre, np.column_stack([-np.sin(angle), np.cos(angle)]))
+    return Lines(found, centre, np.column_stack([-np.sin(angle), np.cos(angle)]), trust)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +139,7 @@ def polish(
             return Polished(pose, beams, None)
         arm, normal = arm[lines.found], lines.normal[lines.found]
         residual = np.sum(normal * (arm + pose[:2] - lines.centre[lines.found]), axis=1)
-        weight = np.exp(-0.5 * (residual / config.rho) ** 2)
+        weight = lines.trust[lines.found] * np.exp(-0.5 * (residual / config.rho) ** 2)
         jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
         H = jacobian.T @ (weight[:, None] * jacobian)
         step = -np.linalg.solve(H + 1e-3 * np.diag(np.diag(H)) + 1e-9 * np.eye(3), jacobian.T @ (weight * residual))
