@@ -1,0 +1,395 @@
+"""The loop: pure steps, repeatable runs, what is dropped is counted, and a noiseless room is mapped."""
+
+import hashlib
+import os
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rooms import CURVES, ROOM, SQUARE, drive, sensor_position
+
+from pfslam.config import ControlNoise, MotionNoise, SearchConfig, SlamConfig
+from pfslam.correlation import map_correlation, score_field
+from pfslam.errors import DataError
+from pfslam.grid import LOG_4
+from pfslam.metrics import trajectory_error
+from pfslam.motion import dead_reckoning
+from pfslam.particles import effective_sample_size
+from pfslam.poses import Trajectory, average_pose, between, compose, transform_points, wrap_angle
+from pfslam.recording import LidarScans, Recording
+from pfslam.sensors import ImuModel
+from pfslam.slam import run_slam, scan_events, slam_step, slam_steps, start
+
+REPORT, REFINED = SlamConfig.report(), SlamConfig.refined()
+PRESETS = pytest.mark.parametrize("config", [replace(REPORT, particles=20), replace(REFINED, particles=20)], ids=["report", "refined"])
+DRIVE = drive(CURVES)
+SHORT = drive([(1.0, 10, 0.4)])
+
+
+# The report's numbers --------------------------------------------------------------------------------------------
+
+
+def test_report_preset_is_the_report():
+    assert REPORT.noise == ControlNoise(np.sqrt(0.1), np.sqrt(0.02))
+    assert SlamConfig.report(sigma_omega=np.sqrt(0.05)).noise.sigma_omega == np.sqrt(0.05)
+    assert (REPORT.map.hit, REPORT.map.free, REPORT.map.clamp) == (LOG_4, LOG_4, 2 * LOG_4)
+    assert REPORT.resample_below == 0.1
+    assert REPORT.estimate == "best"
+    assert (REPORT.search.field, REPORT.search.weight, REPORT.search.prior) == ("occupied", "count", False)
+    # 0.2 m by 0.05 m and 0.02 rad by 0.005 rad each way: 729 poses.
+    assert (REPORT.map.resolution, REPORT.search.yaw_step) == (0.05, 0.005)
+    assert REPORT.search.cells == REPORT.search.yaws == (4, 4)
+    assert REPORT.polish is None
+    assert REPORT.particles == 200
+    assert SlamConfig() != SlamConfig.refined() != REPORT
+
+
+@pytest.mark.parametrize(
+    ("change", "names"),
+    [
+        ({"particles": 0}, "particles"),
+        ({"every": 0}, "every"),
+        ({"estimate": "median"}, "estimate"),
+        ({"resampler": "none"}, "resampler"),
+        ({"resample_below": 1.5}, "resample_below"),
+        ({"search": SearchConfig(field="blur")}, "field"),
+        ({"search": SearchConfig(weight="log")}, "weight"),
+    ],
+)
+def test_impossible_settings_are_refused_by_name(change, names):
+    with pytest.raises(DataError, match=names):
+        replace(REPORT, **change)
+
+
+# One step --------------------------------------------------------------------------------------------------------
+
+
+def arrays_of(thing, path=""):
+    """Every array inside nested dataclasses, by name."""
+    if isinstance(thing, np.ndarray):
+        yield path, thing
+    elif is_dataclass(thing):
+        for f in fields(thing):
+            yield from arrays_of(getattr(thing, f.name), f"{path}.{f.name}")
+
+
+def state_after(recording, config, steps, seed=0):
+    run = slam_steps(recording, config, np.random.default_rng(seed))
+    for _ in range(steps):
+        state, info = next(run)
+    return state, info
+
+
+@PRESETS
+def test_step_changes_nothing_but_what_it_returns(config):
+    state, _ = state_after(DRIVE, config, 8)
+    event = [e for e, _ in zip(scan_events(DRIVE, config)[0], range(9), strict=False)][-1]
+    before = {name: array.copy() for name, array in [*arrays_of(state), *arrays_of(event)]}
+    for _, array in [*arrays_of(state), *arrays_of(event)]:
+        array.flags.writeable = False
+    first, _ = slam_step(state, event, config, np.random.default_rng(5))
+    again, _ = slam_step(state, event, config, np.random.default_rng(5))
+    assert len(before) > 8
+    for name, array in [*arrays_of(state), *arrays_of(event)]:
+        np.testing.assert_array_equal(array, before[name], err_msg=name)
+    for (name, a), (_, b) in zip(arrays_of(first), arrays_of(again), strict=True):
+        np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+@PRESETS
+def test_steps_are_the_run(config):
+    whole = run_slam(SHORT, config, rng=np.random.default_rng(3))
+    steps = list(slam_steps(SHORT, config, np.random.default_rng(3)))
+    np.testing.assert_array_equal(whole.trajectory.poses, [info.estimate for _, info in steps])
+    np.testing.assert_array_equal(whole.grid.log_odds, steps[-1][0].grid.log_odds)
+
+
+def test_first_scan_is_drawn_at_the_start_pose_and_moved_by_no_prediction():
+    state, info = state_after(DRIVE, REFINED, 1)
+    np.testing.assert_array_equal(info.estimate, [0, 0, 0])
+    np.testing.assert_array_equal(state.particles.poses, np.zeros((REFINED.particles, 3)))
+    assert info.drawn
+    assert not info.matched
+    hits = state.grid.spec.world_to_cell(transform_points(np.zeros(3), next(scan_events(DRIVE, REFINED)[0]).points_b))
+    assert state.grid.occupied.sum() == len(np.unique(hits, axis=0))
+
+
+def test_report_moves_no_particle_further_than_its_window_from_its_prediction():
+    config = replace(SlamConfig.report(0.0, 0.0), particles=7)
+    state, _ = state_after(DRIVE, config, 12)
+    event = [e for e, _ in zip(scan_events(DRIVE, config)[0], range(13), strict=False)][-1]
+    _, info = slam_step(state, event, config, np.random.default_rng(0))
+    away = info.particles.poses - compose(state.particles.poses, event.motion)
+    # Without noise every particle drives the recording's own controls; Euler steps differ from their sum by round-off only
+    # where the body frame turns with the particle: positions rotate with it.
+    assert np.abs(away[:, :2]).max() <= 0.2 + 1e-9
+    assert np.abs(wrap_angle(away[:, 2])).max() <= 0.02 + 1e-9
+
+
+def test_report_weights_are_counts_and_the_estimate_is_the_best_particle():
+    config = replace(REPORT, particles=15, resample_below=0.0)
+    state, _ = state_after(DRIVE, config, 5)
+    event = [e for e, _ in zip(scan_events(DRIVE, config)[0], range(6), strict=False)][-1]
+    _, info = slam_step(state, event, config, np.random.default_rng(0))
+    # The particles keep an offset of up to half a step from the pose that was scored, so the counts are those of the nodes.
+    nodes = np.rint(info.particles.poses / [0.05, 0.05, 0.005]) * [0.05, 0.05, 0.005]
+    counts = [map_correlation(state.grid.occupied, state.grid.spec, transform_points(n, event.points_b)) for n in nodes]
+    expected = state.particles.weights * counts
+    np.testing.assert_allclose(info.particles.weights, expected / expected.sum())
+    np.testing.assert_array_equal(info.estimate, info.particles.poses[np.argmax(expected)])
+    assert info.effective_sample_size == pytest.approx(effective_sample_size(info.particles.weights))
+
+
+def test_score_field_of_the_state_is_always_that_of_its_map():
+    for config in (replace(REPORT, particles=5), replace(REFINED, particles=5)):
+        for state, _ in slam_steps(SHORT, config, np.random.default_rng(0)):
+            np.testing.assert_array_equal(state.field, score_field(state.grid.occupied, config.search.field))
+
+
+def test_resampling_happens_when_few_particles_carry_the_weight_and_leaves_them_equal():
+    config = replace(REFINED, particles=30)
+    happened = 0
+    for state, info in slam_steps(DRIVE, config, np.random.default_rng(0)):
+        assert info.resampled == (info.matched and info.effective_sample_size <= 15)
+        if info.resampled:
+            happened += 1
+            np.testing.assert_allclose(state.particles.weights, 1 / 30)
+    assert 0 < happened < len(DRIVE.lidar.t)
+
+
+def test_every_hit_of_the_map_was_drawn_from_the_estimate():
+    config = replace(REFINED, particles=10)
+    result = run_slam(SHORT, config)
+    drawn = np.zeros(result.grid.spec.shape, dtype=bool)
+    for event, info in zip(scan_events(SHORT, config)[0], result.infos, strict=True):
+        if info.drawn:
+            ix, iy = result.grid.spec.world_to_cell(transform_points(info.estimate, event.points_b)).T
+            drawn[iy, ix] = True
+    assert not (result.grid.occupied & ~drawn).any()
+
+
+def test_scans_are_drawn_after_enough_motion():
+    config = replace(REFINED, particles=10)
+    last = np.zeros(3)
+    for info in run_slam(DRIVE, config).infos[1:]:
+        step = between(last, info.estimate)
+        assert info.drawn == (np.hypot(*step[:2]) >= config.draw_metres or abs(step[2]) >= config.draw_radians)
+        last = info.estimate if info.drawn else last
+
+
+# The run ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("legs", [SQUARE, CURVES], ids=["square", "curves"])
+@pytest.mark.parametrize("gyro_scale", [1.0, 0.9])
+def test_refined_filter_maps_a_noiseless_room_to_within_a_cell(legs, gyro_scale):
+    # A gyro that is 10 % off puts dead reckoning out by more than two cells; the scans say where the robot is to a cell.
+    recording = drive(legs)
+    recording = replace(recording, robot=replace(recording.robot, imu=ImuModel(gyro_scale=gyro_scale)))
+    result = run_slam(recording, replace(REFINED, particles=30))
+    assert trajectory_error(result.trajectory, recording.truth).ate_max_m < result.config.map.resolution
+    if gyro_scale != 1.0:
+        assert trajectory_error(dead_reckoning(recording), recording.truth).ate_max_m > 0.1
+
+
+def test_map_of_a_noiseless_room_has_its_walls_in_the_right_cells():
+    result = run_slam(DRIVE, replace(REFINED, particles=30))
+    y, x = np.nonzero(result.grid.occupied)
+    at = result.grid.spec.cell_to_world(np.column_stack([x, y]))
+    a, e = ROOM[:, :2], ROOM[:, 2:] - ROOM[:, :2]
+    s = np.clip(((at[:, None] - a) * e).sum(axis=2) / (e**2).sum(axis=1), 0, 1)
+    away = np.hypot(*(at[:, None] - a - s[..., None] * e).transpose(2, 0, 1)).min(axis=1)
+    # A hit cell's centre is at most half a diagonal from its hit, and the pose is right to a cell.
+    assert away.max() < 0.05 * (np.sqrt(0.5) + 1.0)
+    assert len(at) > 300  # the room has 20 m of walls: 400 cells
+
+
+def same_run(a, b):
+    np.testing.assert_array_equal(a.trajectory.poses, b.trajectory.poses)
+    np.testing.assert_array_equal(a.grid.log_odds, b.grid.log_odds)
+    np.testing.assert_array_equal(a.infos[-1].particles.poses, b.infos[-1].particles.poses)
+    np.testing.assert_array_equal(a.infos[-1].particles.log_weights, b.infos[-1].particles.log_weights)
+
+
+@PRESETS
+def test_same_seed_same_bits_and_another_seed_others(config):
+    np.random.seed(1)  # noqa: NPY002 - the global state must not matter
+    first = run_slam(SHORT, config, rng=np.random.default_rng(7))
+    np.random.seed(2)  # noqa: NPY002
+    same_run(first, run_slam(SHORT, config, rng=np.random.default_rng(7)))
+    same_run(run_slam(SHORT, config), run_slam(SHORT, config, rng=np.random.default_rng(0)))
+    other = run_slam(SHORT, config, rng=np.random.default_rng(8))
+    assert (first.infos[-1].particles.poses != other.infos[-1].particles.poses).any()
+
+
+RUN_IN_A_PROCESS = """
+import sys, hashlib
+sys.path[:0] = [{tests!r}, {root!r}]
+import cv2
+cv2.setNumThreads({threads})
+from dataclasses import replace
+from rooms import drive
+from pfslam.config import SlamConfig
+from pfslam.slam import run_slam
+recording = drive([(1.0, 10, 0.4)])
+for config in (SlamConfig.report(), SlamConfig.refined()):
+    result = run_slam(recording, replace(config, particles=20))
+    print(hashlib.sha256(result.trajectory.poses.tobytes() + result.grid.log_odds.tobytes()).hexdigest())
+"""
+
+
+def digests_with(threads):
+    tests = Path(__file__).parent
+    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+    code = RUN_IN_A_PROCESS.format(tests=str(tests), root=str(tests.parent), threads=threads)
+    environment = os.environ | dict.fromkeys(names, str(threads))
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    return done.stdout.split()
+
+
+def test_same_bits_on_one_core_and_on_two():
+    one = digests_with(1)
+    assert len(one) == 2
+    assert one == digests_with(2)
+    here = run_slam(SHORT, replace(REPORT, particles=20))
+    assert one[0] == hashlib.sha256(here.trajectory.poses.tobytes() + here.grid.log_odds.tobytes()).hexdigest()
+
+
+def test_estimates_are_never_revised_and_come_at_the_used_scans():
+    config = replace(REFINED, particles=10)
+    whole = run_slam(DRIVE, config)
+    np.testing.assert_array_equal(whole.trajectory.t, DRIVE.lidar.t)
+    half = replace(DRIVE, lidar=LidarScans(DRIVE.lidar.t[:20], DRIVE.lidar.ranges[:20]))
+    np.testing.assert_array_equal(run_slam(half, config).trajectory.poses, whole.trajectory.poses[:20])
+
+
+def test_every_nth_scan_is_the_recordings_own_unless_told_otherwise():
+    config = replace(REFINED, particles=5)
+    np.testing.assert_array_equal(run_slam(replace(DRIVE, default_every=5), config).trajectory.t, DRIVE.lidar.t[::5])
+    told = replace(config, every=4)
+    np.testing.assert_array_equal(run_slam(replace(DRIVE, default_every=5), told).trajectory.t, DRIVE.lidar.t[::4])
+
+
+@PRESETS
+def test_one_particle_is_enough_to_run(config):
+    assert len(run_slam(SHORT, replace(config, particles=1)).infos) == len(SHORT.lidar.t)
+
+
+def test_scans_outside_the_odometrys_time_are_dropped_and_counted():
+    late = replace(SHORT, lidar=LidarScans(SHORT.lidar.t + 0.25, SHORT.lidar.ranges))
+    result = run_slam(late, replace(REFINED, particles=5))
+    assert sum(result.dropped.values()) == 3  # those at 1.05, 1.15 and 1.25 s
+    assert len(result.trajectory) == len(SHORT.lidar.t) - 3
+    never = replace(SHORT, lidar=LidarScans(SHORT.lidar.t + 50.0, SHORT.lidar.ranges))
+    with pytest.raises(DataError, match="lidar time_stamps"):
+        run_slam(never, REFINED)
+
+
+def test_recording_without_scans_is_refused():
+    with pytest.raises(DataError, match="LiDAR"):
+        run_slam(replace(SHORT, lidar=None), REFINED)
+
+
+def blinded(recording, which):
+    ranges = recording.lidar.ranges.copy()
+    ranges[which] = np.inf
+    return replace(recording, lidar=LidarScans(recording.lidar.t, ranges))
+
+
+@PRESETS
+def test_scans_without_a_reading_are_predicted_through_and_counted(config):
+    result = run_slam(blinded(SHORT, [4, 5, 6]), config)
+    assert [k for k, info in enumerate(result.infos) if not info.matched] == [0, 4, 5, 6]
+    assert 3 in result.dropped.values()
+    assert result.updates == len(SHORT.lidar.t) - 4
+    if config.estimate == "mean":
+        info = result.infos[5]
+        np.testing.assert_allclose(info.estimate, average_pose(info.particles.poses, info.particles.weights))
+
+
+@PRESETS
+def test_first_scan_without_a_reading_does_not_stop_the_run(config):
+    result = run_slam(blinded(SHORT, [0]), config)
+    assert len(result.trajectory) == len(SHORT.lidar.t)
+    assert result.grid.occupied.any()
+
+
+@PRESETS
+def test_recording_that_never_sees_anything_follows_its_odometry(config):
+    blind = blinded(SHORT, slice(None))
+    result = run_slam(blind, replace(config, noise=ControlNoise(0.0, 0.0)))
+    expected = dead_reckoning(blind).at(result.trajectory.t)
+    np.testing.assert_allclose(result.trajectory.poses[:, :2], expected[:, :2], atol=1e-9)
+    assert not result.grid.log_odds.any()
+
+
+def test_a_scan_that_scores_nothing_leaves_the_weights_and_is_counted():
+    # Eight metres of blank between two rooms: the second scan's end points fall on cells that no scan has touched.
+    config = replace(SlamConfig.report(0.0, 0.0), particles=6)
+    event = next(scan_events(SHORT, config)[0])
+    state, _ = start(event, config, np.random.default_rng(0))
+    weights = np.log([1.0, 2, 3, 4, 5, 6])
+    state = replace(state, particles=type(state.particles)(state.particles.poses + [80.0, 0, 0], weights))
+    _, info = slam_step(state, event, config, np.random.default_rng(0))
+    assert info.matched
+    assert not info.scored
+    np.testing.assert_allclose(info.particles.weights, np.arange(1, 7) / 21)
+
+
+def test_map_grows_as_far_as_the_drive_goes():
+    # The scan reaches 4 m, the grid begins with 5 m around it; the corridor is longer than both.
+    walls = np.array([[-3.01, 1.01, 15.01, 1.01], [-3.01, -1.01, 15.01, -1.01], [15.01, -1.01, 15.01, 1.01]])
+    short_sighted = replace(SHORT.robot.lidar, range_max=3.0)
+    recording = drive([(12.0, 20, 0.0)], walls, short_sighted)
+    result = run_slam(recording, replace(REFINED, particles=3))
+    assert result.grid.spec.extent[1] > 12.0
+    inside = result.grid.spec.world_to_cell(sensor_position(result.trajectory.poses[-1]))
+    assert result.grid.spec.contains(inside)
+    assert result.grid.free[inside[1], inside[0]]
+
+
+def test_progress_sees_every_scan():
+    seen = []
+
+    def progress(steps, total):
+        seen.append(total)
+        for step in steps:
+            seen.append(step)
+            yield step
+
+    result = run_slam(SHORT, replace(REFINED, particles=3), progress=progress)
+    assert seen[0] == len(result.infos) == len(seen) - 1
+
+
+def test_without_keeping_particles_the_result_is_the_same():
+    config = replace(REFINED, particles=5)
+    lean = run_slam(SHORT, config, keep_particles=False)
+    np.testing.assert_array_equal(lean.trajectory.poses, run_slam(SHORT, config).trajectory.poses)
+    assert all(info.particles is None for info in lean.infos)
+
+
+def test_a_log_of_odometry_poses_runs_too():
+    log = Recording("log", SHORT.robot, odometry=SHORT.truth, lidar=SHORT.lidar, truth=SHORT.truth, default_every=1)
+    result = run_slam(log, replace(REFINED, particles=10))
+    assert trajectory_error(result.trajectory, SHORT.truth).ate_max_m < 0.05
+
+
+def test_sigmas_of_the_motion_grow_with_it():
+    noise = MotionNoise(0.02, 0.08, 0.005, 0.05, 0.06)
+    np.testing.assert_allclose(noise.sigmas(0.0, 0.0), [0.02, 0.005])
+    np.testing.assert_allclose(noise.sigmas(0.5, 0.2), [0.02 + 0.04, 0.005 + 0.01 + 0.03])
+
+
+def test_motion_between_events_is_the_odometrys():
+    events = list(scan_events(DRIVE, REFINED)[0])
+    pose = np.zeros(3)
+    for event in events:
+        pose = compose(pose, event.motion)
+    odometry = dead_reckoning(DRIVE)
+    np.testing.assert_allclose(pose, odometry.at(events[-1].t), atol=1e-9)
+    distance = sum(float(v @ dt) for v, _, dt in (e.controls for e in events))
+    path = Trajectory(odometry.t, odometry.poses)
+    assert distance == pytest.approx(np.hypot(*np.diff(path.poses[:, :2], axis=0).T).sum())
