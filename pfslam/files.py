@@ -61,6 +61,14 @@ def atomic_write(path: str | Path) -> Iterator[BinaryIO]:
             temporary.unlink()
 
 
+def check_writable(folder: str | Path) -> None:
+    """Make ``folder`` if needed and see that a file can be written there, before any work depends on it."""
+    probe = Path(folder) / ".pfslam"
+    with atomic_write(probe):
+        pass
+    probe.unlink(missing_ok=True)
+
+
 def write_text(path: str | Path, text: str) -> None:
     """Write ``text`` as UTF-8 with Unix line ends, whole or not at all."""
     with atomic_write(path) as file:

@@ -1,0 +1,133 @@
+"""The command line: ``python -m pfslam``. See ``pfslam.commands`` for what each command does."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from pfslam.errors import DataError
+
+METHODS = ("report", "refined", "per-particle", "matching")
+MAX_PARTICLES = 100_000
+BAD_INPUT, INTERRUPTED, FAULT = 2, 130, 1
+
+
+class UsageError(Exception):
+    """Arguments that the command line does not know."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose complaints are one line."""
+
+    def error(self, message: str):
+        raise UsageError(f"{message} (see {self.prog} --help)")
+
+
+def whole(lowest: int, highest: int):
+    """A converter for whole numbers within limits."""
+
+    def convert(text: str) -> int:
+        if not (text.isascii() and text.isdigit() and len(text) < 20 and lowest <= int(text) <= highest):
+            raise argparse.ArgumentTypeError(
+                f"{text[:40]!r} is not a whole number from {lowest} to {highest}"
+            )
+        return int(text)
+
+    return convert
+
+
+def build_parser() -> Parser:
+    parser = Parser(
+        prog="pfslam", description="Particle-filter SLAM and floor texture mapping.", allow_abbrev=False
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    seed = whole(0, 2**63 - 1)
+
+    command = _command(
+        commands, "simulate", "write a simulated data set in the course format, with its truth"
+    )
+    command.add_argument("name", choices=("hall", "ramp"), help="hall is flat, ramp has slopes")
+    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write to")
+    command.add_argument("--seed", type=seed, metavar="S", help="another building for each seed")
+    command.add_argument(
+        "--images", type=whole(1, 10**6), metavar="N", help="write every N-th image pair (default none)"
+    )
+
+    command = _command(commands, "run", "trajectory, map and floor texture of a data set")
+    _add_dataset(command)
+    command.add_argument(
+        "--method", choices=METHODS, default="refined", help="which filter (default refined)"
+    )
+    command.add_argument(
+        "--particles", type=whole(1, MAX_PARTICLES), default=200, metavar="N", help="default 200"
+    )
+    every_help = "use every K-th scan (default 5, for logs 1)"
+    command.add_argument("--every", type=whole(1, 10**6), metavar="K", help=every_help)
+    command.add_argument(
+        "--seed", type=seed, default=0, metavar="S", help="of the filter's random numbers (default 0)"
+    )
+    texture_help = "map the floor's texture (default: if there are images)"
+    command.add_argument("--texture", action=argparse.BooleanOptionalAction, default=None, help=texture_help)
+
+    command = _command(commands, "report", "the report's figures for a data set")
+    _add_dataset(command)
+
+    command = _command(commands, "study", "many runs over parameters, seeds and data sets")
+    command.add_argument("file", type=Path, metavar="FILE", help="what to run")
+
+    command = _command(commands, "bench", "accuracy and speed, measured")
+    command.add_argument("--quick", action="store_true", help="a small selection")
+    command.add_argument("--json", type=Path, metavar="FILE", help="write the figures to a file")
+    return parser
+
+
+def _command(commands, name: str, what: str) -> Parser:
+    return commands.add_parser(
+        name, help=what, description=what[0].upper() + what[1:] + ".", allow_abbrev=False
+    )
+
+
+def _add_dataset(command: Parser) -> None:
+    command.add_argument(
+        "dataset", metavar="DATASET", help="hall, ramp, a set's number, or the path of a CARMEN log"
+    )
+    command.add_argument(
+        "--data", type=Path, metavar="DIR", help="folder of numbered sets (default $PFSLAM_DATA or data)"
+    )
+    command.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default out/DATASET)")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command. Returns 0; after one line: 2 for bad input, 130 for Ctrl-C, 1 for a fault of ours."""
+    try:
+        arguments = build_parser().parse_args(argv)
+        from pfslam import commands
+
+        commands.COMMANDS[arguments.command](arguments)
+    except (DataError, UsageError) as error:
+        return _complain(str(error), BAD_INPUT)
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+    except BrokenPipeError:  # whoever read our output has gone: nobody is left to tell
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return INTERRUPTED
+    except (OSError, MemoryError) as error:
+        return _complain(f"the system refused: {str(error) or type(error).__name__}", BAD_INPUT)
+    except Exception as error:
+        if os.environ.get("PFSLAM_DEBUG"):
+            raise
+        message = f"a fault in pfslam itself ({type(error).__name__}: {error}); PFSLAM_DEBUG=1 shows where"
+        return _complain(message, FAULT)
+    return 0
+
+
+def _complain(message: str, code: int) -> int:
+    print("pfslam: " + " ".join(message.removeprefix("pfslam: ").split()), file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

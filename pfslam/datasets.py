@@ -1,0 +1,66 @@
+"""One function that turns what a user types into a recording."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from pfslam.carmen import load_carmen
+from pfslam.course_format import load_course
+from pfslam.errors import DataError
+from pfslam.recording import Recording, image_pairs
+
+BUILT_IN = ("hall", "ramp")
+IMAGE_EVERY = 8
+"""The built-in sets offer every so-many-th pair of images: each one has to be rendered."""
+
+
+def load(dataset: str | int | Path, data_dir: str | Path | None = None) -> Recording:
+    """The recording that ``dataset`` names.
+
+    ``"hall"`` and ``"ramp"`` are the built-in simulated sets, with truth, and with every eighth pair of
+    images, rendered when it is read (``simulate`` gives all). A number is a set in the course format, whose
+    files lie in ``data_dir`` (None: ``$PFSLAM_DATA``, else ``data/``). Anything else is the path of a CARMEN
+    log. Raises ``DataError`` for what is none of these.
+
+    >>> from pfslam import load
+    >>> recording = load("hall")
+    >>> recording.lidar.ranges.shape[1]
+    1081
+    """
+    text = str(dataset)
+    if text in BUILT_IN:
+        return _built_in(text)
+    if text.isascii() and text.isdigit():
+        return load_course(text, data_folder(data_dir))
+    try:
+        is_file = Path(text).is_file()
+    except (OSError, ValueError):  # a name too long for the system, or with a zero byte
+        is_file = False
+    if is_file:
+        return load_carmen(text)
+    accepted = (
+        f"{', '.join(BUILT_IN)}, the number of a set in {data_folder(data_dir)}, or the path of a CARMEN log"
+    )
+    raise DataError("pfslam", "data set", repr(text[:200]), accepted)
+
+
+def data_folder(data_dir: str | Path | None = None) -> Path:
+    """Where numbered sets lie: ``data_dir``, else ``$PFSLAM_DATA``, else ``data``."""
+    return Path(data_dir or os.environ.get("PFSLAM_DATA") or "data")
+
+
+def dataset_name(dataset: str | int | Path) -> str:
+    """A short name for folders and titles: built-in name, number, or the log's name without ending."""
+    text = str(dataset)
+    return text if text in BUILT_IN or text.isdigit() else Path(text).stem or "log"
+
+
+def _built_in(name: str) -> Recording:
+    from pfslam.cache import cached_simulation
+
+    recording = cached_simulation(name).recording
+    pairs = image_pairs(recording.camera, every=IMAGE_EVERY)
+    camera = replace(recording.camera, disparity_index=pairs.disparity, rgb_index=pairs.rgb)
+    return replace(recording, camera=camera)

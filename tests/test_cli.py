@@ -1,0 +1,346 @@
+"""The command line, run as a user runs it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+from box_recording import ROOM, box_recording
+from evo.core import metrics as evo_metrics
+from evo.core import sync
+from evo.tools import file_interface
+
+from pfslam import commands, files
+from pfslam.__main__ import main
+from pfslam.course_format import load_course, save_course
+from pfslam.formats import read_map, read_tum, write_tum
+
+CONTRACT_FILES = ["map.pgm", "map.yaml", "odometry.tum", "summary.json", "trajectory.tum"]
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """The box recording as set 7 and, without LiDAR and images, as set 8."""
+    folder = tmp_path_factory.mktemp("some data.v1")
+    save_course(box_recording(), 7, folder, image_every=1)
+    save_course(box_recording(images=0), 8, folder)
+    (folder / "Hokuyo8.npz").unlink()
+    return folder
+
+
+def pfslam(*arguments, **environment):
+    """Run the command line in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "pfslam", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        env=os.environ | environment,
+        timeout=300,
+    )
+
+
+@pytest.fixture(scope="module")
+def results(data, tmp_path_factory):
+    """What ``run`` leaves for set 7."""
+    out = tmp_path_factory.mktemp("runs") / "out of box.1"
+    done = pfslam("run", 7, "--data", data, "--out", out, "--particles", 20)
+    assert (done.returncode, done.stderr) == (0, "")
+    return out
+
+
+# ---- run: what it leaves -----------------------------------------------------------------------
+
+
+def test_run_leaves_all_files_and_no_others(results):
+    assert sorted(p.name for p in results.iterdir()) == sorted(
+        [*CONTRACT_FILES, "texture.png", "texture.yaml"]
+    )
+
+
+def test_the_summary_holds_what_the_contract_names(results):
+    summary = json.loads((results / "summary.json").read_text())
+    scans = len(box_recording().lidar.t[::5])
+    assert summary["config"]["particles"] == 20
+    assert summary["config"]["every"] == 5
+    assert set(summary["seconds"]) == {"load", "dead_reckoning", "slam", "texture", "write"}
+    assert all(seconds >= 0 for seconds in summary["seconds"].values())
+    assert summary["scans"] == scans
+    assert summary["updates"] == scans - 1
+    assert 0 <= summary["resamplings"] < scans
+    assert all(isinstance(count, int) for count in summary["dropped"].values())
+    for name in ("odometry", "slam"):
+        assert set(summary[name]) >= {"ate_rmse_m", "ate_max_m", "heading_rmse_deg"}
+
+
+def test_without_noise_the_drive_is_found(results):
+    """Scans and odometry are exact here: what is left is the grid of 0.05 m and Euler's step."""
+    summary = json.loads((results / "summary.json").read_text())
+    assert summary["odometry"]["ate_max_m"] < 0.01
+    assert summary["slam"]["ate_max_m"] < 0.05
+    assert summary["slam"]["heading_rmse_deg"] < 1.0
+
+
+def test_evo_agrees_with_the_summary(results, data, tmp_path):
+    write_tum(tmp_path / "truth.tum", load_course(7, data).truth)
+    summary = json.loads((results / "summary.json").read_text())
+    for file, name in (("trajectory.tum", "slam"), ("odometry.tum", "odometry")):
+        reference = file_interface.read_tum_trajectory_file(tmp_path / "truth.tum")
+        estimate = file_interface.read_tum_trajectory_file(results / file)
+        reference, estimate = sync.associate_trajectories(reference, estimate)
+        estimate.align_origin(reference)
+        ape = evo_metrics.APE(evo_metrics.PoseRelation.translation_part)
+        ape.process_data((reference, estimate))
+        assert ape.get_statistic(evo_metrics.StatisticsType.rmse) == pytest.approx(
+            summary[name]["ate_rmse_m"], abs=1e-6
+        )
+
+
+def test_the_map_shows_the_room_where_it_is(results):
+    """Occupied cells lie on the four walls, in world coordinates that yaml file and image row order give."""
+    spec, cells = read_map(results / "map.yaml")
+    iy, ix = np.nonzero(cells == 1)
+    points = spec.cell_to_world(np.column_stack([ix, iy]))
+    start = box_recording().truth.poses[0]  # the filter's origin is its first scan
+    c, s = np.cos(start[2]), np.sin(start[2])
+    x, y = (points @ [[c, s], [-s, c]] + start[:2]).T
+    distance = np.abs([x - ROOM[0], x - ROOM[1], y - ROOM[2], y - ROOM[3]])
+    assert (distance.min(axis=0) < 0.1).mean() > 0.95
+    assert (distance < 0.1).any(axis=1).all()  # all four walls are there
+    assert set(np.unique(cv2.imread(str(results / "map.pgm"), cv2.IMREAD_UNCHANGED))) == {0, 205, 254}
+
+
+def test_stamps_are_the_data_sets_own(results):
+    np.testing.assert_array_equal(read_tum(results / "trajectory.tum").t, box_recording().lidar.t[::5])
+
+
+def test_texture_is_rgba_on_the_cells_of_the_map(results):
+    texture = cv2.imread(str(results / "texture.png"), cv2.IMREAD_UNCHANGED)
+    assert texture.shape == (*cv2.imread(str(results / "map.pgm"), cv2.IMREAD_UNCHANGED).shape, 4)
+    assert (
+        (results / "texture.yaml").read_text().startswith("image: texture.png\nresolution: 0.05\norigin: [")
+    )
+
+
+def test_the_same_seed_gives_the_same_files(results, data, tmp_path):
+    pfslam("run", 7, "--data", data, "--out", tmp_path, "--particles", 20)
+    for name in ("trajectory.tum", "odometry.tum", "map.pgm", "map.yaml", "texture.png", "texture.yaml"):
+        assert (tmp_path / name).read_bytes() == (results / name).read_bytes()
+
+
+def test_options_reach_the_filter(data, tmp_path):
+    done = pfslam(
+        *("run", 7, "--data", data, "--out", tmp_path, "--method", "report"),
+        *("--particles", 5, "--every", 10, "--seed", 3, "--no-texture"),
+    )
+    assert done.returncode == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["config"]["particles"], summary["config"]["every"], summary["seed"]) == (5, 10, 3)
+    assert summary["config"]["noise"]["kind"] == "ControlNoise"
+    assert sorted(p.name for p in tmp_path.iterdir()) == CONTRACT_FILES
+
+
+def test_without_lidar_it_says_so_and_writes_odometry(data, tmp_path):
+    done = pfslam("run", 8, "--data", data, "--out", tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "no LiDAR" in done.stdout
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["odometry.tum", "summary.json"]
+    odometry = read_tum(tmp_path / "odometry.tum")
+    np.testing.assert_array_equal(odometry.t, box_recording().imu.t)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["scans"] == summary["updates"] == 0
+    assert "slam" not in summary
+
+
+def test_the_default_folder_is_out_and_the_name(data, tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "pfslam", "run", "8"],
+        cwd=tmp_path,
+        env=os.environ | {"PFSLAM_DATA": str(data)},
+    )
+    assert done.returncode == 0
+    assert (tmp_path / "out" / "8" / "odometry.tum").exists()
+
+
+def test_a_carmen_log_runs(tmp_path):
+    """The room again, as an old log would hold it: 181 beams, every scan used."""
+    recording = box_recording(images=0)
+    lines = []
+    for t, ranges, pose in zip(recording.lidar.t, recording.lidar.ranges, recording.truth.poses, strict=True):
+        beams = " ".join(f"{r:.3f}" for r in ranges[180:901:4])
+        x, y, theta = pose
+        laser = f"{x + 0.13323 * np.cos(theta)} {y + 0.13323 * np.sin(theta)} {theta}"
+        lines.append(f"FLASER 181 {beams} {laser} {x} {y} {theta} {t:.6f} robot {t:.6f}")
+    log = tmp_path / "box.v1.log"
+    log.write_text("\n".join(lines))
+    done = pfslam("run", log, "--out", tmp_path / "o", "--particles", 20)
+    assert (done.returncode, done.stderr) == (0, "")
+    estimate = read_tum(tmp_path / "o" / "trajectory.tum")
+    assert len(estimate) == len(lines)
+    odometry = read_tum(tmp_path / "o" / "odometry.tum")
+    apart = np.hypot(*(estimate.poses - odometry.poses)[:, :2].T)
+    assert apart.max() < 0.1
+
+
+# ---- simulate and report -----------------------------------------------------------------------
+
+
+def test_simulate_writes_a_set_that_loads(tmp_path, monkeypatch):
+    monkeypatch.setenv("PFSLAM_CACHE", str(tmp_path / "cache"))
+    done = pfslam("simulate", "ramp", "--out", tmp_path / "d", "--seed", 5, "--images", 800)
+    assert done.returncode == 0
+    recording = load_course(21, tmp_path / "d")
+    assert len(recording.camera.rgb_index) == len(recording.camera.disparity_index) == 3
+    assert recording.camera.read_rgb(recording.camera.rgb_index[1]).shape == (480, 640, 3)
+    np.testing.assert_array_equal(recording.truth.poses[0], 0.0)
+    with np.load(tmp_path / "d" / "truth21.npz") as truth:
+        assert truth["z"].shape == truth["pitch"].shape == recording.truth.t.shape
+    assert not (tmp_path / "cache").exists()  # only the built-in building is kept
+
+
+def test_report_saves_the_figures_it_is_given(tmp_path, data, monkeypatch):
+    pyplot = pytest.importorskip("matplotlib.figure")
+    asked = {}
+
+    def report_figures(recording, *, seed=0, progress=None):
+        asked["lidar"] = recording.lidar is not None
+        return {name: pyplot.Figure() for name in commands.FIGURES[:5]}
+
+    module = type(sys)("pfslam.teaching.figures")
+    module.report_figures = report_figures
+    monkeypatch.setitem(sys.modules, "pfslam.teaching.figures", module)
+    assert main(["report", "7", "--data", str(data), "--out", str(tmp_path)]) == 0
+    assert asked == {"lidar": True}
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "dead_reckoning_map.png",
+        "dead_reckoning_trajectory.png",
+        "prediction_only.png",
+        "slam_map.png",
+        "slam_trajectory.png",
+    ]
+
+
+def test_report_without_matplotlib_is_one_line(tmp_path, data, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "pfslam.teaching.figures", None)
+    assert main(["report", "7", "--data", str(data), "--out", str(tmp_path)]) == 2
+    assert "pfslam[plots]" in capsys.readouterr().err
+
+
+# ---- bad input: exit code 2, one line, no traceback --------------------------------------------
+
+BAD_LINES = [
+    [],
+    ["fly"],
+    ["run"],
+    ["run", "nowhere"],
+    ["run", ""],
+    ["run", "."],
+    ["run", "two\nlines"],
+    ["run", "7", "--data", "no such folder"],
+    ["run", "9", "--data", "DATA"],
+    ["run", "7", "--data", "DATA", "--method", "best"],
+    ["run", "7", "--data", "DATA", "--particles", "0"],
+    ["run", "7", "--data", "DATA", "--particles", "many"],
+    ["run", "7", "--data", "DATA", "--particles", "9" * 30],
+    ["run", "7", "--data", "DATA", "--every", "0"],
+    ["run", "7", "--data", "DATA", "--seed", "-1"],
+    ["run", "7", "--data", "DATA", "--seed", "1.5"],
+    ["run", "7", "--data", "DATA", "--part", "5"],
+    ["run", "7", "--data", "DATA", "--out", "DATA/Imu7.npz"],
+    ["run", "7", "--data", "DATA", "--out", "DATA/Imu7.npz/deeper"],
+    ["run", "8", "--data", "DATA", "--texture"],
+    ["run", "DATA/Imu7.npz"],
+    ["simulate", "hall"],
+    ["simulate", "attic", "--out", "x"],
+    ["simulate", "hall", "--out", "DATA/Imu7.npz"],
+    ["simulate", "hall", "--out", "x", "--images", "0"],
+    ["report", "nowhere"],
+    ["study"],
+]
+
+
+@pytest.mark.parametrize("line", BAD_LINES, ids=" ".join)
+def test_bad_input_is_one_line(line, data, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main([word.replace("DATA", str(data)) for word in line]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("pfslam: ")
+    assert said.err.endswith("\n")
+    assert len(said.err.splitlines()) == 1
+    assert not any(p.is_file() for p in tmp_path.rglob("*"))
+
+
+def test_bad_input_in_a_process_of_its_own(tmp_path):
+    done = pfslam("run", 7, "--data", tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "Encoders7.npz" in done.stderr
+
+
+def test_a_damaged_image_stops_the_run_with_its_name(data, tmp_path):
+    save_course(box_recording(), 7, tmp_path, image_every=1)
+    path = tmp_path / "dataRGBD" / "Disparity7" / "disparity7_2.png"
+    path.write_bytes(path.read_bytes()[:-40])
+    done = pfslam("run", 7, "--data", tmp_path, "--out", tmp_path / "o", "--particles", 5)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "disparity7_2.png" in done.stderr
+    assert list((tmp_path / "o").iterdir()) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_read_only_folder(data, tmp_path):
+    tmp_path.chmod(0o500)
+    done = pfslam("run", 8, "--data", data, "--out", tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_full_disk(data, tmp_path, monkeypatch, capsys):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(files.os, "replace", full)
+    assert main(["run", "8", "--data", str(data), "--out", str(tmp_path)]) == 2
+    assert "No space left on device" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_fault_of_ours_is_one_line_too(data, monkeypatch, capsys):
+    def broken(_):
+        raise ZeroDivisionError("two\nlines")
+
+    monkeypatch.setitem(commands.COMMANDS, "run", broken)
+    assert main(["run", "8", "--data", str(data)]) == 1
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_ctrl_c_is_answered_and_leaves_nothing_half_written(data, tmp_path):
+    process = subprocess.Popen(
+        f"{sys.executable} -m pfslam run 7 --particles 20000 --every 1 --out o".split(),
+        cwd=tmp_path,
+        env=os.environ | {"PFSLAM_DATA": str(data)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while not (tmp_path / "o").exists() and process.poll() is None:  # until the run has begun
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert said.split("\r")[-1] == "pfslam: interrupted\n"
+    assert list((tmp_path / "o").iterdir()) == []
+
+
+def test_help_names_every_command():
+    done = pfslam("--help")
+    assert done.returncode == 0
+    for name in ("simulate", "run", "report", "study", "bench"):
+        assert name in done.stdout

@@ -1,0 +1,174 @@
+"""What a user types becomes a recording; the cache helps and never harms."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from box_recording import box_recording
+
+import pfslam
+from pfslam import cache, simulator
+from pfslam.course_format import save_course
+from pfslam.datasets import IMAGE_EVERY, dataset_name, load
+from pfslam.errors import DataError
+
+LOG = "FLASER 4 1 2 3 4 0 0 0 0 0 0 {t} robot {t}\n"
+
+
+@pytest.fixture(scope="module")
+def hall():
+    return simulator.simulate("hall")
+
+
+@pytest.fixture
+def casts(monkeypatch, tmp_path, hall):
+    """A cache folder of our own, and a simulator that notes how often it casts scans (always ``hall``)."""
+    monkeypatch.setenv("PFSLAM_CACHE", str(tmp_path / "the cache"))
+    made = []
+
+    def simulate(name, seed=None, ranges=None):
+        if ranges is None:
+            made.append(name)
+            return hall
+        return original(name, seed, ranges)
+
+    original = simulator.simulate
+    monkeypatch.setattr(simulator, "simulate", simulate)
+    return made
+
+
+# ---- numbers and paths -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [7, "7"])
+def test_a_number_is_looked_for_in_the_folder_given(tmp_path, number):
+    save_course(box_recording(), 7, tmp_path)
+    assert len(load(number, tmp_path).lidar.t) == len(box_recording().lidar.t)
+
+
+def test_without_a_folder_the_environment_then_data(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PFSLAM_DATA", str(tmp_path / "mine"))
+    with pytest.raises(DataError, match="mine: data folder"):
+        load(7)
+    monkeypatch.delenv("PFSLAM_DATA")
+    with pytest.raises(DataError, match="data: data folder"):
+        load(7)
+    save_course(box_recording(), 7, tmp_path / "data")
+    assert load(7).name == "7"
+
+
+def test_a_path_is_a_carmen_log(tmp_path):
+    path = tmp_path / "my log.v2.clf"
+    path.write_text(LOG.format(t=1.0) + LOG.format(t=2.0))
+    for dataset in (path, str(path)):
+        assert load(dataset).name == "my log.v2"
+    assert dataset_name(path) == "my log.v2"
+
+
+@pytest.mark.parametrize(
+    "dataset", ["", ".", "attic", "no/such.log", "x" * 5000, "a\0b", "-1", "2.5", "²", None]
+)
+def test_anything_else_is_answered_with_what_is_accepted(dataset):
+    with pytest.raises(DataError, match="hall, ramp, the number of a set"):
+        load(dataset)
+
+
+# ---- built-in sets and their cache -------------------------------------------------------------
+
+
+def test_built_in_sets_render_every_eighth_pair(casts, hall):
+    camera = load("hall").camera
+    assert IMAGE_EVERY == 8
+    assert len(camera.rgb_index) == len(camera.disparity_index)
+    assert abs(len(camera.rgb_index) - len(hall.recording.camera.rgb_index) / 8) < 10
+    j = camera.rgb_index[20]
+    np.testing.assert_array_equal(camera.read_rgb(j), hall.recording.camera.read_rgb(j))
+
+
+def test_the_second_load_reads_the_cache_and_is_the_same(casts):
+    first, second = load("hall"), load("hall")
+    assert casts == ["hall"]
+    np.testing.assert_array_equal(first.lidar.ranges, second.lidar.ranges)
+    np.testing.assert_array_equal(first.encoders.counts, second.encoders.counts)
+    np.testing.assert_array_equal(first.imu.angular_velocity, second.imu.angular_velocity)
+    np.testing.assert_array_equal(first.truth.poses, second.truth.poses)
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda data: data[:1000], lambda data: b"", lambda data: data.replace(b"\0", b"\1")]
+)
+def test_a_damaged_cache_is_remade_with_a_notice(casts, tmp_path, caplog, damage):
+    load("hall")
+    (path,) = (tmp_path / "the cache").iterdir()
+    whole = path.read_bytes()
+    path.write_bytes(damage(whole))
+    recording = load("hall")
+    assert casts == ["hall", "hall"]
+    assert len(recording.lidar.t) > 4000
+    assert len(caplog.records) == 1
+    assert "damaged" in caplog.text
+    assert path.read_bytes() == whole
+
+
+def test_scans_of_the_wrong_shape_are_remade(casts, tmp_path, caplog):
+    load("hall")
+    (path,) = (tmp_path / "the cache").iterdir()
+    np.savez(path, ranges=np.zeros((5, 1081), dtype=np.float32))
+    load("hall")
+    assert casts == ["hall", "hall"]
+    assert len(caplog.records) == 1
+
+
+def test_without_a_folder_to_write_to_it_works_with_one_warning(casts, tmp_path, caplog):
+    (tmp_path / "the cache").write_text("a file where the folder should be")
+    assert len(load("hall").lidar.t) > 4000
+    assert len(caplog.records) == 1
+    assert "not kept" in caplog.text
+
+
+def test_a_changed_source_is_another_file_and_the_old_one_goes(casts, tmp_path, monkeypatch):
+    load("hall")
+    monkeypatch.setattr(cache, "SOURCES", ("poses.py",))
+    load("hall")
+    assert casts == ["hall", "hall"]
+    assert len(list((tmp_path / "the cache").iterdir())) == 1
+
+
+def test_two_processes_at_once(tmp_path):
+    code = "from pfslam import load; print(load('hall').lidar.ranges.astype(float).sum())"
+    environment = {"PFSLAM_CACHE": str(tmp_path), "PATH": ""}
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-c", code],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
+        )
+        for _ in range(2)
+    ]
+    outputs = [process.communicate(timeout=300) for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    assert outputs[0] == outputs[1]
+    assert [error for _, error in outputs] == ["", ""]
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+# ---- the package's front door ------------------------------------------------------------------
+
+
+def test_every_public_name_exists():
+    for name in pfslam.__all__:
+        assert getattr(pfslam, name).__name__ == name
+    assert set(pfslam.__all__) <= set(dir(pfslam))
+    with pytest.raises(AttributeError):
+        _ = pfslam.no_such_name
+
+
+def test_importing_the_package_imports_nothing_heavy():
+    code = (
+        "import pfslam, sys; print([m for m in ('numpy', 'cv2', 'tqdm', 'matplotlib') if m in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
