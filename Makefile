@@ -24,6 +24,8 @@ $(STAMP): requirements.lock pyproject.toml
 	@"$(PYTHON)" -m venv --clear "$(VENV)"
 	@"$(BIN)/python" -m pip install -qq --disable-pip-version-check --require-hashes -r requirements.lock
 	@"$(BIN)/python" -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@mkdir -p "$(VENV)/share/jupyter/lab/settings"
+	@cp book/_tools/jupyterlab_overrides.json "$(VENV)/share/jupyter/lab/settings/overrides.json"
 	@touch "$(STAMP)"
 
 book: $(STAMP)  ## Run the notebooks on the built-in data and build the site, warnings as errors
@@ -50,7 +52,7 @@ check-book: $(STAMP)  ## Check the built site: links, pages, and every widget in
 	"$(BIN)/python" -m pytest -q -m browser tests/browser
 
 lab: $(STAMP)  ## Open the notebooks in JupyterLab
-	"$(BIN)/jupyter-lab" --LabApp.news_url=None --notebook-dir=notebooks
+	"$(BIN)/jupyter-lab" --notebook-dir=notebooks
 
 notebook-outputs: $(STAMP)  ## Run the notebooks in place and keep their text outputs (after a change of a chapter)
 	PFSLAM_WIDGETS=text "$(BIN)/jupyter-nbconvert" --to notebook --execute --inplace $(NOTEBOOKS)

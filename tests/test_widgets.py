@@ -149,8 +149,8 @@ def test_live_sliders_redraw_at_any_value():
     image, _caption, level, tint = live_view(explorer()).children
     assert (tint.min, tint.max, tint.step) == (0, 1, 0.1)
     level.value, tint.value = 30, 0.3
-    assert image.value == encode(grey(30, 0.3), ".png")
-    assert image.tooltip == "A grey sheet. Level 30 m, Tint 0.3."
+    assert data_uri(grey(30, 0.3)) in image.value
+    assert 'alt="A grey sheet. Level 30 m, Tint 0.3."' in image.value
 
 
 def test_live_play_runs_over_the_stops():
@@ -164,10 +164,13 @@ def test_figures_become_sharp_pictures():
     assert to_rgb(figure).shape == (400, 600, 3)
 
 
-def test_png_keeps_every_pixel():
-    image = np.random.default_rng(0).integers(0, 256, (5, 7, 3), np.uint8)
-    decoded = cv2.imdecode(np.frombuffer(encode(image, ".png"), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
-    np.testing.assert_array_equal(decoded, image)
+def test_encoding_keeps_colours_in_order():
+    image = np.zeros((32, 32, 3), np.uint8)
+    image[..., 0] = 250
+    decoded = cv2.imdecode(np.frombuffer(encode(image), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    red, green, blue = decoded[16, 16]
+    assert red > 200
+    assert max(green, blue) < 60
 
 
 @pytest.mark.parametrize("image", [np.zeros((4, 4), np.uint8), np.zeros((4, 4, 3))], ids=["grey", "float"])

@@ -40,12 +40,13 @@ def to_rgb(drawing: Figure | np.ndarray) -> np.ndarray:
     return image
 
 
-def encode(image: np.ndarray, extension: str = ".webp") -> bytes:
-    """Encode an (H, W, 3) uint8 RGB image as WebP or PNG."""
-    options = [cv2.IMWRITE_WEBP_QUALITY, WEBP_QUALITY] if extension == ".webp" else []
-    done, data = cv2.imencode(extension, np.ascontiguousarray(image[..., ::-1]), options)
+def encode(image: np.ndarray) -> bytes:
+    """Encode an (H, W, 3) uint8 RGB image as WebP."""
+    done, data = cv2.imencode(
+        ".webp", np.ascontiguousarray(image[..., ::-1]), [cv2.IMWRITE_WEBP_QUALITY, WEBP_QUALITY]
+    )
     if not done:
-        raise RuntimeError(f"could not encode an image as {extension}")
+        raise RuntimeError("could not encode an image as WebP")
     return data.tobytes()
 
 

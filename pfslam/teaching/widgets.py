@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from .pictures import RASTER, encode, output_mode, to_rgb
+from .pictures import data_uri, image_tag, output_mode, to_rgb
 
 MAX_FRAMES = 60  # about 1 MB on the page
 
@@ -149,14 +149,13 @@ def live_view(explorer: Explorer):
     import ipywidgets
 
     sliders = [_live_slider(control, k == explorer.play) for k, control in enumerate(explorer.controls)]
-    image = ipywidgets.Image(format="png")
+    image = ipywidgets.HTML()  # rather than ipywidgets.Image, which has no alt text
     caption = ipywidgets.HTML(f"<b>{explorer.title}</b>")
 
     def redraw(change=None):
         values = {c.name: slider.value for c, slider in zip(explorer.controls, sliders, strict=True)}
         frame = explorer.frame(**values)
-        image.value, image.width = encode(frame, ".png"), str(frame.shape[1] // RASTER)
-        image.tooltip = explorer.alt(**values)
+        image.value = image_tag(data_uri(frame), explorer.alt(**values), frame.shape)
 
     for slider in sliders:
         slider.observe(redraw, "value")
