@@ -103,7 +103,7 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class CameraRenderer:
-    """Renders images of a world along a drive at ``disparity_t``, ``rgb_t`` (s from the first encoder stamp)."""
+    """Renders images of a world along a drive; ``disparity_t``, ``rgb_t`` are s from the first stamp."""
 
     world: World
     drive: Drive

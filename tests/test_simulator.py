@@ -1,0 +1,540 @@
+"""The simulated drives, measured like the real ones, and the geometry behind them."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from pfslam.errors import DataError
+from pfslam.metrics import trajectory_error
+from pfslam.motion import dead_reckoning
+from pfslam.poses import compose, rotation_matrix, transform_points, wrap_angle
+from pfslam.recording import nearest_stamp
+from pfslam.sensors import LidarModel, scan_points
+from pfslam.simulator import BUILT_IN, HALL, RAMP, SimulatorConfig, simulate
+from pfslam.simulator.clocks import START_OF_TIME
+from pfslam.simulator.drive import path_length
+from pfslam.simulator.ground import height, stance
+from pfslam.simulator.lidar import cast, sensor_at, true_ranges
+from pfslam.simulator.odometry import _gyro_noise
+from pfslam.simulator.plan import outline
+from pfslam.simulator.world import make_world
+
+# Measured on the real robot; the tolerances are what one building and one driver differ from another.
+REAL = {
+    "hall": {
+        "duration": 123.6, "path": 95.9, "still": (9.7, 8.4), "yaw_rate": 1.5,
+        "imu": (0.28, -1.42), "bias": 0.0005, "first_second": 0.0022,
+        "images": (2407, 2289), "camera": (1.80, 1.00), "mean_range": 2.4,
+    },
+    "ramp": {
+        "duration": 119.4, "path": 91.8, "still": (12.9, 10.3), "yaw_rate": 1.9,
+        "imu": (0.48, -1.57), "bias": 0.0003, "first_second": -0.0016,
+        "images": (2188, 2112), "camera": (3.33, -3.32), "mean_range": 2.6,
+    },
+}  # fmt: skip
+simulated = lru_cache(maxsize=None)(simulate)
+
+
+@pytest.fixture(scope="module", params=["hall", "ramp"])
+def drive(request):
+    return simulated(request.param), REAL[request.param]
+
+
+@pytest.fixture(scope="module")
+def exact_hall():
+    return simulated(HALL.without_errors(), 3)
+
+
+@pytest.fixture(scope="module")
+def exact_ramp():
+    return simulate(RAMP.without_errors(), seed=3)
+
+
+def still(recording):
+    """The IMU samples taken before the wheels first turn, 0.3 s to spare."""
+    moving = recording.encoders.counts.any(axis=1)
+    return recording.imu.t < recording.encoders.t[np.argmax(moving)] - 0.3
+
+
+# --- the drive and its clocks, against the table --------------------------------------------------
+
+
+def test_lasts_and_drives_as_the_real_ones(drive):
+    simulation, real = drive
+    encoders = simulation.recording.encoders
+    duration = encoders.t[-1] - encoders.t[0]
+    assert duration == pytest.approx(real["duration"], rel=0.04)
+    assert encoders.counts.mean(axis=1).sum() * 0.0022 == pytest.approx(real["path"], rel=0.01)
+    moving = np.flatnonzero(encoders.counts.any(axis=1))
+    assert encoders.t[moving[0]] - encoders.t[0] == pytest.approx(real["still"][0], abs=0.2)
+    assert encoders.t[-1] - encoders.t[moving[-1]] == pytest.approx(real["still"][1], abs=0.2)
+
+
+def test_is_as_fast_as_the_real_one(drive):
+    simulation, real = drive
+    encoders, imu = simulation.recording.encoders, simulation.recording.imu
+    at = np.arange(encoders.t[0], encoders.t[-1], 0.25)
+    speed = np.diff(np.interp(at, encoders.t, np.cumsum(encoders.counts.mean(axis=1)) * 0.0022)) / 0.25
+    assert 1.2 < speed.max() < 1.5
+    assert np.abs(imu.angular_velocity[:, 2]).max() == pytest.approx(real["yaw_rate"], abs=0.1)
+
+
+def test_encoder_stamps_jitter_and_counts_do_not(drive):
+    encoders = drive[0].recording.encoders
+    interval = np.diff(encoders.t)
+    assert interval.min() > 0.003
+    assert 0.035 < interval.max() < 0.069
+    assert np.median(interval) == pytest.approx(0.025, abs=0.0003)
+    fast = encoders.counts.sum(axis=1)[1:] > 20
+    # A late stamp is a late stamp: the count is not larger for it (0.02 on the real robot).
+    assert abs(np.corrcoef(interval[fast], encoders.counts.sum(axis=1)[1:][fast])[0, 1]) < 0.15
+
+
+def test_imu_starts_late_and_ends_early(drive):
+    simulation, real = drive
+    imu, encoders = simulation.recording.imu, simulation.recording.encoders
+    assert imu.t[0] - encoders.t[0] == pytest.approx(real["imu"][0], abs=0.03)
+    assert imu.t[-1] - encoders.t[-1] == pytest.approx(real["imu"][1], abs=0.05)
+    assert np.median(np.diff(imu.t)) == pytest.approx(0.010, abs=0.0002)
+
+
+def test_lidar_stamps_and_ranges(drive):
+    simulation, real = drive
+    recording = simulation.recording
+    lidar, model = recording.lidar, recording.robot.lidar
+    assert lidar.ranges.shape == (len(lidar.t), 1081)
+    assert 40.5 < 1.0 / np.median(np.diff(lidar.t)) < 42.5
+    assert len(lidar.t) / (recording.encoders.t[-1] - recording.encoders.t[0]) == pytest.approx(
+        4962 / 123.6, rel=0.01
+    )
+    valid = model.valid(lidar.ranges)
+    assert valid.mean() == pytest.approx(0.996, abs=0.0005)
+    assert lidar.ranges[valid].mean() == pytest.approx(real["mean_range"], abs=0.25)
+    assert np.unique(lidar.ranges[~valid]) == pytest.approx([0.001, 60.0])
+
+
+def test_camera_stamps(drive):
+    simulation, real = drive
+    camera, encoders = simulation.recording.camera, simulation.recording.encoders
+    assert (len(camera.disparity_t), len(camera.rgb_t)) == pytest.approx(real["images"], rel=0.08)
+    assert camera.disparity_t[0] - encoders.t[0] == pytest.approx(real["camera"][0], abs=0.05)
+    assert camera.disparity_t[-1] - encoders.t[-1] == pytest.approx(real["camera"][1], abs=0.06)
+    assert 0.2 < np.diff(camera.disparity_t).max() < 0.65
+    gap = np.abs(camera.disparity_t[nearest_stamp(camera.disparity_t, camera.rgb_t)] - camera.rgb_t)
+    assert np.median(gap) == pytest.approx(0.011, abs=0.003)
+    assert np.quantile(gap, 0.95) == pytest.approx(0.086, abs=0.02)
+
+
+def test_everything_is_quantised(drive):
+    recording = drive[0].recording
+    assert recording.encoders.counts.dtype == np.int16
+    assert recording.lidar.ranges.dtype == np.float32
+    rates, mm = recording.imu.angular_velocity, recording.lidar.ranges[::50].astype(float) * 1e3
+    np.testing.assert_allclose(rates * 1e6, np.round(rates * 1e6), atol=1e-6)
+    np.testing.assert_allclose(mm, np.round(mm), atol=3e-3)  # float32 at 30 m resolves 2e-6 m
+    for t in (recording.encoders.t, recording.imu.t, recording.lidar.t, recording.camera.rgb_t):
+        np.testing.assert_allclose((t - START_OF_TIME) * 1e6, np.round((t - START_OF_TIME) * 1e6), atol=0.3)
+
+
+# --- the instruments' errors, against the table ---------------------------------------------------
+
+
+def test_gyro_noise_and_bias_at_rest(drive):
+    simulation, real = drive
+    recording = simulation.recording
+    yaw_rate, t = recording.imu.angular_velocity[:, 2], recording.imu.t
+    rest = still(recording) & (t > t[0] + 2.5)
+    # Noise that remembers six samples leaves a sixth as many to average over. Four standard errors:
+    per_root = 4 * 0.0039 * np.sqrt(6)
+    assert yaw_rate[rest].mean() == pytest.approx(real["bias"], abs=per_root / np.sqrt(rest.sum()))
+    assert yaw_rate[rest].std() == pytest.approx(0.0039, rel=0.15)
+    first = t < t[0] + 1.0
+    assert yaw_rate[first].mean() == pytest.approx(real["first_second"], abs=per_root / np.sqrt(first.sum()))
+
+
+def test_gyro_noise_remembers():
+    noise = _gyro_noise(200_000, np.random.default_rng(1))
+    correlation = [np.mean(noise[lag:] * noise[:-lag]) / noise.var() for lag in (1, 2, 5)]
+    assert noise.std() == pytest.approx(1.0, abs=0.02)
+    assert correlation == pytest.approx([0.91, 0.7, 0.2], abs=0.04)
+
+
+def turned(t, theta, at):
+    return np.diff(np.interp(at, t, np.unwrap(theta)))
+
+
+def test_gyro_scale_is_three_percent_off(drive):
+    recording = drive[0].recording
+    imu, truth = recording.imu, recording.truth
+    at = np.arange(imu.t[0] + 2.0, imu.t[-1], 1.0)
+    shown = np.concatenate([[0.0], np.cumsum(np.diff(imu.t) * imu.angular_velocity[1:, 2])])
+    true, gyro = turned(truth.t, truth.poses[:, 2], at), turned(imu.t, shown, at)
+    assert (true @ gyro) / (gyro @ gyro) == pytest.approx(1.03, abs=0.01)
+
+
+def test_wheels_overstate_yaw_by_skidding(drive):
+    recording = drive[0].recording
+    encoders, truth = recording.encoders, recording.truth
+    right, left = encoders.counts[:, [0, 2]].mean(axis=1), encoders.counts[:, [1, 3]].mean(axis=1)
+    at = np.arange(encoders.t[0] + 2.0, encoders.t[-1] - 2.0, 1.0)
+    by_wheels = turned(encoders.t, np.cumsum(right - left) * 0.0022 / 0.394, at)
+    true = turned(truth.t, truth.poses[:, 2], at)
+    assert (by_wheels @ true) / (true @ true) == pytest.approx(1.85, abs=0.06)
+
+
+def test_dead_reckoning_drifts_like_the_real_robot(drive):
+    recording = drive[0].recording
+    error = trajectory_error(dead_reckoning(recording), recording.truth)
+    assert 0.5 < error.ate_rmse_m < 3.0  # 1.14 m on the half-real drive
+    assert 1.0 < error.heading_rmse_deg < 12.0
+
+
+def smoothed(values, samples=25):
+    return np.stack(
+        [np.convolve(column, np.ones(samples) / samples, mode="valid") for column in values.T], axis=1
+    )
+
+
+def test_tilt_seen_by_the_accelerometer():
+    def tilt(name):
+        force = smoothed(simulated(name).recording.imu.acceleration_g)
+        return np.rad2deg(np.arccos(force[:, 2] / np.linalg.norm(force, axis=1)))
+
+    flat, sloping = tilt("hall"), tilt("ramp")
+    assert 4.0 < flat.max() < 8.5
+    assert (flat > 8.0).mean() < 0.001
+    assert 18.0 < sloping.max() < 25.0
+    assert (sloping > 8.0).mean() == pytest.approx(0.13, abs=0.03)
+
+
+# --- exact truth ----------------------------------------------------------------------------------
+
+
+def test_truth_starts_at_the_origin_at_the_lidars_stamps(drive):
+    recording = drive[0].recording
+    np.testing.assert_array_equal(recording.truth.poses[0], 0.0)
+    np.testing.assert_array_equal(recording.truth.t, recording.lidar.t)
+    assert len(drive[0].z) == len(drive[0].pitch) == len(recording.truth)
+
+
+def test_without_errors_dead_reckoning_is_the_truth(exact_hall):
+    recording = exact_hall.recording
+    odometry = dead_reckoning(recording)
+    inside = odometry.covers(recording.truth.t)
+    difference = odometry.at(recording.truth.t[inside]) - recording.truth.poses[inside]
+    # Euler's step of 10 ms at 1.4 m/s and 1.5 rad/s strays by 0.1 mm; turns to and fro cancel.
+    assert np.abs(difference[:, :2]).max() < 0.02
+    assert np.abs(wrap_angle(difference[:, 2])).max() < 1e-3
+
+
+def test_wheels_measure_the_slope_and_truth_its_shadow(exact_ramp):
+    recording = exact_ramp.recording
+    wheels = recording.encoders.counts.mean(axis=1).sum() * recording.robot.encoders.metres_per_count
+    shadow = np.hypot(*np.diff(exact_ramp.drive.poses[:, :2], axis=0).T).sum()
+    slant = np.sqrt(
+        (np.diff(exact_ramp.drive.poses[:, :2], axis=0) ** 2).sum(axis=1) + np.diff(exact_ramp.drive.z) ** 2
+    ).sum()
+    assert wheels == pytest.approx(slant, abs=1e-3)
+    assert slant > shadow + 0.2
+
+
+def test_the_accelerometer_feels_the_slope(exact_ramp):
+    """Nose up (pitch below zero), gravity pushes the seat forward: +x in g is -sin(pitch)."""
+    imu = exact_ramp.recording.imu
+    _, _, pitch, _ = exact_ramp.drive.at(imu.t - START_OF_TIME)
+    steep = np.abs(pitch) > np.deg2rad(5)
+    error = imu.acceleration_g[:, 0] + np.sin(pitch)
+    assert np.deg2rad(9) < np.abs(pitch).max() < np.deg2rad(23)
+    assert np.abs(np.median(error[steep])) < 0.03  # the rest is speeding up and braking
+    assert np.corrcoef(imu.acceleration_g[:, 0], -np.sin(pitch))[0, 1] > 0.9
+
+
+def test_body_rates_integrate_to_the_attitude(exact_ramp):
+    """Gyro rates, turned into a rotation step by step, must end where the truth ends: axes are the body's."""
+    imu = exact_ramp.recording.imu
+    t = imu.t - START_OF_TIME
+    part = slice(1500, 6000)
+    poses, _, pitch, roll = exact_ramp.drive.at(t[part])
+    R = rotation_matrix(roll[0], pitch[0], poses[0, 2])
+    for dt, rate in zip(np.diff(t[part]), imu.angular_velocity[part][1:], strict=True):
+        R = R @ small_rotation(rate * dt)
+    end = rotation_matrix(roll[-1], pitch[-1], poses[-1, 2])
+    angle = np.arccos(np.clip((np.trace(R.T @ end) - 1.0) / 2.0, -1.0, 1.0))
+    assert np.ptp(pitch) > np.deg2rad(15)
+    assert angle < np.deg2rad(0.5)
+
+
+def small_rotation(w):
+    """Rodrigues' formula."""
+    angle = np.linalg.norm(w)
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = w / angle
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+
+
+# --- geometry against other ways to compute it ----------------------------------------------------
+
+
+def test_the_walls_enclose_the_union_of_the_rectangles():
+    areas = np.array([[0.0, 0.0, 4.0, 1.0], [3.0, 0.0, 4.0, 3.0], [1.0, 1.0, 2.0, 1.5]])
+    walls = outline(areas)
+    (x0, y0), (x1, y1) = walls[:, 0].T, walls[:, 1].T
+    assert 0.5 * (x0 * y1 - x1 * y0).sum() == pytest.approx(
+        4.0 + 2.0 + 0.5
+    )  # Green: area on the left counts positive
+    along = walls[:, 1] - walls[:, 0]
+    left = walls.mean(axis=1) + 1e-3 * np.column_stack([-along[:, 1], along[:, 0]])
+    inside = ((left[:, None] > areas[:, :2]) & (left[:, None] < areas[:, 2:])).all(axis=2).any(axis=1)
+    assert inside.all()
+
+
+def nearest_by_brute_force(simulation, k, beam):
+    """Range of one beam of scan k, from 3-D rays against every wall and ever finer steps along the ground."""
+    world, recording = simulation.world, simulation.recording
+    poses, z, pitch, roll = simulation.drive.at(recording.lidar.t[k : k + 1] - START_OF_TIME)
+    x, y, yaw = compose(world.pose_pw, poses)[0]
+    R = rotation_matrix(roll[0], pitch[0], yaw)
+    origin = np.array([x, y, z[0]]) + R @ recording.robot.lidar.position_b
+    angle = recording.robot.lidar.angles[beam]
+    direction = R @ np.array([np.cos(angle), np.sin(angle), 0.0])
+    best = np.inf
+    for a, b in world.walls:
+        try:
+            r, s = np.linalg.solve(np.column_stack([direction[:2], a - b]), a - origin[:2])
+        except np.linalg.LinAlgError:
+            continue
+        if r > 0 and -1e-12 <= s <= 1 + 1e-12:
+            best = min(best, r)
+    along = np.arange(0.0, min(best, 40.0), 1e-3)
+    points = origin + along[:, None] * direction
+    below = points[:, 2] < height(world.slopes, points[:, :2])
+    return along[np.argmax(below)] if below.any() else best
+
+
+@pytest.mark.parametrize("which", ["exact_hall", "exact_ramp"])
+def test_ranges_against_brute_force(which, request):
+    simulation = request.getfixturevalue(which)
+    rng = np.random.default_rng(0)
+    scans = rng.integers(0, len(simulation.recording.lidar.t), 60)
+    if which == "exact_ramp":
+        scans = np.concatenate([scans, rng.choice(np.flatnonzero(np.abs(simulation.pitch) > 0.05), 60)])
+    for k in scans:
+        beam = int(rng.integers(0, 1081))
+        found = simulation.recording.lidar.ranges[k, beam]
+        assert found == pytest.approx(nearest_by_brute_force(simulation, k, beam), abs=2e-3), (k, beam)
+
+
+def test_some_beams_strike_the_slope(exact_ramp):
+    lidar = exact_ramp.recording.robot.lidar
+    tilted = np.flatnonzero(np.abs(exact_ramp.pitch) > np.deg2rad(8))[::40]
+    t = exact_ramp.recording.lidar.t[tilted] - START_OF_TIME
+    sensor = sensor_at(exact_ramp.world, exact_ramp.drive, t, lidar.position_b)
+    flat_world = replace(exact_ramp.world, plan=replace(exact_ramp.world.plan, slopes=()))
+    pitched = cast(exact_ramp.world, sensor, lidar.angles)
+    # Walls alone (no beam may sink below z = 0 on a plane ground that is never reached).
+    assert (pitched <= cast(flat_world, sensor, lidar.angles) + 1e-9).all()
+    heights = sensor.origin[:, 2:] + pitched * (sensor.rotation @ [1.0, 0.0, 0.0])[:, 2:] * np.cos(
+        lidar.angles
+    )
+    assert (heights < 0.05).mean() > 0.01
+
+
+def distance_to_walls(points, walls):
+    a, edge = walls[:, 0], walls[:, 1] - walls[:, 0]
+    to = points[:, None] - a
+    part = np.clip((to * edge).sum(-1) / (edge**2).sum(-1), 0.0, 1.0)
+    return np.linalg.norm(to - part[..., None] * edge, axis=-1).min(axis=1)
+
+
+def test_scan_points_fall_on_the_walls():
+    simulation = simulated("hall", 3)
+    recording = simulation.recording
+    off = []
+    for k in range(0, len(recording.lidar.t), 200):
+        points = scan_points(recording.lidar.ranges[k], recording.robot.lidar)
+        off.append(
+            distance_to_walls(transform_points(recording.truth.poses[k], points), simulation.world.walls_w)
+        )
+    off = np.concatenate(off)
+    # Noise of 1 cm along the beam is at most 1 cm across the wall.
+    assert 0.004 < np.sqrt(np.mean(off**2)) < 0.0105
+    assert off.max() < 0.06
+
+
+def test_noise_of_the_ranges_is_one_centimetre(exact_hall):
+    noisy = simulate(replace(HALL.without_errors(), range_noise=0.01), seed=3).recording.lidar.ranges
+    error = noisy[::20].astype(float) - exact_hall.recording.lidar.ranges[::20]
+    assert error.std() == pytest.approx(0.01, rel=0.02)
+    assert abs(error.mean()) < 1e-4
+
+
+def test_stance_on_a_ramp():
+    slopes = make_world(RAMP, np.random.SeedSequence(3)).slopes
+    slope = next(s for s in slopes if s.axis == "x")
+    rise = (slope.heights[1] - slope.heights[0]) / (slope.knots[1] - slope.knots[0])
+    middle = np.array([0.5 * (slope.knots[0] + slope.knots[1]), 0.0])
+    z, pitch, roll = stance(slopes, np.array([[*middle, 0.0], [*middle, np.pi], [*middle, np.pi / 2]]))
+    assert z == pytest.approx([0.5 * slope.heights[1]] * 3)
+    assert pitch == pytest.approx(
+        [-np.arctan(rise), np.arctan(rise), 0.0]
+    )  # up: nose up; back down: nose down
+    assert roll == pytest.approx([0.0, 0.0, -np.arctan(rise)], abs=1e-9)
+
+
+# --- the building ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [None, 3, 1, 2])
+def test_every_building_lets_the_robot_through(seed):
+    simulation = simulated("hall", seed)
+    truth, world = simulation.recording.truth.poses, simulation.world
+    assert distance_to_walls(truth[::20, :2], world.walls_w).min() > 0.35
+    spec = world.spec(0.05)
+    cells = spec.world_to_cell(truth[:, :2])
+    assert simulation.floor_area(spec)[cells[:, 1], cells[:, 0]].all()
+    assert not simulation.true_grid(spec)[cells[:, 1], cells[:, 0]].any()
+    size = np.ptp(world.walls_w.reshape(-1, 2), axis=0)
+    assert (size > 20).all()
+    assert (size < 30).all()
+    tilt = np.rad2deg(abs(world.pose_wp[2]))
+    assert 1.5 < tilt < 5.5  # walls are not parallel to the grid
+
+
+def test_hall_and_ramp_are_the_same_building():
+    hall, ramp = (make_world(config, np.random.SeedSequence(5)) for config in (HALL, RAMP))
+    np.testing.assert_array_equal(hall.plan.areas, ramp.plan.areas)
+    assert hall.slopes == ()
+    assert len(ramp.slopes) == 2
+
+
+def test_one_seed_one_drive_to_the_last_bit():
+    first, second = simulate("ramp", seed=8), simulate("ramp", seed=8)
+    a, b = first.recording, second.recording
+    for x, y in [
+        (a.encoders.counts, b.encoders.counts),
+        (a.encoders.t, b.encoders.t),
+        (a.imu.angular_velocity, b.imu.angular_velocity),
+        (a.imu.acceleration_g, b.imu.acceleration_g),
+        (a.lidar.ranges, b.lidar.ranges),
+        (a.truth.poses, b.truth.poses),
+        (a.camera.disparity_t, b.camera.disparity_t),
+        (a.camera.read_disparity(700), b.camera.read_disparity(700)),
+        (a.camera.read_rgb(700), b.camera.read_rgb(700)),
+    ]:
+        np.testing.assert_array_equal(x, y)
+    other = make_world(RAMP, np.random.SeedSequence(9))
+    assert not np.array_equal(other.walls[:4], first.world.walls[:4])
+
+
+def test_one_more_error_leaves_the_other_streams_alone():
+    plain = simulated("hall", 8).recording
+    noisier = simulate(replace(HALL, range_noise=0.03, people=2, random_share=0.1), seed=8).recording
+    np.testing.assert_array_equal(plain.encoders.counts, noisier.encoders.counts)
+    np.testing.assert_array_equal(plain.imu.angular_velocity, noisier.imu.angular_velocity)
+    np.testing.assert_array_equal(plain.truth.poses, noisier.truth.poses)
+    assert not np.array_equal(plain.lidar.ranges, noisier.lidar.ranges)
+
+
+def test_ranges_given_back_are_not_cast_again():
+    first = simulated("hall", 8)
+    again = simulate("hall", seed=8, ranges=first.recording.lidar.ranges)
+    assert again.recording.lidar.ranges is first.recording.lidar.ranges
+
+
+# --- what later studies need ----------------------------------------------------------------------
+
+
+def test_dropouts_take_scans_away():
+    t = simulate(replace(HALL, dropouts=((30.0, 35.0),)), seed=3).recording.lidar.t - START_OF_TIME
+    assert not ((t > 30.0) & (t < 35.0)).any()
+    assert np.diff(t).max() == pytest.approx(5.0, abs=0.06)
+
+
+def test_random_ranges_have_their_share():
+    clean = simulate(replace(HALL, invalid_share=0.0), seed=3).recording.lidar.ranges
+    dirty = simulate(replace(HALL, invalid_share=0.0, random_share=0.1), seed=3).recording.lidar.ranges
+    assert (clean != dirty).mean() == pytest.approx(0.1, abs=0.002)
+
+
+def test_people_are_discs_that_walk():
+    config = replace(HALL.without_errors(), people=3)
+    simulation = simulate(config, seed=3)
+    empty = simulated(HALL.without_errors(), 3)
+    shorter = simulation.recording.lidar.ranges < empty.recording.lidar.ranges - 1e-3
+    assert shorter.any(axis=1).mean() > 0.2
+    k = np.argmax(shorter.sum(axis=1))
+    t = simulation.recording.lidar.t[k] - START_OF_TIME
+    points = scan_points(simulation.recording.lidar.ranges[k], LidarModel())[shorter[k]]
+    points_p = transform_points(
+        simulation.world.pose_pw, transform_points(simulation.recording.truth.poses[k], points)
+    )
+    centres = np.array([person.at(np.array([t]))[0] for person in simulation.world.people])
+    off = np.abs(np.linalg.norm(points_p[:, None] - centres, axis=2) - simulation.world.people[0].radius).min(
+        axis=1
+    )
+    assert off.max() < 1e-4
+
+
+def test_doors_open_and_close():
+    simulation = simulate(replace(HALL.without_errors(), moving_doors=4), seed=3)
+    begin, end = simulation.world.closed[np.isfinite(simulation.world.closed[:, 1])].T
+    assert len(begin) == 4
+    assert (end > begin).all()
+    empty = simulated(HALL.without_errors(), 3).recording.lidar
+    changed = (np.abs(simulation.recording.lidar.ranges - empty.ranges) > 1e-3).any(axis=1)
+    t = empty.t - START_OF_TIME
+    shut = ((t[:, None] >= begin) & (t[:, None] <= end)).any(axis=1)
+    assert changed.any()
+    assert not changed[~shut].any()
+
+
+def test_a_slow_scan_measures_each_beam_in_its_own_time(exact_hall):
+    lidar, world, drive = exact_hall.recording.robot.lidar, exact_hall.world, exact_hall.drive
+    turning = np.abs(np.gradient(np.unwrap(drive.poses[:, 2]), drive.t)) > 1.0
+    t = drive.t[turning][::200]
+    smeared = true_ranges(world, drive, lidar, t, scan_time=0.025)
+    begin, middle, end = (true_ranges(world, drive, lidar, t + delay) for delay in (-0.012, 0.0, 0.012))
+    # A part of 47 beams shares one moment, at most 0.6 ms (1.5 cm at 15 m and 1.5 rad/s) from a beam's own.
+    for beams, at_once in ((slice(10, 37), begin), (slice(527, 554), middle), (slice(1044, 1071), end)):
+        assert np.median(np.abs(smeared[:, beams] - at_once[:, beams])) < 1e-3
+    assert np.median(np.abs(smeared[:, :40] - middle[:, :40])) > 5e-3
+    np.testing.assert_array_equal(true_ranges(world, drive, lidar, t[:1] * 0.0 + 3.0, 0.025)[0],
+                                  true_ranges(world, drive, lidar, t[:1] * 0.0 + 3.0)[0])  # fmt: skip
+
+
+def test_other_layouts():
+    loop = simulate(SimulatorConfig(name="loop", layout="loop", laps=2), seed=2)
+    assert np.hypot(*loop.recording.truth.poses[-1, :2]) < 1.0
+    assert loop.drive.travelled[-1] > 2 * 50.0
+    corridor = simulate(SimulatorConfig(name="corridor", layout="corridor"), seed=2)
+    ranges = corridor.recording.lidar.ranges
+    assert corridor.recording.truth.poses[-1, 0] == pytest.approx(20.0, abs=0.1)
+    assert np.median(ranges[:, 540]) > 30.0  # straight ahead there is nothing within range
+    two = make_world(replace(HALL, laps=2), np.random.SeedSequence(2))
+    assert path_length(two.path) == pytest.approx(2 * HALL.path_length, rel=0.02)
+
+
+def test_a_symmetric_building_looks_the_same_after_half_a_turn():
+    world = simulate(SimulatorConfig(name="symmetric", layout="symmetric"), seed=2).world
+    middle = 0.5 * (world.walls.reshape(-1, 2).min(axis=0) + world.walls.reshape(-1, 2).max(axis=0))
+    turned_walls = 2 * middle - world.walls.reshape(-1, 2)
+    assert distance_to_walls(turned_walls, world.walls).max() < 1e-9
+
+
+def test_bad_input_is_named():
+    with pytest.raises(DataError, match="'attic'"):
+        simulate("attic")
+    with pytest.raises(DataError, match="seed"):
+        simulate("hall", seed=-1)
+    with pytest.raises(DataError, match="layout"):
+        SimulatorConfig(layout="spiral")
+    with pytest.raises(DataError, match="range_noise"):
+        SimulatorConfig(range_noise=-0.1)
+
+
+def test_built_in_numbers():
+    assert BUILT_IN == {"hall": 20, "ramp": 21}
