@@ -11,7 +11,7 @@ WORKERS ?= 2
 PYTEST := "$(BIN)/python" -m pytest -q -n $(WORKERS) --dist loadfile
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test lint unit notebooks check-book lab notebook-outputs strip lock clean
+.PHONY: help env book test lint types unit notebooks check-book lab notebook-outputs strip lock clean
 
 help:  ## List the commands
 	@grep -hE '^[a-z-]+:.*##' Makefile | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 26
@@ -38,6 +38,8 @@ test: lint unit notebooks  ## Lint, unit tests, every notebook
 lint: $(STAMP)
 	"$(BIN)/ruff" check .
 	"$(BIN)/ruff" format --check .
+
+types: $(STAMP)  ## Check the types
 	"$(BIN)/mypy"
 
 unit: $(STAMP)
