@@ -4,11 +4,12 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
+LOCKED := $(VENV)/.locked
 STAMP := $(VENV)/.installed
 SITE := _build/html
 NOTEBOOKS := $(sort $(wildcard notebooks/*.ipynb))
 WORKERS ?= 2
-PYTEST := "$(BIN)/python" -m pytest -q -n $(WORKERS) --dist loadfile
+PYTEST := "$(BIN)/python" -m pytest -q -n $(WORKERS)
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test lint types unit notebooks check-book lab notebook-outputs strip lock clean
@@ -18,14 +19,17 @@ help:  ## List the commands
 
 env: $(STAMP)  ## Make the environment from the lock file (done by the others when needed)
 
-$(STAMP): requirements.lock pyproject.toml
+$(LOCKED): requirements.lock
 	@"$(PYTHON)" -c 'import sys; v = sys.version_info[:2]; sys.exit(v < (3, 11) and "Python 3.11 or newer is needed, this is %d.%d: make PYTHON=python3.12 ..." % v)'
 	@echo "Installing the environment into $(VENV) (about a minute)"
 	@"$(PYTHON)" -m venv --clear "$(VENV)"
 	@"$(BIN)/python" -m pip install -qq --disable-pip-version-check --require-hashes -r requirements.lock
-	@"$(BIN)/python" -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@mkdir -p "$(VENV)/share/jupyter/lab/settings"
 	@cp book/_tools/jupyterlab_overrides.json "$(VENV)/share/jupyter/lab/settings/overrides.json"
+	@touch "$(LOCKED)"
+
+$(STAMP): $(LOCKED) pyproject.toml
+	@"$(BIN)/python" -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch "$(STAMP)"
 
 book: $(STAMP)  ## Run the notebooks on the built-in data and build the site, warnings as errors
@@ -43,15 +47,15 @@ types: $(STAMP)  ## Check the types
 	"$(BIN)/mypy"
 
 unit: $(STAMP)
-	$(PYTEST) -m "not browser" tests
+	$(PYTEST) --dist loadfile -m "not browser" tests
 
 notebooks: $(STAMP)
 ifneq ($(NOTEBOOKS),)
-	PFSLAM_WIDGETS=text $(PYTEST) --nbval --nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout 600 $(NOTEBOOKS)
+	PFSLAM_WIDGETS=text $(PYTEST) --dist loadfile --nbval --nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout 600 $(NOTEBOOKS)
 endif
 
 check-book: $(STAMP)  ## Check the built site: links, pages, and every widget in a real browser
-	"$(BIN)/python" -m pytest -q -m browser tests/browser
+	$(PYTEST) -m browser tests/browser
 
 lab: $(STAMP)  ## Open the notebooks in JupyterLab
 	"$(BIN)/jupyter-lab" --notebook-dir=notebooks

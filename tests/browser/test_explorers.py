@@ -10,6 +10,7 @@ PICTURE = "figure => { const i = figure.querySelector('img'); return [i.src, i.a
 @pytest.fixture(params=["http", "file"])
 def explorers(visit, site, explorer_page, request):
     """The explorers of one page, opened either way."""
+    assert explorer_page != "no explorer", "no page of the book has an explorer"
     seen = visit(explorer_page, request.param)
     yield seen.page.locator("figure.pfslam-explorer").all()
     assert seen.complaints == []
