@@ -54,13 +54,17 @@ def match(
     full_score = len(points_b) * (MAX_FIELD_VALUE if config.field == "distance" else 1)
     moved, log_likelihood, score = np.array(poses, dtype=float), np.zeros(len(poses)), np.zeros(len(poses))
     for box in search(field, spec, points_b, poses, lattice, window):
-        for part in np.array_split(np.arange(len(box.members)), -(-len(box.members) * box.scores.shape[1] // CHUNK)):
+        for part in np.array_split(
+            np.arange(len(box.members)), -(-len(box.members) * box.scores.shape[1] // CHUNK)
+        ):
             who, node = box.members[part], box.node_of[part]
             if config.keep_offset:
                 moved[who], best = _jump_with_offset(box, node, poses[who], lattice, window, rng)
                 gain = _gain(best / full_score, best, config)
             else:
-                moved[who], best, gain = _climb(box, node, poses[who], lattice, window, sigmas, config, full_score)
+                moved[who], best, gain = _climb(
+                    box, node, poses[who], lattice, window, sigmas, config, full_score
+                )
             log_likelihood[who], score[who] = gain, best / full_score
     moved[:, 2] = wrap_angle(moved[:, 2])
     return Matched(moved, log_likelihood, score)
@@ -87,14 +91,23 @@ def _jump_with_offset(box: BoxScores, node, poses, lattice: Lattice, window: Win
     return poses + lattice.pose(window.steps()[choice]), best[node]
 
 
-def _climb(box: BoxScores, node, poses, lattice: Lattice, window: Window, sigmas, config: SearchConfig, full_score):
+def _climb(
+    box: BoxScores, node, poses, lattice: Lattice, window: Window, sigmas, config: SearchConfig, full_score
+):
     """To the lattice pose that maximises J = score - distance from the predicted pose, then within the step.
 
     With delta the perturbation and o the particle's offset from its node, the prior's |delta - o|^2 / 2 sigma^2 is
     linear in o apart from a term that is the same for every perturbation: one matrix product serves all particles.
     """
     scale = config.sharpness / full_score if config.prior or config.weight == "likelihood" else 1.0
-    sigma = np.array([sigmas[0], sigmas[0], sigmas[1]]) if config.prior else lattice.steps / np.sqrt(2.0 * NEAREST_TIE)
+    sigma = (
+        np.array([sigmas[0], sigmas[0], sigmas[1]])
+        if config.prior
+        else lattice.steps / np.sqrt(2.0 * NEAREST_TIE)
+    )
+    sigma = np.maximum(
+        sigma, 1e-3 * lattice.steps
+    )  # without any noise the prior pins the particle to its prediction
     delta = lattice.pose(window.steps()) / sigma
     offset = (poses - lattice.pose(box.nodes[node])) / sigma
     J = (scale * box.scores.astype(float) - 0.5 * np.sum(delta**2, axis=1))[node] + offset @ delta.T
@@ -127,5 +140,7 @@ def _parabola_peak(J: np.ndarray, choice: np.ndarray, window: Window) -> np.ndar
         before, here, after = J[rows, at - stride], J[rows, at], J[rows, at + stride]
         curvature = before - 2.0 * here + after
         curved = inner & (curvature < 0)
-        peak[curved, 2 - axis] = np.clip((0.5 * (before - after) / np.where(curved, curvature, -1.0))[curved], -0.5, 0.5)
+        peak[curved, 2 - axis] = np.clip(
+            (0.5 * (before - after) / np.where(curved, curvature, -1.0))[curved], -0.5, 0.5
+        )
     return peak

@@ -20,7 +20,14 @@ def box(x0, y0, x1, y1):
     return np.array([[x0, y0, x1, y0], [x1, y0, x1, y1], [x1, y1, x0, y1], [x0, y1, x0, y0]], dtype=float)
 
 
-ROOM = np.vstack([box(-2.03, -1.52, 4.01, 2.48), box(1.2, 1.7, 1.9, 2.2), box(2.6, -1.1, 3.1, -0.3), box(-1.3, 0.9, -1.0, 1.6)])
+ROOM = np.vstack(
+    [
+        box(-2.03, -1.52, 4.01, 2.48),
+        box(1.2, 1.7, 1.9, 2.2),
+        box(2.6, -1.1, 3.1, -0.3),
+        box(-1.3, 0.9, -1.0, 1.6),
+    ]
+)
 """A room of 6 m by 4 m with three pillars; no wall lies on a border between cells of 0.05 m."""
 
 
@@ -57,7 +64,11 @@ def arcs(legs):
         turn = omega * t
         radius = v / omega
         return np.array(
-            [x + radius * (np.sin(theta + turn) - np.sin(theta)), y - radius * (np.cos(theta + turn) - np.cos(theta)), theta + turn]
+            [
+                x + radius * (np.sin(theta + turn) - np.sin(theta)),
+                y - radius * (np.cos(theta + turn) - np.cos(theta)),
+                theta + turn,
+            ]
         )
 
     for seconds, v, omega in legs:
@@ -74,9 +85,12 @@ def arcs(legs):
 def drive(legs, walls=ROOM, lidar=LIDAR, epoch=0.0, name="by hand"):
     """A noiseless recording of legs (seconds, counts per encoder reading, rad/s) in a world of walls.
 
-    All legs last a whole number of encoder readings. Every gyro sample is the mean rate of the interval that ends at it.
+    All legs last a whole number of encoder readings. Every gyro sample is the mean rate of the interval
+    that ends at it.
     """
-    speeds = [(seconds, counts * COUNT.metres_per_count / ENCODER_STEP, omega) for seconds, counts, omega in legs]
+    speeds = [
+        (seconds, counts * COUNT.metres_per_count / ENCODER_STEP, omega) for seconds, counts, omega in legs
+    ]
     pose, total = arcs(speeds), sum(leg[0] for leg in legs)
     t_encoder = ENCODER_STEP * np.arange(round(total / ENCODER_STEP) + 1)
     t_gyro = GYRO_STEP * np.arange(round(total / GYRO_STEP) + 1)
@@ -97,5 +111,5 @@ def drive(legs, walls=ROOM, lidar=LIDAR, epoch=0.0, name="by hand"):
 
 
 SQUARE = [(2.0, 12, 0.0), (2.0, 0, np.pi / 4), (1.0, 12, 0.0), (2.0, 0, np.pi / 4), (2.0, 12, 0.0)]
-"""Lines and turns on the spot, 0.48 m/s and 45 degrees a second: here the Euler step is exact. It ends facing back."""
+"""Lines and turns on the spot, 0.48 m/s and 45 degrees a second: here Euler steps are exact. It ends facing back."""
 CURVES = [(1.0, 10, 0.0), (2.0, 10, 0.8), (1.5, 8, -0.6), (1.0, 10, 0.0)]

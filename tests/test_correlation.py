@@ -47,8 +47,12 @@ def assert_search_is_the_definition(occupied, spec, points_b, poses, lattice, wi
     field, seen = occupied.astype(np.float32), []
     for found in search(field, spec, points_b, poses, lattice, window):
         for scores, node in zip(found.scores, found.nodes, strict=True):
-            np.testing.assert_array_equal(scores, by_definition(occupied, spec, points_b, node, lattice, window))
-        np.testing.assert_array_equal(found.nodes[found.node_of], np.rint(poses[found.members] / lattice.steps))
+            np.testing.assert_array_equal(
+                scores, by_definition(occupied, spec, points_b, node, lattice, window)
+            )
+        np.testing.assert_array_equal(
+            found.nodes[found.node_of], np.rint(poses[found.members] / lattice.steps)
+        )
         seen.extend(found.members)
     assert sorted(seen) == list(range(len(poses)))
 
@@ -96,7 +100,9 @@ def test_search_with_one_beam_one_particle_and_the_smallest_window():
 def test_search_with_unequal_window_and_cells_counted_twice():
     rng, occupied, spec, points = random_case(10)
     doubled = np.concatenate([points, points[:10]])
-    assert_search_is_the_definition(occupied, spec, doubled, rng.normal(0, 0.1, (5, 3)), LATTICE, Window(3, 1))
+    assert_search_is_the_definition(
+        occupied, spec, doubled, rng.normal(0, 0.1, (5, 3)), LATTICE, Window(3, 1)
+    )
 
 
 def test_wide_cloud_is_cut_into_boxes_with_the_same_scores():
@@ -125,7 +131,10 @@ def test_wide_cloud_over_a_distance_field_scores_whole_numbers():
                 assert score == field[iy, ix].astype(int).sum()
 
 
-@given(st.lists(st.tuples(*[st.integers(-300, 300)] * 3), min_size=1, max_size=40, unique=True), st.integers(1, 2000))
+@given(
+    st.lists(st.tuples(*[st.integers(-300, 300)] * 3), min_size=1, max_size=40, unique=True),
+    st.integers(1, 2000),
+)
 @settings(max_examples=50)
 def test_boxes_part_the_nodes(nodes, beams):
     parts = cheapest_boxes(np.array(nodes), np.array([4, 4, 4]), beams)
@@ -147,7 +156,9 @@ def test_report_window_has_729_poses():
 
 
 def test_nearest_lattice_node():
-    np.testing.assert_array_equal(LATTICE.nearest([[0.074, -0.076, 0.0149], [0.0, 0.024, -0.0051]]), [[1, -2, 1], [0, 0, -1]])
+    np.testing.assert_array_equal(
+        LATTICE.nearest([[0.074, -0.076, 0.0149], [0.0, 0.024, -0.0051]]), [[1, -2, 1], [0, 0, -1]]
+    )
 
 
 def field_by_brute_force(occupied):
@@ -181,8 +192,16 @@ def test_field_updated_around_a_change_is_the_field_computed_anew(seed, kind):
 
 
 def test_sums_of_the_longest_scan_stay_exact_in_float32():
-    # The largest sum that a scan of 16777 beams can reach is still a float32 whole number with a neighbour one away.
+    # The largest sum that a scan of 16777 beams can reach is still a float32 whole number with a neighbour
+    # one away.
     beams = 16_777
     full = np.full((1, 1), MAX_FIELD_VALUE, dtype=np.float32)
-    boxes = search(full, GridSpec((-0.5, -0.5), 1.0, (1, 1)), np.zeros((beams, 2)), np.zeros((1, 3)), Lattice(1.0, 0.1), Window(0, 0))
+    boxes = search(
+        full,
+        GridSpec((-0.5, -0.5), 1.0, (1, 1)),
+        np.zeros((beams, 2)),
+        np.zeros((1, 3)),
+        Lattice(1.0, 0.1),
+        Window(0, 0),
+    )
     assert int(next(iter(boxes)).scores[0, 0]) == beams * MAX_FIELD_VALUE < 2**24

@@ -8,7 +8,17 @@ from hypothesis import strategies as st
 from rooms import LIDAR, ROOM, box, scan, sensor_position
 
 from pfslam.errors import DataError
-from pfslam.grid import LOG_4, GridSpec, MapConfig, OccupancyGrid, free_cells, integrate_scan, log_odds, probability, trace_rays
+from pfslam.grid import (
+    LOG_4,
+    GridSpec,
+    MapConfig,
+    OccupancyGrid,
+    free_cells,
+    integrate_scan,
+    log_odds,
+    probability,
+    trace_rays,
+)
 from pfslam.poses import transform_points
 from pfslam.sensors import scan_points
 
@@ -18,12 +28,16 @@ RAYS = ("bresenham", "polygon")
 
 def test_world_to_cell_by_hand():
     # The outer corner of cell [0, 0] is (-3, -2); 0.75 m to the right and 3.1 m up are one and six cells on.
-    np.testing.assert_array_equal(SPEC.world_to_cell([[-3.0, -2.0], [-2.25, 1.1], [-3.01, -2.0]]), [[0, 0], [1, 6], [-1, 0]])
+    np.testing.assert_array_equal(
+        SPEC.world_to_cell([[-3.0, -2.0], [-2.25, 1.1], [-3.01, -2.0]]), [[0, 0], [1, 6], [-1, 0]]
+    )
     np.testing.assert_allclose(SPEC.cell_to_world([[0, 0], [1, 6]]), [[-2.75, -1.75], [-2.25, 1.25]])
     assert SPEC.extent == (-3.0, 3.0, -2.0, 2.0)
 
 
-@given(st.integers(-30, 30), st.integers(-30, 30), st.floats(0.01, 3.0), st.floats(-20, 20), st.floats(-20, 20))
+@given(
+    st.integers(-30, 30), st.integers(-30, 30), st.floats(0.01, 3.0), st.floats(-20, 20), st.floats(-20, 20)
+)
 def test_centre_of_a_cell_lies_in_it(ix, iy, resolution, x, y):
     spec = GridSpec((x, y), resolution, (5, 5))
     np.testing.assert_array_equal(spec.world_to_cell(spec.cell_to_world([ix, iy])), [ix, iy])
@@ -34,7 +48,10 @@ def test_contains_knows_width_from_height():
     np.testing.assert_array_equal(SPEC.contains(cells), [True, True, False, False, False, False, True, False])
 
 
-@given(st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), min_size=1, max_size=5), st.sampled_from([0.05, 0.1, 0.25]))
+@given(
+    st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), min_size=1, max_size=5),
+    st.sampled_from([0.05, 0.1, 0.25]),
+)
 def test_grid_around_points_contains_them_with_the_margin(points, resolution):
     spec = GridSpec.around(np.array(points), resolution, margin=0.5)
     for corner in (-0.49, 0.49):
@@ -61,7 +78,9 @@ def test_impossible_grids_are_refused(origin, resolution, shape, field):
 def test_probability_of_log_odds():
     # Eq. 14 and 15: a sensor right four times in five has odds of 4.
     assert log_odds(0.8) == pytest.approx(np.log(4)) == pytest.approx(LOG_4)
-    np.testing.assert_allclose(probability([-np.log(4), 0.0, np.log(4), 2 * np.log(4)]), [0.2, 0.5, 0.8, 16 / 17])
+    np.testing.assert_allclose(
+        probability([-np.log(4), 0.0, np.log(4), 2 * np.log(4)]), [0.2, 0.5, 0.8, 16 / 17]
+    )
 
 
 @given(st.floats(1e-6, 1 - 1e-6))
@@ -70,7 +89,7 @@ def test_log_odds_is_the_inverse_of_probability(p):
 
 
 def bresenham(start, end):
-    """The scalar textbook algorithm, the end left out: along the longer axis, an error sum decides the other step."""
+    """The scalar textbook algorithm, the end left out: an error sum decides the step sideways."""
     (x, y), (dx, dy) = start, np.subtract(end, start)
     steep = abs(dy) > abs(dx)
     long, short = (abs(dy), abs(dx)) if steep else (abs(dx), abs(dy))
@@ -91,7 +110,9 @@ cell = st.tuples(st.integers(-20, 20), st.integers(-20, 20))
 @given(cell, st.lists(cell, min_size=1, max_size=6))
 def test_rays_are_bresenham_lines(start, ends):
     expected = [c for end in ends for c in bresenham(start, end)]
-    np.testing.assert_array_equal(trace_rays(np.array(start), np.array(ends)), np.array(expected).reshape(-1, 2))
+    np.testing.assert_array_equal(
+        trace_rays(np.array(start), np.array(ends)), np.array(expected).reshape(-1, 2)
+    )
 
 
 def test_ray_into_its_own_cell_crosses_nothing():
@@ -105,7 +126,11 @@ def drawn(pose, walls=ROOM, config=None, lidar=LIDAR, broken=()):
     points = transform_points(pose, scan_points(ranges, lidar))
     beams = np.flatnonzero(lidar.valid(ranges))
     grid = OccupancyGrid.empty(GridSpec.around(points, 0.05))
-    return integrate_scan(grid, points, beams, sensor_position(pose, lidar), config or MapConfig())[0], points, beams
+    return (
+        integrate_scan(grid, points, beams, sensor_position(pose, lidar), config or MapConfig())[0],
+        points,
+        beams,
+    )
 
 
 def cells_of(grid, points):
@@ -144,9 +169,11 @@ def test_polygon_covers_the_rays_and_nothing_beyond_what_the_beams_enclose(pose)
     polygon, points, _ = drawn(pose, walls, MapConfig(rays="polygon"))
     rays = drawn(pose, walls, MapConfig(rays="bresenham"))[0]
     seen, hit = polygon.free | polygon.occupied, cells_of(polygon, points)
-    # A cell of a line is at most half a cell from the line, and a filled cell likewise from the outline: one cell in all.
+    # A cell of a line is at most half a cell from the line, and a filled cell likewise from the outline: one
+    # cell in all.
     assert distance_to(seen)[rays.free].max() <= 1.0
-    # What the polygon adds lies between neighbouring rays, whose end points are here less than three cells apart.
+    # What the polygon adds lies between neighbouring rays, whose end points are here less than three cells
+    # apart.
     assert distance_to(rays.free | hit)[polygon.free].max() <= 3.0
     x, y = polygon.spec.cell_to_world(np.argwhere(polygon.free)[:, ::-1]).T
     assert -2.03 - 0.05 < x.min() <= x.max() < 4.01 + 0.05
@@ -157,7 +184,9 @@ def test_polygon_covers_the_rays_and_nothing_beyond_what_the_beams_enclose(pose)
 def test_beams_without_a_reading_clear_nothing(rays):
     pose, broken = (0.3, 0.2, 0.5), range(150, 211)  # a wedge of 45 degrees ahead
     grid, _, _ = drawn(pose, config=MapConfig(rays=rays), broken=broken)
-    centres = grid.spec.cell_to_world(np.indices(grid.spec.shape)[::-1].transpose(1, 2, 0)) - sensor_position(pose)
+    centres = grid.spec.cell_to_world(np.indices(grid.spec.shape)[::-1].transpose(1, 2, 0)) - sensor_position(
+        pose
+    )
     bearing = np.angle(np.exp(1j * (np.arctan2(centres[..., 1], centres[..., 0]) - pose[2])))
     # Two cells from the sides of the wedge, no cell of a neighbouring beam's line can lie.
     margin = np.hypot(*centres.transpose(2, 0, 1)) * np.sin(np.deg2rad(22.5) - np.abs(bearing)) > 0.1
@@ -170,13 +199,17 @@ def test_beams_without_a_reading_clear_nothing(rays):
 def test_space_behind_the_field_of_view_stays_unknown(rays):
     pose = (0.3, 0.2, 0.0)
     grid, _, _ = drawn(pose, config=MapConfig(rays=rays))
-    behind = grid.spec.world_to_cell(sensor_position(pose) - np.column_stack([np.linspace(0.2, 2.0, 20), np.zeros(20)]))
+    behind = grid.spec.world_to_cell(
+        sensor_position(pose) - np.column_stack([np.linspace(0.2, 2.0, 20), np.zeros(20)])
+    )
     assert not grid.log_odds[behind[:, 1], behind[:, 0]].any()
 
 
 @pytest.mark.parametrize("rays", RAYS)
 def test_lone_beams_clear_only_themselves(rays):
-    grid, _, beams = drawn((0.3, 0.2, 0.5), config=MapConfig(rays=rays), broken=set(range(361)) - {100, 180, 260})
+    grid, _, beams = drawn(
+        (0.3, 0.2, 0.5), config=MapConfig(rays=rays), broken=set(range(361)) - {100, 180, 260}
+    )
     assert len(beams) == 3
     start = grid.spec.world_to_cell(sensor_position((0.3, 0.2, 0.5)))
     lines = np.zeros(grid.spec.shape, dtype=bool)
@@ -201,7 +234,9 @@ def test_hit_and_free_amounts_add_up_over_scans():
     spec, sensor = GridSpec((0.0, 0.0), 1.0, (1, 6)), np.array([0.5, 0.5])
     grid = OccupancyGrid.empty(spec)
     for end in (5.5, 5.5, 3.5):  # two hits in cell 5 that cross cell 3, then one hit in cell 3
-        grid, _ = integrate_scan(grid, np.array([[end, 0.5]]), np.array([0]), sensor, MapConfig(1.0, 2.0, 0.5, 10.0, "bresenham"))
+        grid, _ = integrate_scan(
+            grid, np.array([[end, 0.5]]), np.array([0]), sensor, MapConfig(1.0, 2.0, 0.5, 10.0, "bresenham")
+        )
     np.testing.assert_allclose(grid.log_odds, [[-1.5, -1.5, -1.5, 1.0, -1.0, 4.0]])
 
 
@@ -216,10 +251,14 @@ def test_integrating_leaves_the_old_map_alone_and_names_the_touched_rectangle():
     np.testing.assert_array_equal(after.log_odds[outside], before[outside])
 
 
-@given(st.tuples(st.floats(-30, 30), st.floats(-30, 30)), st.sampled_from([0.05, 0.1, 0.3]), st.integers(0, 1000))
+@given(
+    st.tuples(st.floats(-30, 30), st.floats(-30, 30)), st.sampled_from([0.05, 0.1, 0.3]), st.integers(0, 1000)
+)
 def test_growing_keeps_every_cell_where_it_is_in_the_world(far, resolution, seed):
     rng = np.random.default_rng(seed)
-    grid = OccupancyGrid(GridSpec((-1.3, 0.7), resolution, (7, 9)), rng.normal(size=(7, 9)).astype(np.float32))
+    grid = OccupancyGrid(
+        GridSpec((-1.3, 0.7), resolution, (7, 9)), rng.normal(size=(7, 9)).astype(np.float32)
+    )
     grown = grid.covering(np.array([far, (-1.0, 1.0)]), margin=0.4)
     assert grown.spec.contains(grown.spec.world_to_cell(far))
     centres = grid.spec.cell_to_world(np.indices((7, 9))[::-1].transpose(1, 2, 0))

@@ -14,21 +14,29 @@ from pfslam.poses import transform_points, wrap_angle
 SPEC = GridSpec((-1.013, -1.021), 0.05, (40, 41))
 LATTICE = Lattice(0.05, 0.005)
 REPORT = SlamConfig.report().search
-CLIMB = SearchConfig(yaw_step=0.005, field="distance", prior=True, sub_cell=False, keep_offset=False, weight="likelihood")
+CLIMB = SearchConfig(
+    yaw_step=0.005, field="distance", prior=True, sub_cell=False, keep_offset=False, weight="likelihood"
+)
 SIGMAS = (0.05, 0.006)
 
 
 def case(seed=0, beams=30, particles=15):
     rng = np.random.default_rng(seed)
-    return rng.random(SPEC.shape) < 0.1, rng.uniform(-0.9, 0.9, (beams, 2)), rng.normal(0, [0.05, 0.05, 0.01], (particles, 3))
+    return (
+        rng.random(SPEC.shape) < 0.1,
+        rng.uniform(-0.9, 0.9, (beams, 2)),
+        rng.normal(0, [0.05, 0.05, 0.01], (particles, 3)),
+    )
 
 
 def matched(occupied, points, poses, config, sigmas=SIGMAS, seed=1):
-    return match(score_field(occupied, config.field), SPEC, points, poses, sigmas, config, np.random.default_rng(seed))
+    return match(
+        score_field(occupied, config.field), SPEC, points, poses, sigmas, config, np.random.default_rng(seed)
+    )
 
 
 def window_scores(occupied, points, pose, config):
-    """For one particle: the lattice poses of its window and their scores, by summing the field at every end point."""
+    """For one particle: the lattice poses of its window and their scores, summed end point by end point."""
     field = score_field(occupied, config.field).astype(int)
     steps = window_for(config, Lattice(0.05, config.yaw_step), *SIGMAS).steps()
     nodes = (np.rint(pose / [0.05, 0.05, config.yaw_step]) + steps) * [0.05, 0.05, config.yaw_step]
@@ -54,11 +62,13 @@ def test_report_jumps_to_a_pose_of_greatest_count_and_keeps_its_offset():
 
 
 def test_ties_are_broken_evenly_at_random():
-    # One occupied cell and one end point in it: every shift that keeps the point in the cell scores 1, in all headings.
+    # One occupied cell and one end point in it: every shift that keeps the point in the cell scores 1, in all
+    # headings.
     occupied = np.zeros(SPEC.shape, dtype=bool)
     occupied[25, 25] = True
     middle = SPEC.cell_to_world([25, 25])
-    tied = 9  # one shift in x and y for each of nine headings (a turn by 0.02 rad moves the point by less than 1 cm)
+    # That is one shift in x and y for each of nine headings: a turn by 0.02 rad moves the point by 1 cm.
+    tied = 9
     poses = np.zeros((9000, 3))
     found = matched(occupied, middle[None], poses, REPORT).poses
     np.testing.assert_allclose(found[:, :2], 0.0, atol=1e-12)
@@ -88,8 +98,8 @@ def test_climb_takes_the_lattice_pose_that_maximises_score_less_prior():
 
 @pytest.mark.parametrize("prior", [True, False])
 def test_on_a_blank_map_the_step_within_a_cell_returns_the_predicted_pose(prior):
-    # J is then the prior alone, a parabola on each axis with its peak at q: the fit is exact up to round-off. Without a
-    # prior the tie-break is a parabola too, a millionth as high, with as many digits fewer.
+    # J is then the prior alone, a parabola on each axis with its peak at q: the fit is exact up to round-off.
+    # Without a prior the tie-break is a parabola too, a millionth as high, with as many digits fewer.
     _, points, poses = case(3, particles=50)
     config = replace(CLIMB, sub_cell=True, prior=prior)
     found = matched(np.zeros(SPEC.shape, dtype=bool), points, poses, config).poses
@@ -97,7 +107,8 @@ def test_on_a_blank_map_the_step_within_a_cell_returns_the_predicted_pose(prior)
 
 
 def test_step_within_a_cell_is_the_peak_of_the_parabola_through_three_scores():
-    # Two cells side by side, one end point: scores along x are known, and the parabola through them by polyfit.
+    # Two cells side by side, one end point: scores along x are known, and the parabola through them by
+    # polyfit.
     occupied = np.zeros(SPEC.shape, dtype=bool)
     occupied[20, [24, 25, 28]] = True
     point = SPEC.cell_to_world([[25, 20]])
@@ -123,7 +134,8 @@ def test_step_within_a_cell_moves_at_most_half_a_step():
 
 
 def test_headings_across_pi_come_back_wrapped_and_equal_to_the_same_search_turned():
-    # Turn the body by pi and the end points with it: the same world points, and the same scores up to the lattice.
+    # Turn the body by pi and the end points with it: the same world points, and the same scores up to the
+    # lattice.
     occupied, points, _ = case(5)
     poses = np.array([[0.0, 0.0, np.pi - 0.001], [0.0, 0.0, -np.pi + 0.001]])
     found = matched(occupied, points, poses, replace(CLIMB, sub_cell=True)).poses
@@ -147,6 +159,14 @@ def test_window_spans_three_sigmas_within_its_limits():
     assert window_for(config, lattice, 0.11, 0.06) == Window(7, 18)
     assert window_for(config, lattice, 0.0, 0.0) == Window(4, 4)
     assert window_for(config, lattice, 9.0, 9.0) == Window(10, 30)
+
+
+def test_prior_without_any_noise_pins_the_particle_to_its_prediction():
+    # The smallest sigma is a thousandth of a step, so a full score outweighs 54 = (x / sigma)^2 / 2: about
+    # ten sigmas.
+    occupied, points, poses = case(9)
+    found = matched(occupied, points, poses, replace(CLIMB, sub_cell=True), sigmas=(0.0, 0.0)).poses
+    assert (np.abs(found - poses) < 0.011 * LATTICE.steps).all()
 
 
 def test_match_leaves_its_inputs_alone():

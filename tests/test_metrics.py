@@ -8,7 +8,14 @@ from rooms import LIDAR, ROOM, SQUARE, box, drive, scan, sensor_position
 
 from pfslam.errors import DataError
 from pfslam.grid import GridSpec, OccupancyGrid
-from pfslam.metrics import map_agreement, predicted_ranges, relations_error, relative_error, slam_cost, trajectory_error
+from pfslam.metrics import (
+    map_agreement,
+    predicted_ranges,
+    relations_error,
+    relative_error,
+    slam_cost,
+    trajectory_error,
+)
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, compose, wrap_angle
 
@@ -17,7 +24,9 @@ T = np.linspace(10.0, 20.0, 60)
 
 def wandering(seed, scale=1.0):
     rng = np.random.default_rng(seed)
-    return Trajectory(T, np.cumsum(scale * rng.normal(0, [0.1, 0.1, 0.2], (60, 3)), axis=0) + [3.0, -2.0, 1.0])
+    return Trajectory(
+        T, np.cumsum(scale * rng.normal(0, [0.1, 0.1, 0.2], (60, 3)), axis=0) + [3.0, -2.0, 1.0]
+    )
 
 
 TRUTH = wandering(0)
@@ -27,7 +36,9 @@ ESTIMATE = Trajectory(T, TRUTH.poses + 0.3 * (wandering(1).poses - wandering(1).
 def evo_trajectory(trajectory):
     half = 0.5 * trajectory.poses[:, 2]
     xyz = np.column_stack([trajectory.poses[:, :2], np.zeros(len(half))])
-    return PoseTrajectory3D(xyz, np.column_stack([np.cos(half), 0 * half, 0 * half, np.sin(half)]), trajectory.t)
+    return PoseTrajectory3D(
+        xyz, np.column_stack([np.cos(half), 0 * half, 0 * half, np.sin(half)]), trajectory.t
+    )
 
 
 def test_constant_offset_is_no_error_after_alignment_at_the_first_pose():
@@ -40,7 +51,9 @@ def test_constant_offset_is_no_error_after_alignment_at_the_first_pose():
 
 def test_trajectory_error_by_hand():
     truth = Trajectory([0.0, 1.0, 2.0], [[0, 0, 0], [1, 0, 0], [2, 0, 0]])
-    estimate = Trajectory([0.0, 1.0, 2.0], [[7, 7, np.pi / 2], [7, 8, np.pi / 2], [4, 9, np.pi / 2 + np.deg2rad(6)]])
+    estimate = Trajectory(
+        [0.0, 1.0, 2.0], [[7, 7, np.pi / 2], [7, 8, np.pi / 2], [4, 9, np.pi / 2 + np.deg2rad(6)]]
+    )
     error = trajectory_error(estimate, truth)  # aligned: (0, 0), (1, 0), (2, 3), heading 6 degrees at the end
     assert error.ate_rmse_m == pytest.approx(np.sqrt(3))
     assert error.ate_max_m == pytest.approx(3)
@@ -50,7 +63,9 @@ def test_trajectory_error_by_hand():
 def test_heading_error_goes_the_short_way_round():
     truth = Trajectory([0.0, 1.0], [[0, 0, 0], [0, 0, 3.1]])
     estimate = Trajectory([0.0, 1.0], [[0, 0, 0], [0, 0, -3.1]])
-    assert trajectory_error(estimate, truth).heading_rmse_deg == pytest.approx(np.rad2deg((2 * np.pi - 6.2) / np.sqrt(2)))
+    assert trajectory_error(estimate, truth).heading_rmse_deg == pytest.approx(
+        np.rad2deg((2 * np.pi - 6.2) / np.sqrt(2))
+    )
 
 
 def test_only_times_that_the_truth_covers_are_compared():
@@ -101,13 +116,17 @@ def test_relative_error_by_hand():
 def test_relations_error_by_hand():
     # From (1, 0) facing +y to (1, 2) facing -x is two ahead and a quarter turn left.
     estimate = Trajectory([0.0, 1.0], [[1, 0, np.pi / 2], [1, 2, np.pi]])
-    metres, radians = relations_error(estimate, [0.0, 0.0], [1.0, 1.0], np.array([[2.0, 0, np.pi / 2], [2.3, 0.4, np.pi / 2 - 0.2]]))
+    metres, radians = relations_error(
+        estimate, [0.0, 0.0], [1.0, 1.0], np.array([[2.0, 0, np.pi / 2], [2.3, 0.4, np.pi / 2 - 0.2]])
+    )
     np.testing.assert_allclose(metres, [0.0, 0.5], atol=1e-15)
     np.testing.assert_allclose(radians, [0.0, 0.2], atol=1e-15)
 
 
 def test_map_agreement_by_hand():
-    grid = OccupancyGrid(GridSpec((0, 0), 1.0, (2, 4)), np.array([[1, 1, -1, -1], [0, 1, -1, -1]], np.float32))
+    grid = OccupancyGrid(
+        GridSpec((0, 0), 1.0, (2, 4)), np.array([[1, 1, -1, -1], [0, 1, -1, -1]], np.float32)
+    )
     occupied = np.array([[1, 0, 0, 0], [1, 1, 0, 0]], bool)
     free = np.array([[0, 1, 1, 1], [0, 0, 0, 0]], bool)
     found = map_agreement(grid, occupied, free)  # the last two of the second row are labelled by neither
@@ -138,7 +157,9 @@ def first_occupied(grid, origin, angle, farthest, step):
     """One beam walked in a loop."""
     r = LIDAR.range_min
     while r < farthest:
-        ix, iy = np.floor((origin + r * np.array([np.cos(angle), np.sin(angle)]) - grid.spec.origin) / grid.spec.resolution).astype(int)
+        ix, iy = np.floor(
+            (origin + r * np.array([np.cos(angle), np.sin(angle)]) - grid.spec.origin) / grid.spec.resolution
+        ).astype(int)
         if 0 <= ix < grid.spec.shape[1] and 0 <= iy < grid.spec.shape[0] and grid.log_odds[iy, ix] > 0:
             return r
         r += step
@@ -147,7 +168,8 @@ def first_occupied(grid, origin, angle, farthest, step):
 
 @pytest.mark.parametrize("pose", [(0.3, 0.2, 0.5), (3.4, 1.9, -3.0), (-9.0, 0.0, 0.1)])
 def test_predicted_ranges_are_those_of_beams_walked_one_by_one(pose):
-    # Off the room too: a beam may enter the grid from outside. Sums of steps differ from products in the last bits.
+    # Off the room too: a beam may enter the grid from outside. Sums of steps differ from products in the last
+    # bits.
     found = predicted_ranges(GRID, np.array(pose), LIDAR, step=0.02)
     origin = sensor_position(pose)
     expected = [first_occupied(GRID, origin, pose[2] + a, LIDAR.range_max, 0.02) for a in LIDAR.angles[::10]]
@@ -158,9 +180,9 @@ def test_predicted_ranges_are_those_of_beams_walked_one_by_one(pose):
 
 @pytest.mark.parametrize("pose", [(0.3, 0.2, 0.5), (-1.5, -1.0, 2.0)])
 def test_predicted_ranges_stop_at_the_wall_no_later_than_a_step_behind_it(pose):
-    # The cell of a wall begins at most a diagonal before the wall, and at a grazing angle earlier; where the beam meets
-    # the wall it is inside the cell, so it cannot have gone on for more than one step, unless it clips the corner of a
-    # pillar by less than a step: there are twelve corners.
+    # The cell of a wall begins at most a diagonal before the wall, and at a grazing angle earlier; where the
+    # beam meets the wall it is inside the cell, so it cannot have gone on for more than one step, unless it
+    # clips the corner of a pillar by less than a step: there are twelve corners.
     z, h = scan(ROOM, pose), predicted_ranges(GRID, np.array(pose), LIDAR, step=0.001)
     assert np.count_nonzero(h > z + 0.001 + 1e-9) <= 12
     assert np.median(z - h) < 0.05 * np.sqrt(2)
@@ -169,7 +191,9 @@ def test_predicted_ranges_stop_at_the_wall_no_later_than_a_step_behind_it(pose):
 def test_predicted_range_is_range_max_where_nothing_stands_in_the_way():
     empty = OccupancyGrid.empty(GridSpec((-1, -1), 0.05, (40, 40)))
     np.testing.assert_array_equal(predicted_ranges(empty, np.zeros(3), LIDAR), np.full(361, LIDAR.range_max))
-    np.testing.assert_array_equal(predicted_ranges(GRID, np.array([100.0, 0, 0]), LIDAR, 0.05), LIDAR.range_max)
+    np.testing.assert_array_equal(
+        predicted_ranges(GRID, np.array([100.0, 0, 0]), LIDAR, 0.05), LIDAR.range_max
+    )
 
 
 def test_cost_of_the_odometrys_own_trajectory_is_all_observation():
@@ -184,7 +208,8 @@ def test_cost_of_the_odometrys_own_trajectory_is_all_observation():
 
 
 def test_motion_cost_by_hand():
-    # The odometry says: straight on by 0.24 m, twice. The trajectory goes 0.3 m and turns by 0.1, then does as told.
+    # The odometry says: straight on by 0.24 m, twice. The trajectory goes 0.3 m and turns by 0.1, then does
+    # as told.
     recording = drive([(1.0, 12, 0.0)])
     t = recording.lidar.t[[0, 5, 10]]
     second = np.array([0.3, 0.0, 0.1])

@@ -1,6 +1,7 @@
 """Odometry and the motion model: drives whose end is known, and the real one."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,7 +10,16 @@ from hypothesis import strategies as st
 from rooms import COUNT, CURVES, SQUARE, drive
 
 from pfslam.errors import DataError
-from pfslam.motion import Controls, controls, dead_reckoning, integrate, motion_model, motion_model_arc, wheel_distance, wheel_speed
+from pfslam.motion import (
+    Controls,
+    controls,
+    dead_reckoning,
+    integrate,
+    motion_model,
+    motion_model_arc,
+    wheel_distance,
+    wheel_speed,
+)
 from pfslam.poses import Trajectory, average_pose, between, wrap_angle
 from pfslam.recording import Encoders, Imu, Recording
 from pfslam.sensors import EncoderModel, ImuModel, RobotModel
@@ -24,7 +34,9 @@ def assert_same_poses(found, expected, atol):
 
 def test_euler_step_by_hand():
     # Facing +y at 2 m/s for half a second, turning by 0.6 rad: one metre up. Eq. 5.
-    np.testing.assert_allclose(motion_model(np.array([1.0, 1.0, np.pi / 2]), 2.0, 1.2, 0.5), [1.0, 2.0, np.pi / 2 + 0.6])
+    np.testing.assert_allclose(
+        motion_model(np.array([1.0, 1.0, np.pi / 2]), 2.0, 1.2, 0.5), [1.0, 2.0, np.pi / 2 + 0.6]
+    )
 
 
 def test_heading_is_wrapped_on_both_sides():
@@ -39,12 +51,16 @@ def test_arc_step_is_the_circle():
 
 
 def test_arc_step_without_turning_is_the_line():
-    np.testing.assert_allclose(motion_model_arc(np.array([0, 0, 0.5]), 2.0, 0.0, 0.3), motion_model(np.array([0, 0, 0.5]), 2.0, 0.0, 0.3))
+    np.testing.assert_allclose(
+        motion_model_arc(np.array([0, 0, 0.5]), 2.0, 0.0, 0.3),
+        motion_model(np.array([0, 0, 0.5]), 2.0, 0.0, 0.3),
+    )
 
 
 @given(st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3), st.floats(1e-6, 0.5))
 def test_euler_approaches_the_arc_with_the_square_of_the_interval(v, omega, theta, dt):
-    # Taylor: both agree to first order; what is left is at most |v omega| dt^2 / 2 plus higher terms, below |v omega| dt^2.
+    # Taylor: both agree to first order; what is left is at most |v omega| dt^2 / 2 plus higher terms, below
+    # |v omega| dt^2.
     start = np.array([0.0, 0.0, theta])
     difference = motion_model(start, v, omega, dt) - motion_model_arc(start, v, omega, dt)
     assert np.hypot(*difference[:2]) <= abs(v * omega) * dt**2 + 1e-14
@@ -61,17 +77,22 @@ def test_one_control_per_pose_or_one_for_all():
 
 @pytest.mark.parametrize("epoch", [0.0, 1.4e9])
 def test_without_noise_dead_reckoning_is_the_truth(epoch):
-    # Lines and turns on the spot: the Euler step is exact. A stamp of 1.4e9 s has steps of 2.4e-7 s: 480 of 0.5 m/s each.
+    # Lines and turns on the spot: the Euler step is exact. A stamp of 1.4e9 s has steps of 2.4e-7 s: 480 of
+    # 0.5 m/s each.
     recording = drive(SQUARE, epoch=epoch)
     found = dead_reckoning(recording)
     np.testing.assert_array_equal(found.t, recording.truth.t)
     assert_same_poses(found.poses, recording.truth.poses, ROUND_OFF if epoch == 0 else 480 * 2.4e-7)
-    assert found.poses[-1, 2] == pytest.approx(np.pi, abs=1e-4) or found.poses[-1, 2] == pytest.approx(-np.pi, abs=1e-4)
+    assert found.poses[-1, 2] == pytest.approx(np.pi, abs=1e-4) or found.poses[-1, 2] == pytest.approx(
+        -np.pi, abs=1e-4
+    )
 
 
 def test_without_noise_exact_arcs_are_the_truth_on_curves():
     recording = drive(CURVES)
-    assert_same_poses(integrate(controls(recording), model=motion_model_arc).poses, recording.truth.poses, ROUND_OFF)
+    assert_same_poses(
+        integrate(controls(recording), model=motion_model_arc).poses, recording.truth.poses, ROUND_OFF
+    )
     euler = integrate(controls(recording)).poses
     # Every step is off by at most |v omega| dt^2 / 2: 360 steps of 0.4 m/s, 0.8 rad/s, 12.5 ms.
     assert_same_poses(euler, recording.truth.poses, 360 * 0.5 * 0.4 * 0.8 * 0.0125**2)
@@ -90,7 +111,12 @@ def test_integration_is_the_motion_model_applied_step_after_step():
 def test_gyro_sample_speaks_for_the_interval_that_ends_at_it():
     rates = np.zeros((4, 3))
     rates[:, 2] = [100.0, 1.0, 2.0, 3.0]  # the first ends an interval that nobody saw
-    recording = Recording("by hand", RobotModel(), Encoders(np.array([0.0, 3.0]), np.zeros((2, 4))), Imu(np.arange(4.0), rates, rates))
+    recording = Recording(
+        "by hand",
+        RobotModel(),
+        Encoders(np.array([0.0, 3.0]), np.zeros((2, 4))),
+        Imu(np.arange(4.0), rates, rates),
+    )
     np.testing.assert_allclose(dead_reckoning(recording).poses[:, 2], wrap_angle([0.0, 1.0, 3.0, 6.0]))
 
 
@@ -105,7 +131,8 @@ def test_calibration_enters_dead_reckoning():
 
 @given(st.integers(0, 2**32 - 1))
 def test_distance_is_conserved_whatever_the_clocks_do(seed):
-    # Counts are exact, stamps jitter: the speeds times their intervals add up to all counts after the first. Eq. 19.
+    # Counts are exact, stamps jitter: the speeds times their intervals add up to all counts after the first.
+    # Eq. 19.
     rng = np.random.default_rng(seed)
     t = np.cumsum(rng.uniform(0.003, 0.068, 200))
     counts = rng.integers(-5, 60, (200, 4))
@@ -116,7 +143,8 @@ def test_distance_is_conserved_whatever_the_clocks_do(seed):
 
 
 def test_jittered_stamps_of_a_steady_drive_give_the_literal_reading_spikes_and_this_one_none():
-    # The wheels turn steadily and are read every 25 ms, but the stamps jitter: dividing by each stamped interval spikes.
+    # The wheels turn steadily and are read every 25 ms, but the stamps jitter: dividing by each stamped
+    # interval spikes.
     rng = np.random.default_rng(0)
     read_at = 0.025 * np.arange(400)
     t = read_at + rng.uniform(-0.011, 0.011, 400)
@@ -130,8 +158,12 @@ def test_jittered_stamps_of_a_steady_drive_give_the_literal_reading_spikes_and_t
 
 
 def test_wheel_speed_by_hand():
-    encoders = Encoders(np.array([0.0, 1.0, 2.0]), np.array([[9, 9, 9, 9], [100, 200, 300, 400], [0, 0, 0, 1000]]))
-    np.testing.assert_allclose(wheel_distance(encoders, EncoderModel(0.01), [0.0, 0.5, 1.0, 2.0]), [0.0, 1.25, 2.5, 5.0])
+    encoders = Encoders(
+        np.array([0.0, 1.0, 2.0]), np.array([[9, 9, 9, 9], [100, 200, 300, 400], [0, 0, 0, 1000]])
+    )
+    np.testing.assert_allclose(
+        wheel_distance(encoders, EncoderModel(0.01), [0.0, 0.5, 1.0, 2.0]), [0.0, 1.25, 2.5, 5.0]
+    )
     np.testing.assert_allclose(wheel_speed(encoders, EncoderModel(0.01), [0.5, 1.5]), [2.5])
 
 
@@ -145,13 +177,20 @@ def test_distance_outside_the_encoders_time_is_refused():
 def test_only_gyro_samples_within_the_encoders_time_are_used():
     rates = np.zeros((5, 3))
     encoders = Encoders(np.array([1.0, 2.0, 3.0]), np.zeros((3, 4)))
-    recording = Recording("by hand", RobotModel(), encoders, Imu(np.array([0.5, 1.5, 2.0, 2.5, 3.5]), rates, rates))
+    recording = Recording(
+        "by hand", RobotModel(), encoders, Imu(np.array([0.5, 1.5, 2.0, 2.5, 3.5]), rates, rates)
+    )
     np.testing.assert_array_equal(controls(recording).t, [1.5, 2.0, 2.5])
 
 
 def test_streams_that_do_not_overlap_are_refused():
     rates = np.zeros((2, 3))
-    apart = Recording("apart", RobotModel(), Encoders(np.array([0.0, 1.0]), np.zeros((2, 4))), Imu(np.array([5.0, 6.0]), rates, rates))
+    apart = Recording(
+        "apart",
+        RobotModel(),
+        Encoders(np.array([0.0, 1.0]), np.zeros((2, 4))),
+        Imu(np.array([5.0, 6.0]), rates, rates),
+    )
     with pytest.raises(DataError, match="apart: imu time_stamps"):
         dead_reckoning(apart)
 
@@ -168,18 +207,23 @@ def test_controls_during_cut_the_intervals_at_both_ends():
 def test_controls_of_adjoining_times_add_up_to_the_whole(times):
     inputs = Controls(np.array([0.0, 0.7, 2.0, 3.0]), np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]))
     cuts = sorted({0.0, 3.0, *times})
-    parts = [inputs.during(a, b) for a, b in zip(cuts, cuts[1:], strict=False)]
+    parts = [inputs.during(a, b) for a, b in pairwise(cuts)]
     assert sum(float(v @ dt) for v, _, dt in parts) == pytest.approx(1 * 0.7 + 2 * 1.3 + 3 * 1.0)
     assert sum(float(omega @ dt) for _, omega, dt in parts) == pytest.approx(4 * 0.7 + 5 * 1.3 + 6 * 1.0)
 
 
 def test_log_of_odometry_poses_starts_at_the_origin():
-    log = Recording("log", odometry=Trajectory([0.0, 1.0, 2.0], [[5, 5, np.pi / 2], [5, 6, np.pi / 2], [4, 6, np.pi]]))
-    np.testing.assert_allclose(dead_reckoning(log).poses, [[0, 0, 0], [1, 0, 0], [1, 1, np.pi / 2]], atol=1e-15)
+    log = Recording(
+        "log", odometry=Trajectory([0.0, 1.0, 2.0], [[5, 5, np.pi / 2], [5, 6, np.pi / 2], [4, 6, np.pi]])
+    )
+    np.testing.assert_allclose(
+        dead_reckoning(log).poses, [[0, 0, 0], [1, 0, 0], [1, 1, np.pi / 2]], atol=1e-15
+    )
     np.testing.assert_allclose(controls(log).omega, [0.0, np.pi / 2])
 
 
-# End poses measured on the real robot, in metres and radians to two decimals: half a unit of the last is the tolerance.
+# End poses measured on the real robot, in metres and radians to two decimals: half a unit of the last is the
+# tolerance.
 REAL_ENDS = {20: (-2.12, -1.94, 0.04), 21: (-2.53, -1.83, -0.92)}
 
 
@@ -193,9 +237,16 @@ def test_real_drive_ends_where_it_is_known_to_end(real_data, number):
 
 
 def test_mean_of_noisy_predictions_is_the_noiseless_one():
-    # Noise enters the control, so the mean position shrinks only by the spread of heading: none in a single Euler step.
+    # Noise enters the control, so the mean position shrinks only by the spread of heading: none in a single
+    # Euler step.
     rng = np.random.default_rng(0)
-    poses = motion_model(np.tile([0.0, 0.0, 0.3], (40_000, 1)), 1.0 + 0.3 * rng.standard_normal(40_000), 0.5, 0.1)
+    poses = motion_model(
+        np.tile([0.0, 0.0, 0.3], (40_000, 1)), 1.0 + 0.3 * rng.standard_normal(40_000), 0.5, 0.1
+    )
     # Standard error of the mean: 0.1 s * 0.3 m/s / sqrt(40000) = 1.5e-4 m; five of them.
-    np.testing.assert_allclose(average_pose(poses), motion_model(np.array([0.0, 0.0, 0.3]), 1.0, 0.5, 0.1), atol=7.5e-4)
-    assert np.std(np.hypot(*between(np.array([0.0, 0.0, 0.3]), poses)[:, :2].T)) == pytest.approx(0.03, rel=5 / np.sqrt(2 * 40_000))
+    np.testing.assert_allclose(
+        average_pose(poses), motion_model(np.array([0.0, 0.0, 0.3]), 1.0, 0.5, 0.1), atol=7.5e-4
+    )
+    assert np.std(np.hypot(*between(np.array([0.0, 0.0, 0.3]), poses)[:, :2].T)) == pytest.approx(
+        0.03, rel=5 / np.sqrt(2 * 40_000)
+    )

@@ -78,7 +78,7 @@ def test_prediction_without_noise_is_the_motion_model_and_keeps_the_weights():
 
 
 def spread(dt, steps, noise, n=20_000, seed=0):
-    """Standard deviations of x (driving straight along x) and of heading after ``steps`` predictions of ``dt`` s."""
+    """Standard deviations of x (driving along x) and of heading after ``steps`` predictions of ``dt`` s."""
     cloud, rng = Particles.at(np.zeros(3), n), np.random.default_rng(seed)
     for _ in range(steps):
         cloud = predict(cloud, 1.0, 0.0, dt, noise, rng)
@@ -86,7 +86,8 @@ def spread(dt, steps, noise, n=20_000, seed=0):
 
 
 def test_noise_enters_the_control():
-    # One step: x = dt (v + e_v), theta = dt (omega + e_omega). Relative standard error of a deviation: 1 / sqrt(2 N).
+    # One step: x = dt (v + e_v), theta = dt (omega + e_omega). Relative standard error of a deviation: 1 /
+    # sqrt(2 N).
     x, theta = spread(0.1, 1, ControlNoise(0.3, 0.2))
     assert x == pytest.approx(0.03, rel=SIGMAS / np.sqrt(2 * 20_000))
     assert theta == pytest.approx(0.02, rel=SIGMAS / np.sqrt(2 * 20_000))
@@ -103,7 +104,9 @@ def test_noise_per_root_second_does_not_depend_on_the_rate_and_noise_per_sample_
 
 
 def test_every_particle_draws_its_own_noise_for_speed_and_turning():
-    poses = predict(Particles.at(np.zeros(3), 5000), 1.0, 0.0, 1.0, ControlNoise(0.1, 0.1), np.random.default_rng(0)).poses
+    poses = predict(
+        Particles.at(np.zeros(3), 5000), 1.0, 0.0, 1.0, ControlNoise(0.1, 0.1), np.random.default_rng(0)
+    ).poses
     assert len(np.unique(poses[:, 0])) == len(np.unique(poses[:, 2])) == 5000
     # Independent draws: the correlation has standard error 1 / sqrt(N).
     assert abs(np.corrcoef(poses[:, 0], poses[:, 2])[0, 1]) < SIGMAS / np.sqrt(5000)
@@ -121,7 +124,9 @@ def test_reweight_by_hand():
 def test_reweighting_twice_is_reweighting_by_the_product():
     rng = np.random.default_rng(0)
     cloud, a, b = Particles(np.zeros((6, 3)), rng.normal(size=6)), rng.normal(size=6), rng.normal(size=6)
-    np.testing.assert_allclose(reweight(reweight(cloud, a)[0], b)[0].weights, reweight(cloud, a + b)[0].weights)
+    np.testing.assert_allclose(
+        reweight(reweight(cloud, a)[0], b)[0].weights, reweight(cloud, a + b)[0].weights
+    )
 
 
 def test_scan_that_nobody_explains_leaves_the_weights_alone():
@@ -171,18 +176,26 @@ UNEVEN = [
 def test_mean_offspring_is_n_times_the_weight(scheme, weights):
     # No scheme varies more than N independent draws, whose offspring have variance N w (1 - w).
     repeats, n, rng = 4000, len(weights), np.random.default_rng(1)
-    offspring = sum(np.bincount(RESAMPLERS[scheme](weights, rng), minlength=n) for _ in range(repeats)) / repeats
+    offspring = (
+        sum(np.bincount(RESAMPLERS[scheme](weights, rng), minlength=n) for _ in range(repeats)) / repeats
+    )
     standard_error = np.sqrt(n * weights * (1 - weights) / repeats)
     assert (np.abs(offspring - n * weights) <= SIGMAS * standard_error + 1e-12).all()
 
 
-@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=12).filter(lambda w: sum(w) > 1e-3), st.integers(0, 2**32 - 1))
+@given(
+    st.lists(st.floats(0.0, 1.0), min_size=1, max_size=12).filter(lambda w: sum(w) > 1e-3),
+    st.integers(0, 2**32 - 1),
+)
 def test_offspring_stay_within_what_each_scheme_promises(w, seed):
     weights = weights_of(*w)
     expected, n = len(w) * weights, len(w)
-    count = {s: np.bincount(f(weights, np.random.default_rng(seed)), minlength=n) for s, f in RESAMPLERS.items()}
+    count = {
+        s: np.bincount(f(weights, np.random.default_rng(seed)), minlength=n) for s, f in RESAMPLERS.items()
+    }
     assert all(c.sum() == n and not c[weights == 0].any() for c in count.values())
-    # Equal strides: whole part or one more. One draw a stratum: less than two away. Residual: at least the whole part.
+    # Equal strides: whole part or one more. One draw a stratum: less than two away. Residual: at least the
+    # whole part.
     assert (np.abs(count["systematic"] - expected) < 1 + 1e-9).all()
     assert (np.abs(count["stratified"] - expected) < 2 + 1e-9).all()
     assert (count["residual"] >= np.floor(expected - 1e-9)).all()
@@ -197,7 +210,9 @@ def test_one_particle_is_its_own_ancestor(scheme):
 @pytest.mark.parametrize("n", [3, 7, 10, 49, 200])
 def test_equal_weights_keep_every_particle(scheme, n):
     # 49 times 1/49 rounds to below 1 in floating point: each must still have exactly one child.
-    np.testing.assert_array_equal(RESAMPLERS[scheme](np.full(n, 1.0 / n), np.random.default_rng(0)), np.arange(n))
+    np.testing.assert_array_equal(
+        RESAMPLERS[scheme](np.full(n, 1.0 / n), np.random.default_rng(0)), np.arange(n)
+    )
 
 
 @schemes

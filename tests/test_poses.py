@@ -103,7 +103,9 @@ def test_compose_broadcasts_over_poses():
 @given(pose, arrays(float, (4, 2), elements=st.floats(-30, 30)))
 def test_transform_points_multiplies_homogeneous_points(a, points):
     homogeneous = np.column_stack([points, np.ones(4)])
-    np.testing.assert_allclose(P.transform_points(a, points), (homogeneous @ matrix(a).T)[:, :2], atol=ROUND_OFF)
+    np.testing.assert_allclose(
+        P.transform_points(a, points), (homogeneous @ matrix(a).T)[:, :2], atol=ROUND_OFF
+    )
 
 
 def test_transform_points_of_many_poses_stacks_them():
@@ -137,7 +139,9 @@ def test_spatial_transform_inverts_and_applies():
 def test_spatial_transform_of_a_level_pose_is_the_planar_one():
     points = np.random.default_rng(3).normal(size=(6, 2))
     flat = P.apply_transform(P.pose_to_transform([1.0, 2.0, 0.5]), np.column_stack([points, np.zeros(6)]))
-    np.testing.assert_allclose(flat, np.column_stack([P.transform_points([1.0, 2.0, 0.5], points), np.zeros(6)]), atol=1e-14)
+    np.testing.assert_allclose(
+        flat, np.column_stack([P.transform_points([1.0, 2.0, 0.5], points), np.zeros(6)]), atol=1e-14
+    )
 
 
 TURN = Trajectory([0.0, 1.0, 3.0], [[0, 0, 3.0], [1, 2, -3.0], [3, 2, -2.0]])
@@ -160,7 +164,7 @@ def test_interpolated_headings_stay_wrapped(t):
 
 @pytest.mark.parametrize("t", [-1e-9, 3.000001, np.nan])
 def test_trajectory_refuses_times_outside_its_own(t):
-    with pytest.raises(DataError, match="Trajectory.at: t"):
+    with pytest.raises(DataError, match=r"Trajectory\.at: t"):
         TURN.at(t)
     with pytest.raises(DataError):
         TURN.at(np.array([1.0, t]))

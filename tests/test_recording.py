@@ -11,7 +11,9 @@ from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream, i
 from pfslam.sensors import LidarModel, RobotModel
 
 T = np.arange(3.0)
-increasing = st.lists(st.integers(-50, 50), min_size=1, max_size=20, unique=True).map(lambda t: np.array(sorted(t), float))
+increasing = st.lists(st.integers(-50, 50), min_size=1, max_size=20, unique=True).map(
+    lambda t: np.array(sorted(t), float)
+)
 
 
 @given(increasing, st.lists(st.integers(-120, 120), min_size=1, max_size=20))
@@ -60,19 +62,27 @@ def test_every_nth_pair_and_no_images_at_all():
 @pytest.mark.parametrize(
     ("build", "says"),
     [
-        (lambda: Encoders(np.array([0.0, 2.0, 1.0]), np.zeros((3, 4))), r"encoders: time_stamps\[2\]: found 1.0+ after 2.0+"),
+        (
+            lambda: Encoders(np.array([0.0, 2.0, 1.0]), np.zeros((3, 4))),
+            r"encoders: time_stamps\[2\]: found 1.0+ after 2.0+",
+        ),
         (lambda: Encoders(np.array([0.0, 1.0, 1.0]), np.zeros((3, 4))), r"time_stamps\[2\]"),
         (lambda: Encoders(np.array([0.0, np.nan, 1.0]), np.zeros((3, 4))), r"time_stamps\[1\]"),
         (lambda: Encoders(T, np.zeros((4, 3))), r"encoders: counts: .*shape \(4, 3\), expected .*\(3, 4\)"),
         (lambda: Encoders(np.zeros(0), np.zeros((0, 4))), r"encoders: time_stamps"),
         (lambda: Encoders(np.array(["a", "b", "c"]), np.zeros((3, 4))), r"encoders: time_stamps"),
-        (lambda: Imu(T, np.full((3, 3), np.inf), np.zeros((3, 3))), r"imu: angular_velocity\[0, 0\]: found inf"),
+        (
+            lambda: Imu(T, np.full((3, 3), np.inf), np.zeros((3, 3))),
+            r"imu: angular_velocity\[0, 0\]: found inf",
+        ),
         (lambda: Imu(T, np.zeros((3, 3)), np.zeros(3)), r"imu: acceleration_g"),
         (lambda: LidarScans(T, np.zeros((5, 2))), r"lidar: ranges"),
         (lambda: LidarScans(T, np.zeros((3, 0))), r"lidar: ranges"),
         (lambda: Recording("set 7"), r"set 7: odometry"),
         (
-            lambda: Recording("set 7", odometry=Trajectory(T, np.zeros((3, 3))), lidar=LidarScans(T, np.ones((3, 9)))),
+            lambda: Recording(
+                "set 7", odometry=Trajectory(T, np.zeros((3, 3))), lidar=LidarScans(T, np.ones((3, 9)))
+            ),
             r"set 7: lidar ranges: found 9 beams, expected 1081",
         ),
     ],

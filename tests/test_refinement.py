@@ -24,7 +24,9 @@ def turned(points, angle):
 
 
 # Pieces of wall whose ends stay half a metre apart: near every hit there is exactly one line.
-ROOM = np.vstack([line(2, -1, 2, 1), line(-1, 1.6, 1.3, 1.6), line(-2.2, -1, -2.2, 1), line(-1.5, -1.7, 1, -1.7)])
+ROOM = np.vstack(
+    [line(2, -1, 2, 1), line(-1, 1.6, 1.3, 1.6), line(-2.2, -1, -2.2, 1), line(-1.5, -1.7, 1, -1.7)]
+)
 CORRIDOR = np.vstack([line(-4, 1, 4, 1), line(-4, -1, 4, -1)])
 
 
@@ -46,7 +48,9 @@ def test_moments_are_the_sums_over_the_hits_of_each_cell():
     for ix, iy in np.unique(cells, axis=0)[::10]:
         x, y = ((hits[(cells == [ix, iy]).all(axis=1)] - SPEC.cell_to_world([ix, iy])) / 0.05).T
         expected = [len(x), x.sum(), y.sum(), (x * x).sum(), (x * y).sum(), (y * y).sum()]
-        np.testing.assert_allclose(moments.sums[iy, ix], expected, atol=1e-5)  # a few float32 additions of numbers below 1
+        np.testing.assert_allclose(
+            moments.sums[iy, ix], expected, atol=1e-5
+        )  # a few float32 additions of numbers below 1
 
 
 @pytest.mark.parametrize("reach", [1, 2])
@@ -58,7 +62,9 @@ def test_moments_around_a_cell_are_those_of_all_hits_near_it(reach):
     found = HitMoments.empty(SPEC).add(hits).around(middle, reach)
     for centre, sums in zip(middle, found, strict=True):
         x, y = ((hits[(np.abs(cells - centre) <= reach).all(axis=1)] - SPEC.cell_to_world(centre)) / 0.05).T
-        np.testing.assert_allclose(sums, [len(x), x.sum(), y.sum(), (x * x).sum(), (x * y).sum(), (y * y).sum()], atol=1e-4)
+        np.testing.assert_allclose(
+            sums, [len(x), x.sum(), y.sum(), (x * x).sum(), (x * y).sum(), (y * y).sum()], atol=1e-4
+        )
 
 
 def test_no_moments_beyond_the_border():
@@ -77,7 +83,8 @@ def test_moments_keep_their_place_when_the_map_grows():
 
 @pytest.mark.parametrize("angle", [0.0, 0.02, 0.8, np.pi / 2, 3.0])
 def test_line_through_the_hits_of_a_wall_has_the_walls_place_and_direction(angle):
-    # 0.02 rad is the tilt that a grid loses: the wall stays within one row of cells for two metres and a half.
+    # 0.02 rad is the tilt that a grid loses: the wall stays within one row of cells for two metres and a
+    # half.
     wall = turned(line(-2, 0.7, 2, 0.7), angle)
     lines = nearby_lines(HitMoments.empty(SPEC).add(wall), wall[20:-20], CONFIG)
     assert lines.found.all()
@@ -87,7 +94,9 @@ def test_line_through_the_hits_of_a_wall_has_the_walls_place_and_direction(angle
 
 
 def test_scattered_hits_and_few_hits_are_no_line():
-    ring = 0.02 * np.column_stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)]) + SPEC.cell_to_world([100, 100])
+    ring = 0.02 * np.column_stack(
+        [np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)]
+    ) + SPEC.cell_to_world([100, 100])
     assert not nearby_lines(HitMoments.empty(SPEC).add(ring), ring, CONFIG).found.any()
     few = line(0, 0, 0.02, 0)[: CONFIG.min_hits - 1]
     assert not nearby_lines(HitMoments.empty(SPEC).add(few), few, CONFIG).found.any()
@@ -96,8 +105,8 @@ def test_scattered_hits_and_few_hits_are_no_line():
 @pytest.mark.parametrize("world", [0.0, 0.02, 0.7, -2.5])
 @pytest.mark.parametrize("offset", [(0.03, -0.02, 0.01), (-0.02, -0.03, -0.015), (0.0, 0.0, 0.02)])
 def test_polish_finds_the_true_pose_from_a_known_offset(world, offset):
-    # All end points lie exactly on lines at the true pose alone. What remains is the last step, ten times at most: the
-    # damping of a thousandth leaves a thousandth of each error, and the weights change little.
+    # All end points lie exactly on lines at the true pose alone. What remains is the last step, ten times at
+    # most: the damping of a thousandth leaves a thousandth of each error, and the weights change little.
     hits = turned(ROOM, world)
     found = polished(hits, TRUE_POSE + offset)
     assert (np.abs(found.pose - TRUE_POSE) <= 10 * STOP).all()
@@ -120,7 +129,9 @@ def test_polish_across_pi():
 @pytest.mark.parametrize("hits", [np.zeros((0, 2)), [[5.5, 5.5], [5.0, -5.0]]])
 def test_without_lines_the_pose_is_left_alone(hits):
     start = TRUE_POSE + [0.02, 0.01, 0.01]
-    found = polished(np.reshape(hits, (-1, 2)), start, odometry=np.zeros(3), points_b=seen_from(TRUE_POSE, ROOM))
+    found = polished(
+        np.reshape(hits, (-1, 2)), start, odometry=np.zeros(3), points_b=seen_from(TRUE_POSE, ROOM)
+    )
     np.testing.assert_array_equal(found.pose, start)
     assert found.beams == 0
     assert found.free_direction is None

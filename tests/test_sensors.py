@@ -18,7 +18,9 @@ def test_report_lidar_has_1081_beams_a_quarter_of_a_degree_apart():
 
 def test_beam_points_by_hand():
     # Right, half right, ahead, half left, left; every point two metres from the LiDAR at (0.2, 0.1). Eq. 7.
-    expected = np.array([[0, -2], [2 * ROOT_HALF, -2 * ROOT_HALF], [2, 0], [2 * ROOT_HALF, 2 * ROOT_HALF], [0, 2]])
+    expected = np.array(
+        [[0, -2], [2 * ROOT_HALF, -2 * ROOT_HALF], [2, 0], [2 * ROOT_HALF, 2 * ROOT_HALF], [0, 2]]
+    )
     np.testing.assert_allclose(scan_points(np.full(5, 2.0), FIVE), expected + [0.2, 0.1], atol=1e-15)
 
 
@@ -44,11 +46,15 @@ def test_pitched_down_scan_meets_the_floor_where_the_plane_does():
     points = scan_points_3d(np.full(3, height / np.sin(pitch)), lidar, pitch=pitch)
     assert points[1, 2] == pytest.approx(0.0, abs=1e-12)
     assert points[1, 0] == pytest.approx(0.2 * np.cos(pitch) + 0.5 * np.sin(pitch) + height / np.tan(pitch))
-    np.testing.assert_array_equal(points[:, :2], scan_points(np.full(3, height / np.sin(pitch)), lidar, pitch=pitch))
+    np.testing.assert_array_equal(
+        points[:, :2], scan_points(np.full(3, height / np.sin(pitch)), lidar, pitch=pitch)
+    )
 
 
 def test_roll_keeps_the_beam_ahead():
-    points = scan_points_3d(np.full(5, 2.0), LidarModel(-np.pi / 2, np.pi / 2, 5, position_b=(0.2, 0, 0)), roll=0.3)
+    points = scan_points_3d(
+        np.full(5, 2.0), LidarModel(-np.pi / 2, np.pi / 2, 5, position_b=(0.2, 0, 0)), roll=0.3
+    )
     np.testing.assert_allclose(points[2], [2.2, 0.0, 0.0], atol=1e-15)
     np.testing.assert_allclose(points[4], [0.2, 2 * np.cos(0.3), 2 * np.sin(0.3)], atol=1e-15)
 

@@ -24,12 +24,15 @@ from pfslam.sensors import ImuModel
 from pfslam.slam import run_slam, scan_events, slam_step, slam_steps, start
 
 REPORT, REFINED = SlamConfig.report(), SlamConfig.refined()
-PRESETS = pytest.mark.parametrize("config", [replace(REPORT, particles=20), replace(REFINED, particles=20)], ids=["report", "refined"])
+PRESETS = pytest.mark.parametrize(
+    "config", [replace(REPORT, particles=20), replace(REFINED, particles=20)], ids=["report", "refined"]
+)
 DRIVE = drive(CURVES)
 SHORT = drive([(1.0, 10, 0.4)])
 
 
-# The report's numbers --------------------------------------------------------------------------------------------
+# The report's numbers
+# --------------------------------------------------------------------------------------------
 
 
 def test_report_preset_is_the_report():
@@ -64,7 +67,8 @@ def test_impossible_settings_are_refused_by_name(change, names):
         replace(REPORT, **change)
 
 
-# One step --------------------------------------------------------------------------------------------------------
+# One step
+# --------------------------------------------------------------------------------------------------------
 
 
 def arrays_of(thing, path=""):
@@ -113,7 +117,9 @@ def test_first_scan_is_drawn_at_the_start_pose_and_moved_by_no_prediction():
     np.testing.assert_array_equal(state.particles.poses, np.zeros((REFINED.particles, 3)))
     assert info.drawn
     assert not info.matched
-    hits = state.grid.spec.world_to_cell(transform_points(np.zeros(3), next(scan_events(DRIVE, REFINED)[0]).points_b))
+    hits = state.grid.spec.world_to_cell(
+        transform_points(np.zeros(3), next(scan_events(DRIVE, REFINED)[0]).points_b)
+    )
     assert state.grid.occupied.sum() == len(np.unique(hits, axis=0))
 
 
@@ -123,8 +129,8 @@ def test_report_moves_no_particle_further_than_its_window_from_its_prediction():
     event = [e for e, _ in zip(scan_events(DRIVE, config)[0], range(13), strict=False)][-1]
     _, info = slam_step(state, event, config, np.random.default_rng(0))
     away = info.particles.poses - compose(state.particles.poses, event.motion)
-    # Without noise every particle drives the recording's own controls; Euler steps differ from their sum by round-off only
-    # where the body frame turns with the particle: positions rotate with it.
+    # Without noise every particle drives the recording's own controls; Euler steps differ from their sum by
+    # round-off only where the body frame turns with the particle: positions rotate with it.
     assert np.abs(away[:, :2]).max() <= 0.2 + 1e-9
     assert np.abs(wrap_angle(away[:, 2])).max() <= 0.02 + 1e-9
 
@@ -134,9 +140,13 @@ def test_report_weights_are_counts_and_the_estimate_is_the_best_particle():
     state, _ = state_after(DRIVE, config, 5)
     event = [e for e, _ in zip(scan_events(DRIVE, config)[0], range(6), strict=False)][-1]
     _, info = slam_step(state, event, config, np.random.default_rng(0))
-    # The particles keep an offset of up to half a step from the pose that was scored, so the counts are those of the nodes.
+    # The particles keep an offset of up to half a step from the pose that was scored, so the counts are those
+    # of the nodes.
     nodes = np.rint(info.particles.poses / [0.05, 0.05, 0.005]) * [0.05, 0.05, 0.005]
-    counts = [map_correlation(state.grid.occupied, state.grid.spec, transform_points(n, event.points_b)) for n in nodes]
+    counts = [
+        map_correlation(state.grid.occupied, state.grid.spec, transform_points(n, event.points_b))
+        for n in nodes
+    ]
     expected = state.particles.weights * counts
     np.testing.assert_allclose(info.particles.weights, expected / expected.sum())
     np.testing.assert_array_equal(info.estimate, info.particles.poses[np.argmax(expected)])
@@ -176,17 +186,21 @@ def test_scans_are_drawn_after_enough_motion():
     last = np.zeros(3)
     for info in run_slam(DRIVE, config).infos[1:]:
         step = between(last, info.estimate)
-        assert info.drawn == (np.hypot(*step[:2]) >= config.draw_metres or abs(step[2]) >= config.draw_radians)
+        assert info.drawn == (
+            np.hypot(*step[:2]) >= config.draw_metres or abs(step[2]) >= config.draw_radians
+        )
         last = info.estimate if info.drawn else last
 
 
-# The run ---------------------------------------------------------------------------------------------------------
+# The run
+# ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("legs", [SQUARE, CURVES], ids=["square", "curves"])
 @pytest.mark.parametrize("gyro_scale", [1.0, 0.9])
 def test_refined_filter_maps_a_noiseless_room_to_within_a_cell(legs, gyro_scale):
-    # A gyro that is 10 % off puts dead reckoning out by more than two cells; the scans say where the robot is to a cell.
+    # A gyro that is 10 % off puts dead reckoning out by more than two cells; the scans say where the robot is
+    # to a cell.
     recording = drive(legs)
     recording = replace(recording, robot=replace(recording.robot, imu=ImuModel(gyro_scale=gyro_scale)))
     result = run_slam(recording, replace(REFINED, particles=30))
@@ -246,7 +260,9 @@ def digests_with(threads):
     names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
     code = RUN_IN_A_PROCESS.format(tests=str(tests), root=str(tests.parent), threads=threads)
     environment = os.environ | dict.fromkeys(names, str(threads))
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
     return done.stdout.split()
 
 
@@ -255,7 +271,9 @@ def test_same_bits_on_one_core_and_on_two():
     assert len(one) == 2
     assert one == digests_with(2)
     here = run_slam(SHORT, replace(REPORT, particles=20))
-    assert one[0] == hashlib.sha256(here.trajectory.poses.tobytes() + here.grid.log_odds.tobytes()).hexdigest()
+    assert (
+        one[0] == hashlib.sha256(here.trajectory.poses.tobytes() + here.grid.log_odds.tobytes()).hexdigest()
+    )
 
 
 def test_estimates_are_never_revised_and_come_at_the_used_scans():
@@ -268,9 +286,13 @@ def test_estimates_are_never_revised_and_come_at_the_used_scans():
 
 def test_every_nth_scan_is_the_recordings_own_unless_told_otherwise():
     config = replace(REFINED, particles=5)
-    np.testing.assert_array_equal(run_slam(replace(DRIVE, default_every=5), config).trajectory.t, DRIVE.lidar.t[::5])
+    np.testing.assert_array_equal(
+        run_slam(replace(DRIVE, default_every=5), config).trajectory.t, DRIVE.lidar.t[::5]
+    )
     told = replace(config, every=4)
-    np.testing.assert_array_equal(run_slam(replace(DRIVE, default_every=5), told).trajectory.t, DRIVE.lidar.t[::4])
+    np.testing.assert_array_equal(
+        run_slam(replace(DRIVE, default_every=5), told).trajectory.t, DRIVE.lidar.t[::4]
+    )
 
 
 @PRESETS
@@ -327,7 +349,8 @@ def test_recording_that_never_sees_anything_follows_its_odometry(config):
 
 
 def test_a_scan_that_scores_nothing_leaves_the_weights_and_is_counted():
-    # Eight metres of blank between two rooms: the second scan's end points fall on cells that no scan has touched.
+    # Eight metres of blank between two rooms: the second scan's end points fall on cells that no scan has
+    # touched.
     config = replace(SlamConfig.report(0.0, 0.0), particles=6)
     event = next(scan_events(SHORT, config)[0])
     state, _ = start(event, config, np.random.default_rng(0))
@@ -372,7 +395,9 @@ def test_without_keeping_particles_the_result_is_the_same():
 
 
 def test_a_log_of_odometry_poses_runs_too():
-    log = Recording("log", SHORT.robot, odometry=SHORT.truth, lidar=SHORT.lidar, truth=SHORT.truth, default_every=1)
+    log = Recording(
+        "log", SHORT.robot, odometry=SHORT.truth, lidar=SHORT.lidar, truth=SHORT.truth, default_every=1
+    )
     result = run_slam(log, replace(REFINED, particles=10))
     assert trajectory_error(result.trajectory, SHORT.truth).ate_max_m < 0.05
 

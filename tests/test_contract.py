@@ -1,0 +1,90 @@
+"""The Python interface that others rely on: names, signatures, defaults."""
+
+import inspect
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+from rooms import drive
+
+import pfslam
+
+DRIVE = drive([(0.5, 10, 0.4)])
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("load", ["dataset", "data_dir"]),
+        ("dead_reckoning", ["recording"]),
+        ("run_slam", ["recording", "config", "rng"]),
+        ("map_texture", ["recording", "trajectory", "grid"]),
+        ("map_correlation", ["occupied", "spec", "points_w"]),
+    ],
+)
+def test_functions_take_what_was_promised(name, parameters):
+    signature = inspect.signature(getattr(pfslam, name))
+    assert [p for p in signature.parameters if p in parameters] == parameters
+    required = [p.name for p in signature.parameters.values() if p.default is p.empty]
+    assert set(required) <= set(parameters)
+    assert all(
+        signature.parameters[p].default is None
+        for p in {"data_dir", "config", "rng", "grid"} & set(parameters)
+    )
+
+
+def test_generator_is_given_by_name():
+    assert inspect.signature(pfslam.run_slam).parameters["rng"].kind is inspect.Parameter.KEYWORD_ONLY
+
+
+def test_dead_reckoning_gives_a_trajectory():
+    found = pfslam.dead_reckoning(DRIVE)
+    assert isinstance(found, pfslam.Trajectory)
+    assert found.at(found.t[3]).shape == (3,)
+    with pytest.raises(ValueError):
+        found.at(found.t[-1] + 1.0)
+
+
+def test_defaults_of_a_run_are_the_refined_filter_and_seed_0():
+    result = pfslam.run_slam(DRIVE)
+    assert result.config == pfslam.SlamConfig.refined()
+    explicit = pfslam.run_slam(DRIVE, pfslam.SlamConfig.refined(), rng=np.random.default_rng(0))
+    np.testing.assert_array_equal(result.trajectory.poses, explicit.trajectory.poses)
+    assert len(result.infos) == len(result.trajectory.t)
+    assert result.grid.log_odds.shape == result.grid.spec.shape
+
+
+def test_report_preset_takes_standard_deviations():
+    defaults = {p.name: p.default for p in inspect.signature(pfslam.SlamConfig.report).parameters.values()}
+    assert defaults == {"sigma_v": np.sqrt(0.1), "sigma_omega": np.sqrt(0.02)}
+
+
+def test_map_correlation_takes_a_grid_specification():
+    spec = pfslam.GridSpec(origin=(0.0, 0.0), resolution=0.5, shape=(2, 3))
+    occupied = np.array([[True, False, False], [False, False, True]])
+    assert pfslam.map_correlation(occupied, spec, np.array([[0.1, 0.1], [1.4, 0.9], [0.6, 0.1]])) == 2
+
+
+@pytest.mark.parametrize("thing", [DRIVE, DRIVE.truth, pfslam.SlamConfig.refined(), DRIVE.robot])
+def test_what_must_not_drift_apart_is_frozen(thing):
+    with pytest.raises(FrozenInstanceError):
+        thing.t = 1
+
+
+def test_bad_input_is_a_value_error_of_its_own_kind():
+    assert issubclass(pfslam.DataError, ValueError)
+
+
+def test_everything_promised_is_listed():
+    names = [
+        "DataError",
+        "FloorTexture",
+        "GridSpec",
+        "OccupancyGrid",
+        "Recording",
+        "SlamConfig",
+        "Trajectory",
+    ]
+    functions = ["dead_reckoning", "load", "map_correlation", "map_texture", "run_slam"]
+    assert set(names + functions) <= set(pfslam.__all__)
+    assert all(hasattr(pfslam, name) for name in pfslam.__all__)
