@@ -21,6 +21,7 @@ from pfslam.sensors import LidarModel, RobotModel
 MAX_LINE_BYTES = 2**20
 MAX_BEAMS = 20_000
 MAX_STAMP = 1e11
+MAX_COORDINATE = 1e8
 NO_RETURN = 80.0
 """SICK scanners report 81.83 m and the like where nothing came back."""
 SENSOR_HEIGHT = 0.35
@@ -61,9 +62,9 @@ def load_carmen(path: str | Path) -> Recording:
     t, ranges = np.array(log.scan_t)[keep], np.stack(log.ranges)[keep]
     log.count("ranges that are not a number", int(np.count_nonzero(np.isnan(ranges))))
     if len(log.robot_at_scan) == len(log.scan_t):
-        odometry = Trajectory(t, np.array(log.robot_at_scan)[keep])
+        odometry = Trajectory(t, _pose_columns(log, log.robot_at_scan)[keep])
     elif log.odometry and not log.robot_at_scan:
-        rows = np.array(log.odometry)
+        rows = _pose_columns(log, log.odometry)
         rows = rows[_increasing(log, rows[:, 0], "odometry with the stamp of another")]
         odometry = Trajectory(rows[:, 0], rows[:, 1:])
     else:
@@ -73,6 +74,16 @@ def load_carmen(path: str | Path) -> Recording:
     return Recording(
         Path(path).stem, robot, None, None, odometry, lidar, default_every=1, dropped=log.dropped
     )
+
+
+def _pose_columns(log: _Log, rows: list[list[float]]) -> np.ndarray:
+    """Rows of odometry as an array, refused if a robot cannot have been there."""
+    table = np.array(rows)
+    if np.abs(table[:, -3:]).max() > MAX_COORDINATE:
+        at = int(np.argmax(np.abs(table[:, -3:]).max(axis=1)))
+        found = " ".join(f"{value:g}" for value in table[at, -3:])
+        raise DataError(log.path, f"odometry {at + 1}", found, f"m and rad, at most {MAX_COORDINATE:g}")
+    return table
 
 
 def _increasing(log: _Log, t: np.ndarray, reason: str) -> np.ndarray:

@@ -7,16 +7,16 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from pfslam.course_writer import save_course, set_number
 from pfslam.errors import DataError
-from pfslam.files import read_npz, write_npz
-from pfslam.images import ImageReader, numbered_images, write_png
+from pfslam.files import read_npz
+from pfslam.images import ImageReader, numbered_images
 from pfslam.poses import Trajectory
 from pfslam.recording import (
     Encoders,
@@ -26,15 +26,25 @@ from pfslam.recording import (
     RgbdStream,
     check_rows,
     check_stamps,
-    image_pairs,
 )
 from pfslam.sensors import LidarModel, RgbdModel, RobotModel
 
+__all__ = ["find_file", "load_course", "save_course", "set_number"]
+
 MAX_BEAMS = 20_000
-MAX_STAMP = 1e11
-"""The year 5138 in seconds: beyond it, stamps are in another unit."""
+STAMP_LIMIT = (1e11, "seconds")  # the year 5138
+LIMITS = {
+    "time_stamps": STAMP_LIMIT,
+    "disparity_time_stamps": STAMP_LIMIT,
+    "rgb_time_stamps": STAMP_LIMIT,
+    "counts": (1e6, "counts per reading"),
+    "angular_velocity": (1e3, "rad/s"),
+    "linear_acceleration": (1e3, "g"),
+    "pose": (1e8, "m and rad"),
+}
+"""Largest magnitude of each field, and its unit. Generous: what is beyond is damage or another unit."""
+MAX_RANGE = 1e4
 FULL_TURN = 2.0 * np.pi + 1e-3
-Progress = Callable
 
 
 def load_course(number: int | str, data_dir: str | Path) -> Recording:
@@ -58,14 +68,6 @@ def load_course(number: int | str, data_dir: str | Path) -> Recording:
     path = find_file(folder, f"truth{number}.npz")
     truth = _load_truth(path) if path else None
     return Recording(number, robot, encoders, imu, None, lidar, camera, truth, dropped=dropped)
-
-
-def set_number(number: int | str) -> str:
-    """The number of a set as it stands in file names; ``DataError`` for anything but one to six digits."""
-    text = str(number).strip()
-    if not re.fullmatch(r"[0-9]{1,6}", text):
-        raise DataError("data set", "number", repr(number)[:80], "one to six digits, such as 20")
-    return text
 
 
 def find_file(folder: Path, *parts: str) -> Path | None:
@@ -99,15 +101,23 @@ def _stamps(path: Path, data: Mapping[str, np.ndarray], key: str = "time_stamps"
     t = np.asarray(data[key])
     t = t.ravel() if t.ndim == 2 and 1 in t.shape else t
     check_stamps(t, str(path), key)
-    if np.abs(t).max() > MAX_STAMP:
-        raise DataError(path, key, f"{t[np.argmax(np.abs(t))]:g}", f"seconds, at most {MAX_STAMP:g}")
+    _check_size(path, key, t)
     return t.astype(float)
 
 
 def _columns(path: Path, data: Mapping[str, np.ndarray], key: str, rows: int, count: int) -> np.ndarray:
     """Values ``(count, rows)`` from the file's ``(rows, count)``."""
     check_rows(data[key], str(path), key, (rows, count))
+    _check_size(path, key, data[key])
     return np.ascontiguousarray(data[key].T)
+
+
+def _check_size(path: Path, key: str, values: np.ndarray) -> None:
+    """Raise ``DataError`` for numbers that no robot can have measured: a damaged file, or another unit."""
+    limit, unit = LIMITS[key]
+    largest = float(values.ravel()[np.argmax(np.abs(values.astype(float)))])
+    if abs(largest) > limit:
+        raise DataError(path, key, f"{largest:g}", f"{unit}, at most {limit:g}")
 
 
 def _load_encoders(path: Path) -> Encoders:
@@ -145,9 +155,10 @@ def _lidar_model(path: Path, limits: dict[str, float], beams: int) -> LidarModel
     if not (0.0 < span <= FULL_TURN or (beams == 1 and span == 0.0)) or abs(limits["angle_min"]) > FULL_TURN:
         found = f"{limits['angle_min']:g} to {limits['angle_max']:g}"
         raise DataError(path, "angle_min, angle_max", found, "increasing angles in radians, at most one turn")
-    if not 0.0 <= limits["range_min"] < limits["range_max"]:
+    if not 0.0 <= limits["range_min"] < limits["range_max"] <= MAX_RANGE:
         found = f"{limits['range_min']:g} to {limits['range_max']:g}"
-        raise DataError(path, "range_min, range_max", found, "metres, 0 <= range_min < range_max")
+        expected = f"metres, 0 <= range_min < range_max <= {MAX_RANGE:g}"
+        raise DataError(path, "range_min, range_max", found, expected)
     return replace(LidarModel(), beams=beams, **limits)
 
 
@@ -163,6 +174,7 @@ def _load_truth(path: Path) -> Trajectory:
     data = read_npz(path, ("time_stamps", "pose"))
     t = _stamps(path, data)
     check_rows(data["pose"], str(path), "pose", (len(t), 3))
+    _check_size(path, "pose", data["pose"])
     return Trajectory(t, data["pose"])
 
 
@@ -187,62 +199,3 @@ def _load_camera(folder: Path, number: str, camera: RgbdModel, dropped: dict[str
 def _count(dropped: dict[str, int], reason: str, count: int) -> None:
     if count:
         dropped[reason] = dropped.get(reason, 0) + count
-
-
-def save_course(
-    recording: Recording,
-    number: int | str,
-    out_dir: str | Path,
-    image_every: int | None = None,
-    *,
-    truth_extras: Mapping[str, np.ndarray] | None = None,
-    progress: Progress | None = None,
-) -> None:
-    """Write a recording as set ``number`` into ``out_dir``; each file appears when it is whole.
-
-    ``image_every`` writes every n-th pair of images, none by default. ``truth_extras`` are further arrays for
-    the truth file, such as height and pitch. ``progress`` wraps the list of images to write. The robot's
-    calibration is not part of the format.
-    """
-    number, out_dir = set_number(number), Path(out_dir)
-    if recording.encoders is None or recording.imu is None:
-        raise DataError(recording.name, "recording", "odometry poses only", "encoders and IMU to write")
-    if image_every is not None and image_every < 1:
-        raise DataError("save_course", "image_every", image_every, "1 or more")
-    for name, arrays in _tables(recording, truth_extras or {}).items():
-        write_npz(out_dir / f"{name}{number}.npz", **arrays)
-    if recording.camera is not None and image_every is not None:
-        _save_images(recording.camera, number, out_dir / "dataRGBD", image_every, progress or iter)
-
-
-def _tables(recording: Recording, truth_extras: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
-    """The arrays of every ``.npz`` file by the file's name without its number."""
-    encoders, imu, lidar, camera, truth = (
-        getattr(recording, name) for name in ("encoders", "imu", "lidar", "camera", "truth")
-    )
-    tables = {
-        "Encoders": {"counts": encoders.counts.T, "time_stamps": encoders.t},
-        "Imu": {
-            "angular_velocity": imu.angular_velocity.T,
-            "linear_acceleration": imu.acceleration_g.T,
-            "time_stamps": imu.t,
-        },
-    }
-    if lidar is not None:
-        model = recording.robot.lidar
-        names = ("angle_min", "angle_max", "range_min", "range_max")
-        limits = {name: np.array(getattr(model, name)) for name in names}
-        limits["angle_increment"] = np.array(model.increment)
-        tables["Hokuyo"] = limits | {"ranges": lidar.ranges.T, "time_stamps": lidar.t}
-    if camera is not None:
-        tables["Kinect"] = {"disparity_time_stamps": camera.disparity_t, "rgb_time_stamps": camera.rgb_t}
-    if truth is not None:
-        tables["truth"] = {"time_stamps": truth.t, "pose": truth.poses, **truth_extras}
-    return tables
-
-
-def _save_images(camera: RgbdStream, number: str, folder: Path, every: int, progress: Progress) -> None:
-    pairs = image_pairs(camera, every=every)
-    for i, j in progress(list(zip(pairs.disparity.tolist(), pairs.rgb.tolist(), strict=True))):
-        write_png(folder / f"Disparity{number}" / f"disparity{number}_{i + 1}.png", camera.read_disparity(i))
-        write_png(folder / f"RGB{number}" / f"rgb{number}_{j + 1}.png", camera.read_rgb(j))

@@ -180,6 +180,10 @@ BAD_FIELDS = {
     "backward stamp": ("Encoders7", {"time_stamps": BACKWARDS}, r"time_stamps\[9\]: found 12\.0"),
     "nan stamp": ("Encoders7", {"time_stamps": np.full(241, np.nan)}, r"time_stamps\[0\]: found nan"),
     "stamps in ns": ("Encoders7", {"time_stamps": GOOD.encoders.t * 1e9}, "time_stamps: found 1.3e"),
+    "huge count": ("Encoders7", {"counts": np.full((4, 241), 1e300)}, r"counts: found 1e\+300"),
+    "degrees per second": ("Imu7", {"angular_velocity": np.full((3, 561), 2e3)}, "rad/s, at most 1000"),
+    "truth far away": ("truth7", {"pose": np.full((55, 3), -1e200)}, r"pose: found -1e\+200"),
+    "endless range": ("Hokuyo7", {"range_max": 1e300}, "range_max <= 10000"),
     "no stamps": ("Imu7", {"time_stamps": np.zeros(0)}, "time_stamps"),
     "missing key": ("Encoders7", {"counts": None}, "a key named counts"),
     "three wheels": (

@@ -301,6 +301,7 @@ BAD_LOGS = {
     "other digits": ("FLASER \xb2 1 2", "line 1, word 2"),
     "word for a range": (flaser(1.0, (1, "x", 3, 4)), "line 1: found a range that is no number"),
     "nan pose": (flaser(1.0, pose="nan 0 0"), "line 1: found nan"),
+    "far away": (flaser(1.0, pose="0 1e300 0"), r"odometry 1: found 0 1e\+300 0"),
     "infinite stamp": (flaser("inf"), "line 1: found inf"),
     "stamp in ns": (flaser(976052890244111000), "line 1: found stamp 9.76"),
     "beams change": (flaser(1.0) + "\n" + flaser(2.0, (1, 2)), "line 2: found 2 beams"),
