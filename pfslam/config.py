@@ -12,6 +12,7 @@ from math import sqrt
 from pfslam.errors import DataError
 from pfslam.grid import LOG_4, MapConfig
 from pfslam.particles import RESAMPLERS, ControlNoise
+from pfslam.tilt import TiltConfig
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,8 @@ class SlamConfig:
     search: SearchConfig = field(default_factory=SearchConfig)
     map: MapConfig = field(default_factory=MapConfig)
     polish: PolishConfig | None = None
+    tilt: TiltConfig | None = None
+    """How the body's lean is taken into account; ``None`` takes every floor for flat."""
     estimate: str = "best"
     """"best": the particle of greatest weight. "mean": the weighted mean of all."""
     resample_below: float = 0.1
@@ -144,6 +147,7 @@ class SlamConfig:
             ),
             map=MapConfig(free=0.1 * LOG_4, clamp=5.0 * LOG_4),
             polish=PolishConfig(),
+            tilt=TiltConfig(),
             estimate="mean",
             resample_below=0.5,
             draw_metres=0.05,
@@ -159,5 +163,9 @@ def _as_dict(config) -> dict:
     plain = {}
     for f in fields(config):
         value = getattr(config, f.name)
-        plain[f.name] = {"kind": type(value).__name__} | _as_dict(value) if hasattr(value, "__dataclass_fields__") else value
+        plain[f.name] = (
+            {"kind": type(value).__name__} | _as_dict(value)
+            if hasattr(value, "__dataclass_fields__")
+            else value
+        )
     return plain

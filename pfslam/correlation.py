@@ -39,16 +39,18 @@ def map_correlation(occupied: np.ndarray, spec: GridSpec, points_w: np.ndarray) 
 def score_field(occupied: np.ndarray, kind: str) -> np.ndarray:
     """What one end point scores in each cell, ``(H, W)`` float32 whole numbers.
 
-    "occupied": 1 on occupied cells, 0 elsewhere: the report's count. "distance": 1000 exp(-d^2 / 2) with d the distance
-    in cells to the nearest occupied cell, cut off at 4 cells: a near miss scores too, so the best pose is not decided by
-    how a wall happens to fall into cells.
+    "occupied": 1 on occupied cells, 0 elsewhere: the report's count. "distance": 1000 exp(-d^2 / 2) with d
+    the distance in cells to the nearest occupied cell, cut off at 4 cells: a near miss scores too, so the best
+    pose is not decided by how a wall happens to fall into cells.
     """
     if kind == "occupied":
         return occupied.astype(np.float32)
     if not occupied.any():
         return np.zeros(occupied.shape, dtype=np.float32)
     away = cv2.distanceTransform((~occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.where(away <= FIELD_REACH, np.rint(MAX_FIELD_VALUE * np.exp(-0.5 * away**2)), 0.0).astype(np.float32)
+    return np.where(away <= FIELD_REACH, np.rint(MAX_FIELD_VALUE * np.exp(-0.5 * away**2)), 0.0).astype(
+        np.float32
+    )
 
 
 def updated_field(
@@ -64,12 +66,14 @@ def updated_field(
 
 
 def _widened(rectangle: tuple[slice, slice], shape: tuple[int, int], by: int) -> tuple[slice, slice]:
-    return tuple(slice(max(r.start - by, 0), min(r.stop + by, n)) for r, n in zip(rectangle, shape, strict=True))
+    return tuple(
+        slice(max(r.start - by, 0), min(r.stop + by, n)) for r, n in zip(rectangle, shape, strict=True)
+    )
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """Poses ``(ix * step_xy, iy * step_xy, ik * step_yaw)``; ``step_xy`` is the map's resolution (m), ``step_yaw`` rad."""
+    """Poses ``(ix step_xy, iy step_xy, ik step_yaw)``; ``step_xy`` is the map's resolution (m), ``step_yaw`` rad."""
 
     step_xy: float
     step_yaw: float
@@ -132,7 +136,12 @@ class BoxScores:
 
 
 def search(
-    field: np.ndarray, spec: GridSpec, points_b: np.ndarray, poses: np.ndarray, lattice: Lattice, window: Window
+    field: np.ndarray,
+    spec: GridSpec,
+    points_b: np.ndarray,
+    poses: np.ndarray,
+    lattice: Lattice,
+    window: Window,
 ) -> Iterator[BoxScores]:
     """The scores of every perturbation of every particle, box by box; each particle appears in exactly one box.
 
@@ -155,7 +164,12 @@ def search(
 
 
 def score_volume(
-    field: np.ndarray, spec: GridSpec, points_b: np.ndarray, lattice: Lattice, low: np.ndarray, high: np.ndarray
+    field: np.ndarray,
+    spec: GridSpec,
+    points_b: np.ndarray,
+    lattice: Lattice,
+    low: np.ndarray,
+    high: np.ndarray,
 ) -> np.ndarray:
     """Scores of all nodes from ``low (3,)`` to ``high (3,)`` inclusive, as ``(headings, rows, columns)`` float32."""
     nx, ny, nk = high - low + 1
@@ -192,7 +206,7 @@ def _crop(field: np.ndarray, x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
     return crop
 
 
-# Cost of one heading, and of one node and beam, in nanoseconds: only their ratio matters. ``pfslam bench`` measures both.
+# Cost of one heading, and of one node and beam, in nanoseconds. Only their ratio matters.
 COST_PER_HEADING = 60_000.0
 COST_PER_NODE_AND_BEAM = 1.0
 MAX_SCORES = 20_000_000

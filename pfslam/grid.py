@@ -33,7 +33,9 @@ class GridSpec:
         if not (np.isfinite(self.resolution) and self.resolution > 0):
             raise DataError("GridSpec", "resolution", self.resolution, "a positive size in metres")
         if len(shape) != 2 or min(shape) < 1 or shape[0] * shape[1] > MAX_CELLS:
-            raise DataError("GridSpec", "shape", self.shape, f"(H, W), each at least 1, at most {MAX_CELLS} cells")
+            raise DataError(
+                "GridSpec", "shape", self.shape, f"(H, W), each at least 1, at most {MAX_CELLS} cells"
+            )
         object.__setattr__(self, "origin", origin)
         object.__setattr__(self, "shape", shape)
 
@@ -44,7 +46,7 @@ class GridSpec:
         return x, x + w * self.resolution, y, y + h * self.resolution
 
     def world_to_cell(self, points_w) -> np.ndarray:
-        """Cells ``(..., 2)`` int, columns (ix, iy), of points ``(..., 2)`` in metres: floor((p - origin) / resolution)."""
+        """Cells ``(..., 2)`` int (ix, iy) of points ``(..., 2)`` in metres: floor((p - origin) / resolution)."""
         return np.floor((np.asarray(points_w) - self.origin) / self.resolution).astype(np.int64)
 
     def cell_to_world(self, cells) -> np.ndarray:

@@ -43,7 +43,10 @@ def wheel_distance(encoders: Encoders, model: EncoderModel, t) -> np.ndarray:
     t = np.asarray(t, dtype=float)
     if len(t) and (t[0] < encoders.t[0] or t[-1] > encoders.t[-1]):
         raise DataError(
-            "wheel_distance", "t", f"[{t[0]:.3f}, {t[-1]:.3f}] s", f"times in [{encoders.t[0]:.3f}, {encoders.t[-1]:.3f}] s"
+            "wheel_distance",
+            "t",
+            f"[{t[0]:.3f}, {t[-1]:.3f}] s",
+            f"times in [{encoders.t[0]:.3f}, {encoders.t[-1]:.3f}] s",
         )
     per_reading = encoders.counts.mean(axis=1) * model.metres_per_count
     travelled = np.cumsum(per_reading) - per_reading[0]
@@ -81,7 +84,7 @@ def controls(recording: Recording) -> Controls:
 
 
 def motion_model(poses: np.ndarray, v, omega, dt) -> np.ndarray:
-    """Poses ``(..., 3)`` after driving for ``dt`` s at ``v`` m/s and ``omega`` rad/s, Euler step. Implements Eq. 1, 3, 5.
+    """Poses ``(..., 3)`` after ``dt`` s at ``v`` m/s and ``omega`` rad/s, Euler step. Implements Eq. 1, 3, 5.
 
     ``v`` and ``omega`` are scalars or one per pose. With noisy controls the result is a draw from the model's density.
     """

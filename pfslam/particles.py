@@ -26,11 +26,20 @@ class Particles:
 
     def __post_init__(self):
         poses, log_weights = np.asarray(self.poses, dtype=float), np.asarray(self.log_weights, dtype=float)
-        if poses.ndim != 2 or poses.shape[1:] != (3,) or log_weights.shape != (len(poses),) or len(poses) == 0:
-            raise DataError("Particles", "shapes", f"{poses.shape}, {log_weights.shape}", "(N, 3), (N,) with N >= 1")
+        if (
+            poses.ndim != 2
+            or poses.shape[1:] != (3,)
+            or log_weights.shape != (len(poses),)
+            or len(poses) == 0
+        ):
+            raise DataError(
+                "Particles", "shapes", f"{poses.shape}, {log_weights.shape}", "(N, 3), (N,) with N >= 1"
+            )
         total = log_sum_exp(log_weights)
         if not (np.isfinite(total) and np.isfinite(poses).all()):
-            raise DataError("Particles", "poses, log_weights", "NaN, or no weight above zero", "finite poses, some weight")
+            raise DataError(
+                "Particles", "poses, log_weights", "NaN, or no weight above zero", "finite poses, some weight"
+            )
         object.__setattr__(self, "poses", poses)
         object.__setattr__(self, "log_weights", log_weights - total)
 
@@ -67,7 +76,9 @@ def log_sum_exp(values: np.ndarray) -> float:
     return float(top + np.log(np.sum(np.exp(values - top)))) if np.isfinite(top) else float(top)
 
 
-def predict(particles: Particles, v, omega, dt: float, noise: ControlNoise, rng: np.random.Generator) -> Particles:
+def predict(
+    particles: Particles, v, omega, dt: float, noise: ControlNoise, rng: np.random.Generator
+) -> Particles:
     """Every particle driven for ``dt`` s by its own noisy control; weights unchanged. Implements Eq. 11."""
     n = len(particles)
     scale = 1.0 / np.sqrt(dt) if noise.per_root_second else 1.0
@@ -93,7 +104,9 @@ def effective_sample_size(weights: np.ndarray) -> float:
     """N_eff = 1 / sum(w^2) of normalised weights ``(N,)``: 1 if one has all, N if all are equal. Implements Eq. 13."""
     weights = np.asarray(weights, dtype=float)
     if not np.isclose(weights.sum(), 1.0):
-        raise DataError("effective_sample_size", "weights", f"sum {weights.sum():.6g}", "weights that sum to 1")
+        raise DataError(
+            "effective_sample_size", "weights", f"sum {weights.sum():.6g}", "weights that sum to 1"
+        )
     return float(1.0 / np.sum(weights**2))
 
 
@@ -138,7 +151,9 @@ def residual_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarr
     if missing == 0:
         return ancestors
     remainder = np.maximum(expected - certain, 0.0)
-    return np.sort(np.concatenate([ancestors, _pick(remainder / remainder.sum(), np.sort(rng.random(missing)))]))
+    return np.sort(
+        np.concatenate([ancestors, _pick(remainder / remainder.sum(), np.sort(rng.random(missing)))])
+    )
 
 
 RESAMPLERS = {

@@ -25,7 +25,9 @@ def average_angle(theta, weights=None) -> float:
 
     The mean of the unit vectors is taken, so that 179 and -179 degrees average to 180, not to 0.
     """
-    return float(np.arctan2(np.average(np.sin(theta), weights=weights), np.average(np.cos(theta), weights=weights)))
+    return float(
+        np.arctan2(np.average(np.sin(theta), weights=weights), np.average(np.cos(theta), weights=weights))
+    )
 
 
 def average_pose(poses, weights=None) -> np.ndarray:
@@ -48,7 +50,9 @@ def invert(pose_ab) -> np.ndarray:
     """``pose_ba``, so that ``compose(pose_ab, pose_ba)`` is the identity. Shape ``(..., 3)``."""
     a = np.asarray(pose_ab, dtype=float)
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
-    return np.stack([-c * a[..., 0] - s * a[..., 1], s * a[..., 0] - c * a[..., 1], wrap_angle(-a[..., 2])], axis=-1)
+    return np.stack(
+        [-c * a[..., 0] - s * a[..., 1], s * a[..., 0] - c * a[..., 1], wrap_angle(-a[..., 2])], axis=-1
+    )
 
 
 def between(pose_wa, pose_wb) -> np.ndarray:
@@ -113,7 +117,9 @@ class Trajectory:
     def __post_init__(self):
         t, poses = np.asarray(self.t, dtype=float), np.asarray(self.poses, dtype=float)
         if t.ndim != 1 or len(t) == 0 or poses.shape != (len(t), 3):
-            raise DataError("Trajectory", "t, poses", f"shapes {t.shape}, {poses.shape}", "(K,), (K, 3) with K >= 1")
+            raise DataError(
+                "Trajectory", "t, poses", f"shapes {t.shape}, {poses.shape}", "(K,), (K, 3) with K >= 1"
+            )
         if not (np.isfinite(t).all() and np.isfinite(poses).all()):
             raise DataError("Trajectory", "t, poses", "NaN or infinity", "finite numbers")
         if (np.diff(t) <= 0).any():
@@ -138,7 +144,9 @@ class Trajectory:
         times = np.asarray(t, dtype=float)
         if not self.covers(times).all():
             worst = times[~self.covers(times)].ravel()[0] if times.ndim else float(times)
-            raise DataError("Trajectory.at", "t", f"{worst:.6f} s", f"a time in [{self.t[0]:.6f}, {self.t[-1]:.6f}] s")
+            raise DataError(
+                "Trajectory.at", "t", f"{worst:.6f} s", f"a time in [{self.t[0]:.6f}, {self.t[-1]:.6f}] s"
+            )
         if len(self.t) == 1:
             return np.broadcast_to(self.poses[0], times.shape + (3,)).copy()
         i = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 2)

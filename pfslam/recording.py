@@ -52,7 +52,9 @@ class LidarScans:
     def __post_init__(self):
         check_stamps(self.t, "lidar")
         if np.ndim(self.ranges) != 2 or self.ranges.shape[0] != len(self.t) or self.ranges.shape[1] == 0:
-            raise DataError("lidar", "ranges", f"shape {np.shape(self.ranges)}", f"({len(self.t)}, beams >= 1)")
+            raise DataError(
+                "lidar", "ranges", f"shape {np.shape(self.ranges)}", f"({len(self.t)}, beams >= 1)"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,16 +97,21 @@ class Recording:
 
     def __post_init__(self):
         if self.odometry is None and (self.encoders is None or self.imu is None):
-            raise DataError(self.name, "odometry", "neither encoders with IMU nor odometry poses", "one of the two")
+            raise DataError(
+                self.name, "odometry", "neither encoders with IMU nor odometry poses", "one of the two"
+            )
         if self.lidar is not None and self.lidar.ranges.shape[1] != self.robot.lidar.beams:
             raise DataError(
-                self.name, "lidar ranges", f"{self.lidar.ranges.shape[1]} beams", f"{self.robot.lidar.beams} beams"
+                self.name,
+                "lidar ranges",
+                f"{self.lidar.ranges.shape[1]} beams",
+                f"{self.robot.lidar.beams} beams",
             )
 
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Images matched by time: ``disparity (P,)`` and ``rgb (P,)`` indices; ``unpaired`` counts what found no partner."""
+    """Images matched by time: indices ``disparity (P,)``, ``rgb (P,)``; ``unpaired`` counts those without partner."""
 
     disparity: np.ndarray
     rgb: np.ndarray
@@ -112,7 +119,7 @@ class Pairs:
 
 
 def nearest_stamp(t: np.ndarray, query: np.ndarray) -> np.ndarray:
-    """Index ``(Q,)`` of the stamp in ``t (K,)`` (increasing, s) nearest to each ``query (Q,)``; ties go to the earlier."""
+    """Index ``(Q,)`` of the stamp in ``t (K,)`` (increasing) nearest to each ``query (Q,)``; the earlier on a tie."""
     t, query = np.asarray(t, dtype=float), np.asarray(query, dtype=float)
     right = np.clip(np.searchsorted(t, query), 1, max(len(t) - 1, 1))
     left = right - 1
@@ -133,7 +140,9 @@ def image_pairs(camera: RgbdStream, max_gap: float = 0.1, every: int = 1) -> Pai
     nearest = nearest_stamp(t_disparity, t_rgb)
     near = np.abs(t_disparity[nearest] - t_rgb) <= max_gap
     return Pairs(
-        camera.disparity_index[nearest[near]][::every], camera.rgb_index[near][::every], int(np.count_nonzero(~near))
+        camera.disparity_index[nearest[near]][::every],
+        camera.rgb_index[near][::every],
+        int(np.count_nonzero(~near)),
     )
 
 
@@ -148,14 +157,18 @@ def check_stamps(t: np.ndarray, source: str, field_name: str = "time_stamps") ->
     backwards = np.diff(t) <= 0
     if backwards.any():
         at = int(np.argmax(backwards)) + 1
-        raise DataError(source, f"{field_name}[{at}]", f"{t[at]:.6f} after {t[at - 1]:.6f}", "strictly increasing times")
+        raise DataError(
+            source, f"{field_name}[{at}]", f"{t[at]:.6f} after {t[at - 1]:.6f}", "strictly increasing times"
+        )
 
 
 def check_rows(values: np.ndarray, source: str, field_name: str, shape: tuple[int, ...]) -> None:
     """Raise ``DataError`` unless ``values`` are finite numbers of the given shape."""
     values = np.asarray(values)
     if values.shape != shape or values.dtype.kind not in "fiu":
-        raise DataError(source, field_name, f"{values.dtype} of shape {values.shape}", f"numbers of shape {shape}")
+        raise DataError(
+            source, field_name, f"{values.dtype} of shape {values.shape}", f"numbers of shape {shape}"
+        )
     if not np.isfinite(values).all():
         at = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
         raise DataError(source, f"{field_name}{list(at)}", values[at], "a finite number")

@@ -44,11 +44,13 @@ class HitMoments:
         cells = self.spec.world_to_cell(points_w)
         x, y = ((points_w - self.spec.cell_to_world(cells)) / self.spec.resolution).T
         sums = self.sums.copy()
-        np.add.at(sums, (cells[:, 1], cells[:, 0]), np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y]))
+        np.add.at(
+            sums, (cells[:, 1], cells[:, 0]), np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+        )
         return HitMoments(self.spec, sums)
 
     def around(self, cells: np.ndarray, reach: int) -> np.ndarray:
-        """Moments ``(M, 6)`` of the cells up to ``reach`` away from ``cells (M, 2)``, relative to the middle cell's centre.
+        """Moments ``(M, 6)`` of the cells up to ``reach`` away from ``cells (M, 2)``, about the middle cell's centre.
 
         Cells nearer than that to the border have none.
         """
@@ -114,7 +116,7 @@ def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig
 
 @dataclass(frozen=True, eq=False)
 class Polished:
-    """A polished pose ``(3,)``, how many beams took part, and the direction ``(2,)`` the map is silent about, if any."""
+    """A polished pose ``(3,)``, the beams used, and the direction ``(2,)`` the map is silent about, if any."""
 
     pose: np.ndarray
     beams: int
@@ -122,7 +124,11 @@ class Polished:
 
 
 def polish(
-    moments: HitMoments, points_b: np.ndarray, pose: np.ndarray, odometry_pose: np.ndarray, config: PolishConfig
+    moments: HitMoments,
+    points_b: np.ndarray,
+    pose: np.ndarray,
+    odometry_pose: np.ndarray,
+    config: PolishConfig,
 ) -> Polished:
     """``pose (3,)`` moved so that the end points ``(M, 2)`` (body, m) lie on the lines of the map.
 
@@ -142,7 +148,9 @@ def polish(
         weight = lines.trust[lines.found] * np.exp(-0.5 * (residual / config.rho) ** 2)
         jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
         H = jacobian.T @ (weight[:, None] * jacobian)
-        step = -np.linalg.solve(H + 1e-3 * np.diag(np.diag(H)) + 1e-9 * np.eye(3), jacobian.T @ (weight * residual))
+        step = -np.linalg.solve(
+            H + 1e-3 * np.diag(np.diag(H)) + 1e-9 * np.eye(3), jacobian.T @ (weight * residual)
+        )
         step *= min(1.0, float(np.min(MAX_STEP / np.maximum(np.abs(step), 1e-12))))
         pose += step
         information = (normal * weight[:, None]).T @ normal / np.sum(weight)

@@ -98,8 +98,10 @@ class RgbdModel:
 
     @property
     def K(self) -> np.ndarray:
-        """Intrinsic matrix ``(3, 3)`` of the depth camera for pixels (u, v, 1). Eq. 17, principal point in (u, v) order."""
-        return np.array([[self.focal_u, self.skew, self.centre_u], [0.0, self.focal_v, self.centre_v], [0.0, 0.0, 1.0]])
+        """Intrinsics ``(3, 3)`` of the depth camera for pixels (u, v, 1): Eq. 17, principal point in (u, v) order."""
+        return np.array(
+            [[self.focal_u, self.skew, self.centre_u], [0.0, self.focal_v, self.centre_v], [0.0, 0.0, 1.0]]
+        )
 
     @property
     def T_bc(self) -> np.ndarray:
@@ -141,7 +143,9 @@ def scan_points(ranges: np.ndarray, lidar: LidarModel, pitch: float = 0.0, roll:
     return scan_points_3d(ranges, lidar, pitch, roll)[:, :2]
 
 
-def scan_points_3d(ranges: np.ndarray, lidar: LidarModel, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
+def scan_points_3d(
+    ranges: np.ndarray, lidar: LidarModel, pitch: float = 0.0, roll: float = 0.0
+) -> np.ndarray:
     """End points ``(M, 3)`` of the valid beams in the level body frame; z is the height above the wheels' ground."""
     ranges = np.asarray(ranges, dtype=float)
     valid = lidar.valid(ranges)

@@ -13,32 +13,13 @@ import numpy as np
 
 from pfslam.config import ControlNoise, SlamConfig
 from pfslam.correlation import score_field, updated_field
-from pfslam.errors import DataError
+from pfslam.events import ScanEvent, scan_events, used_scans
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
-from pfslam.matching import match
-from pfslam.motion import Controls, controls, dead_reckoning
+from pfslam.matching import Matched, match
 from pfslam.particles import Particles, effective_sample_size, predict, resample, reweight
 from pfslam.poses import Trajectory, average_pose, between, compose, transform_points, wrap_angle
 from pfslam.recording import Recording
 from pfslam.refinement import HitMoments, polish
-from pfslam.sensors import scan_points
-
-
-@dataclass(frozen=True, eq=False)
-class ScanEvent:
-    """One used scan and the motion that led to it.
-
-    ``points_b (M, 2)`` end points in the body frame (m), ``beams (M,)`` their beam numbers, ``sensor_b (2,)`` the
-    LiDAR; ``motion (3,)`` the odometry's pose of the robot seen from its pose at the event before; ``controls`` the
-    samples in between as ``(v, omega, dt)``, each ``(n,)``.
-    """
-
-    t: float
-    points_b: np.ndarray
-    beams: np.ndarray
-    sensor_b: np.ndarray
-    motion: np.ndarray
-    controls: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,18 +37,24 @@ class SlamState:
 
 @dataclass(frozen=True, eq=False)
 class StepInfo:
-    """What happened in one step. ``score`` is the mean score per beam at the estimate's particles, from 0 to 1."""
+    """What happened in one step.
+
+    ``particles`` is the cloud that gave the estimate, before resampling (None where it was not kept); ``score`` the
+    mean score per beam, from 0 to 1, that the particles reached: it falls when the robot is lost. ``matched`` is False
+    for the first scan and for scans with too few beams; ``scored`` is False where no particle found anything.
+    """
 
     t: float
     estimate: np.ndarray
-    particles: Particles
+    particles: Particles | None
     effective_sample_size: float
-    score: float
     beams: int
-    matched: bool
-    scored: bool
-    resampled: bool
-    drawn: bool
+    struck_floor: int
+    matched: bool = False
+    scored: bool = False
+    resampled: bool = False
+    drawn: bool = False
+    score: float = 0.0
     polish_beams: int = 0
     free_direction: np.ndarray | None = None
 
@@ -95,41 +82,29 @@ class SlamResult:
 def slam_step(
     state: SlamState, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
 ) -> tuple[SlamState, StepInfo]:
-    """One scan: predict, score and perturb, reweight, estimate, resample, draw. Implements the loop of section III-A."""
-    # Predict: every particle moves by its own noisy motion; so does the odometry's idea of the estimate.
+    """One scan: predict, score and perturb, reweight, estimate, resample, draw: the loop of the report."""
+    # Predict: every particle moves by its own noisy motion; odometry alone moves the last estimate.
     particles, variance = predict_motion(state.particles, event, config, rng)
-    predicted = compose(state.estimate, event.motion)
-    variance = state.variance + variance
+    predicted, variance = compose(state.estimate, event.motion), state.variance + variance
     if len(event.points_b) < config.min_beams:
-        estimate = average_pose(particles.poses, particles.weights) if config.estimate == "mean" else predicted
-        info = _info(event, estimate, particles, matched=False)
-        return replace(state, particles=particles, estimate=estimate, variance=variance), info
-    # Score the scan around every particle and move each to the best pose of its window.
-    points = event.points_b[:: config.search.beam_stride]
-    matched = match(state.field, state.grid.spec, points, particles.poses, np.sqrt(variance), config.search, rng)
-    # Reweight by how well the scan fits.
+        state = replace(state, particles=particles, estimate=predicted, variance=variance)
+        return state, _info(event, predicted, particles)
+    # Score the scan around every particle; each moves to the best pose of its window.
+    matched = match_scan(state, event, particles, variance, config, rng)
+    # Reweight by how well the scan fits there.
     particles, evidence = reweight(Particles(matched.poses, particles.log_weights), matched.log_likelihood)
-    n_eff = effective_sample_size(particles.weights)
-    info = _info(event, state.estimate, particles, matched=True)
-    info = replace(
-        info, effective_sample_size=n_eff, scored=evidence > -np.inf, score=float(particles.weights @ matched.score)
+    # Estimate one pose; align it to the lines of the map, and the cloud with it.
+    estimate, particles, aligned = align(
+        state, event, estimate_pose(particles, config), particles, predicted, config
     )
-    # Estimate the pose; align it to the lines of the map; the cloud moves with it.
-    estimate = estimate_pose(particles, config)
-    if config.polish is not None:
-        polished = polish(state.moments, event.points_b[:: config.polish.beam_stride], estimate, predicted, config.polish)
-        shift = polished.pose - estimate
-        estimate = polished.pose
-        particles = Particles(particles.poses + [*shift[:2], wrap_angle(shift[2])], particles.log_weights)
-        info = replace(info, polish_beams=polished.beams, free_direction=polished.free_direction)
-    info = replace(info, estimate=estimate, particles=particles)
+    info = _info(event, estimate, particles, matched=True, scored=evidence > -np.inf)
+    info = replace(info, score=float(particles.weights @ matched.score), **aligned)
     # Resample if few particles carry the weight.
-    if n_eff <= config.resample_below * len(particles):
+    if info.effective_sample_size <= config.resample_below * len(particles):
         particles, info = resample(particles, rng, config.resampler), replace(info, resampled=True)
     state = replace(state, particles=particles, estimate=estimate, variance=np.zeros(2))
-    # Draw the scan into the map from the estimate.
-    moved = between(state.drawn_at, estimate)
-    if np.hypot(*moved[:2]) >= config.draw_metres or abs(moved[2]) >= config.draw_radians:
+    # Draw the scan into the map from the estimate, if the robot has moved since the last one drawn.
+    if has_moved(between(state.drawn_at, estimate), config):
         state, info = draw(state, event, config), replace(info, drawn=True)
     return state, info
 
@@ -151,6 +126,19 @@ def predict_motion(
     )
 
 
+def match_scan(
+    state: SlamState,
+    event: ScanEvent,
+    particles: Particles,
+    variance: np.ndarray,
+    config: SlamConfig,
+    rng: np.random.Generator,
+) -> Matched:
+    """The particles moved to their best poses for a thinned scan; the window follows from the motion's uncertainty."""
+    points = event.points_b[:: config.search.beam_stride]
+    return match(state.field, state.grid.spec, points, particles.poses, np.sqrt(variance), config.search, rng)
+
+
 def estimate_pose(particles: Particles, config: SlamConfig) -> np.ndarray:
     """One pose ``(3,)`` for the whole cloud: the particle of greatest weight, or the weighted mean."""
     if config.estimate == "best":
@@ -158,9 +146,37 @@ def estimate_pose(particles: Particles, config: SlamConfig) -> np.ndarray:
     return average_pose(particles.poses, particles.weights)
 
 
+def align(
+    state: SlamState,
+    event: ScanEvent,
+    estimate: np.ndarray,
+    particles: Particles,
+    predicted: np.ndarray,
+    config: SlamConfig,
+) -> tuple[np.ndarray, Particles, dict]:
+    """The estimate after the line polish, the cloud shifted by the same correction, and what the info should say."""
+    if config.polish is None:
+        return estimate, particles, {}
+    points = event.points_b[:: config.polish.beam_stride]
+    polished = polish(state.moments, points, estimate, predicted, config.polish)
+    shift = polished.pose - estimate
+    particles = Particles(particles.poses + [*shift[:2], wrap_angle(shift[2])], particles.log_weights)
+    return (
+        polished.pose,
+        particles,
+        {"polish_beams": polished.beams, "free_direction": polished.free_direction},
+    )
+
+
+def has_moved(motion: np.ndarray, config: SlamConfig) -> bool:
+    """Whether a motion ``(3,)`` is large enough for the next scan to be drawn."""
+    return bool(np.hypot(*motion[:2]) >= config.draw_metres or abs(motion[2]) >= config.draw_radians)
+
+
 def draw(state: SlamState, event: ScanEvent, config: SlamConfig) -> SlamState:
     """The scan written into map, score field and hit moments from the estimate."""
-    points_w, sensor_w = transform_points(state.estimate, event.points_b), transform_points(state.estimate, event.sensor_b[None])
+    points_w = transform_points(state.estimate, event.points_b)
+    sensor_w = transform_points(state.estimate, event.sensor_b[None])
     grid = state.grid.covering(np.concatenate([points_w, sensor_w]))
     grown = grid.spec != state.grid.spec
     grid, rectangle = integrate_scan(grid, points_w, event.beams, sensor_w[0], config.map)
@@ -168,7 +184,9 @@ def draw(state: SlamState, event: ScanEvent, config: SlamConfig) -> SlamState:
         field = score_field(grid.occupied, config.search.field)
     else:
         field = updated_field(state.field, grid.occupied, rectangle, config.search.field)
-    moments = state.moments.covering(grid.spec).add(points_w) if config.polish is not None else state.moments
+    moments = state.moments
+    if config.polish is not None:
+        moments = moments.covering(grid.spec).add(points_w)
     return replace(state, grid=grid, field=field, moments=moments, drawn_at=state.estimate)
 
 
@@ -182,8 +200,8 @@ def start(event: ScanEvent, config: SlamConfig, rng: np.random.Generator) -> tup
     grid = OccupancyGrid.empty(GridSpec.around(around, config.map.resolution, margin=5.0))
     field, moments = score_field(grid.occupied, config.search.field), HitMoments.empty(grid.spec)
     state = SlamState(particles, estimate, grid, field, moments, estimate, np.zeros(2))
-    drawn = len(event.points_b) > 0
-    return draw(state, event, config) if drawn else state, replace(_info(event, estimate, particles, False), drawn=drawn)
+    info = _info(event, estimate, particles)
+    return (draw(state, event, config), replace(info, drawn=True)) if len(event.points_b) else (state, info)
 
 
 def slam_steps(
@@ -213,50 +231,20 @@ def run_slam(
     rng = np.random.default_rng(0) if rng is None else rng
     stamps, dropped = used_scans(recording, config)
     steps = slam_steps(recording, config, rng)
-    infos, state = [], None
+    infos, grid = [], None
     for state, info in progress(steps, total=len(stamps)) if progress else steps:
         infos.append(info if keep_particles else replace(info, particles=None))
+        grid = state.grid
     trajectory = Trajectory([info.t for info in infos], [info.estimate for info in infos])
     blind = sum(not info.matched for info in infos[1:])
     mute = sum(info.matched and not info.scored for info in infos)
+    floor = sum(info.struck_floor for info in infos)
+    dropped |= {"beams that struck the floor": floor} if floor else {}
     dropped |= {"scans with too few valid beams": blind} if blind else {}
     dropped |= {"scans that scored nothing anywhere": mute} if mute else {}
-    return SlamResult(trajectory, state.grid, tuple(infos), dropped, config)
+    return SlamResult(trajectory, grid, tuple(infos), dropped, config)
 
 
-def used_scans(recording: Recording, config: SlamConfig) -> tuple[np.ndarray, dict[str, int]]:
-    """Indices of the scans a run will use, and how many were left out because odometry does not cover them."""
-    if recording.lidar is None:
-        raise DataError(recording.name, "lidar", "no scans", "a recording with LiDAR")
-    odometry = dead_reckoning(recording)
-    every = config.every if config.every is not None else recording.default_every
-    index = np.arange(0, len(recording.lidar.t), every)
-    covered = odometry.covers(recording.lidar.t[index])
-    if not covered.any():
-        raise DataError(recording.name, "lidar time_stamps", "no scan within the odometry's time", "streams that overlap")
-    outside = int(np.count_nonzero(~covered))
-    return index[covered], {"scans outside the odometry's time": outside} if outside else {}
-
-
-def scan_events(recording: Recording, config: SlamConfig) -> tuple[Iterator[ScanEvent], dict[str, int]]:
-    """The used scans in order, each with the motion since the one before, and what was dropped."""
-    index, dropped = used_scans(recording, config)
-    odometry = dead_reckoning(recording)
-    return _events(recording, odometry, controls(recording), index), dropped
-
-
-def _events(recording: Recording, odometry: Trajectory, inputs: Controls, index: np.ndarray) -> Iterator[ScanEvent]:
-    lidar, sensor_b = recording.robot.lidar, np.array(recording.robot.lidar.position_b[:2])
-    previous_t, previous = odometry.t[0], odometry.poses[0]
-    for i in index:
-        t, ranges = recording.lidar.t[i], recording.lidar.ranges[i]
-        pose = odometry.at(t)
-        beams = np.flatnonzero(lidar.valid(ranges))
-        motion = between(previous, pose)
-        yield ScanEvent(t, scan_points(ranges, lidar), beams, sensor_b, motion, inputs.during(previous_t, t))
-        previous_t, previous = t, pose
-
-
-def _info(event: ScanEvent, estimate: np.ndarray, particles: Particles, matched: bool) -> StepInfo:
+def _info(event: ScanEvent, estimate: np.ndarray, particles: Particles, **what) -> StepInfo:
     n_eff = effective_sample_size(particles.weights)
-    return StepInfo(event.t, estimate, particles, n_eff, 0.0, len(event.beams), matched, matched, False, False)
+    return StepInfo(event.t, estimate, particles, n_eff, len(event.beams), event.struck_floor, **what)

@@ -14,14 +14,15 @@ from rooms import CURVES, ROOM, SQUARE, drive, sensor_position
 from pfslam.config import ControlNoise, MotionNoise, SearchConfig, SlamConfig
 from pfslam.correlation import map_correlation, score_field
 from pfslam.errors import DataError
+from pfslam.events import scan_events
 from pfslam.grid import LOG_4
 from pfslam.metrics import trajectory_error
 from pfslam.motion import dead_reckoning
 from pfslam.particles import effective_sample_size
-from pfslam.poses import Trajectory, average_pose, between, compose, transform_points, wrap_angle
+from pfslam.poses import Trajectory, between, compose, transform_points, wrap_angle
 from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import ImuModel
-from pfslam.slam import run_slam, scan_events, slam_step, slam_steps, start
+from pfslam.slam import run_slam, slam_step, slam_steps, start
 
 REPORT, REFINED = SlamConfig.report(), SlamConfig.refined()
 PRESETS = pytest.mark.parametrize(
@@ -327,9 +328,22 @@ def test_scans_without_a_reading_are_predicted_through_and_counted(config):
     assert [k for k, info in enumerate(result.infos) if not info.matched] == [0, 4, 5, 6]
     assert 3 in result.dropped.values()
     assert result.updates == len(SHORT.lidar.t) - 4
-    if config.estimate == "mean":
-        info = result.infos[5]
-        np.testing.assert_allclose(info.estimate, average_pose(info.particles.poses, info.particles.weights))
+    # Odometry alone moves the estimate there, without the noise that spreads the cloud.
+    odometry = dead_reckoning(SHORT)
+    step = between(odometry.at(result.infos[4].t), odometry.at(result.infos[5].t))
+    expected = compose(result.infos[4].estimate, step)
+    np.testing.assert_allclose(result.infos[5].estimate, expected, atol=1e-12)
+
+
+def test_uncertainty_adds_up_while_scans_are_missing_and_ends_with_a_match():
+    config = replace(REFINED, particles=5)
+    events = list(scan_events(SHORT, config)[0])
+    one = [np.square(config.noise.sigmas(np.hypot(*e.motion[:2]), abs(e.motion[2]))) for e in events]
+    variance = [state.variance for state, _ in slam_steps(blinded(SHORT, [4, 5]), config, np.random.default_rng(0))]
+    np.testing.assert_array_equal(variance[3], [0, 0])
+    np.testing.assert_allclose(variance[4], one[4])
+    np.testing.assert_allclose(variance[5], one[4] + one[5])
+    np.testing.assert_array_equal(variance[6], [0, 0])
 
 
 @PRESETS

@@ -1,0 +1,95 @@
+"""The ordered stream of what happened: one event per used scan, with the motion that led to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pfslam.config import SlamConfig
+from pfslam.errors import DataError
+from pfslam.motion import controls, dead_reckoning
+from pfslam.poses import between, rotation_matrix
+from pfslam.recording import Recording
+from pfslam.sensors import LidarModel, scan_points_3d
+from pfslam.tilt import Tilt, TiltConfig, estimate_tilt
+
+
+@dataclass(frozen=True, eq=False)
+class ScanEvent:
+    """One used scan and the motion that led to it.
+
+    ``points_b (M, 2)`` end points in the level body frame (m), ``beams (M,)`` their beam numbers,
+    ``sensor_b (2,)`` the LiDAR, ``struck_floor`` how many beams were left out because they met the floor;
+    ``motion (3,)`` the odometry's pose of the robot seen from its pose at the event before; ``controls`` the
+    samples in between as ``(v, omega, dt)``, each ``(n,)``.
+    """
+
+    t: float
+    points_b: np.ndarray
+    beams: np.ndarray
+    sensor_b: np.ndarray
+    struck_floor: int
+    motion: np.ndarray
+    controls: tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def used_scans(recording: Recording, config: SlamConfig) -> tuple[np.ndarray, dict[str, int]]:
+    """Indices of the scans a run will use, and how many were left out because odometry does not cover them."""
+    if recording.lidar is None:
+        raise DataError(recording.name, "lidar", "no scans", "a recording with LiDAR")
+    odometry = dead_reckoning(recording)
+    every = config.every if config.every is not None else recording.default_every
+    index = np.arange(0, len(recording.lidar.t), every)
+    covered = odometry.covers(recording.lidar.t[index])
+    if not covered.any():
+        raise DataError(
+            recording.name, "lidar time_stamps", "no scan within the odometry's time", "streams that overlap"
+        )
+    outside = int(np.count_nonzero(~covered))
+    return index[covered], {"scans outside the odometry's time": outside} if outside else {}
+
+
+def scan_events(recording: Recording, config: SlamConfig) -> tuple[Iterator[ScanEvent], dict[str, int]]:
+    """The used scans in order, each with the motion since the one before, and what was dropped."""
+    index, dropped = used_scans(recording, config)
+    tilt = estimate_tilt(recording, config.tilt) if config.tilt is not None else None
+    return _events(recording, index, tilt, config.tilt), dropped
+
+
+def _events(
+    recording: Recording, index: np.ndarray, tilt: Tilt | None, config: TiltConfig | None
+) -> Iterator[ScanEvent]:
+    odometry, inputs = dead_reckoning(recording), controls(recording)
+    previous_t, previous = odometry.t[0], odometry.poses[0]
+    for i in index:
+        t, pose = recording.lidar.t[i], odometry.at(recording.lidar.t[i])
+        motion = between(previous, pose)
+        lean = tilt.at(t) if tilt is not None else (0.0, 0.0)
+        motion[:2] *= np.cos(lean[0])  # wheels measure along the slope, the map is seen from above
+        floor = config.floor_clearance if any(lean) else -np.inf
+        samples = inputs.during(previous_t, t)
+        yield ScanEvent(
+            t, *level_scan(recording.lidar.ranges[i], recording.robot.lidar, lean, floor), motion, samples
+        )
+        previous_t, previous = t, pose
+
+
+def level_scan(
+    ranges: np.ndarray, lidar: LidarModel, lean: tuple[float, float], floor: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """One scan in the level body frame: end points ``(M, 2)``, beams ``(M,)``, LiDAR ``(2,)``, number left out.
+
+    ``lean`` is (pitch, roll) in radians. Beams that end lower than ``floor`` (m above the ground under the robot) are
+    left out: they struck the floor, which is no wall.
+    """
+    points = scan_points_3d(ranges, lidar, *lean)
+    high = points[:, 2] >= floor
+    sensor = rotation_matrix(roll=lean[1], pitch=lean[0]) @ lidar.position_b
+    return (
+        points[high, :2],
+        np.flatnonzero(lidar.valid(ranges))[high],
+        sensor[:2],
+        int(np.count_nonzero(~high)),
+    )

@@ -1,0 +1,96 @@
+"""How the body leans: pitch and roll from gyro and accelerometer, for floors that are not flat.
+
+The accelerometer knows which way is up, but also feels every push of the motors; the gyro knows how the body turns,
+but drifts. A complementary filter takes the fast part from one and the slow part from the other. What the wheels and
+the yaw rate say about the robot's own acceleration is taken out first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pfslam.motion import controls
+from pfslam.recording import Recording
+from pfslam.sensors import STANDARD_GRAVITY
+
+SPEED_SMOOTHING = 0.1
+"""Time constant (s) of the speed whose change is taken out: whole wheel counts make the raw speed jump."""
+
+
+@dataclass(frozen=True)
+class TiltConfig:
+    """How the lean is estimated and used."""
+
+    time_constant: float = 2.0
+    """Below this time (s) the gyro is trusted, above it the accelerometer."""
+    level_below: float = float(np.deg2rad(2.5))
+    """A smaller pitch or roll counts as level: on a flat floor the estimate sways by up to 2 degrees."""
+    floor_clearance: float = 0.1
+    """Beams that end lower than this above the ground under the robot (m) are taken to have struck the floor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tilt:
+    """``pitch`` (positive nose down) and ``roll`` (positive right side down), each ``(K,)`` rad, at times ``t`` (s)."""
+
+    t: np.ndarray
+    pitch: np.ndarray
+    roll: np.ndarray
+
+    def at(self, t: float) -> tuple[float, float]:
+        """Pitch and roll at a time; outside the gyro's own time, its nearest."""
+        return float(np.interp(t, self.t, self.pitch)), float(np.interp(t, self.t, self.roll))
+
+
+def standing_start(recording: Recording) -> np.ndarray:
+    """Which gyro samples ``(K,)`` bool were taken before the wheels first moved."""
+    moving = np.flatnonzero(recording.encoders.counts.any(axis=1))
+    until = recording.encoders.t[moving[0]] if len(moving) else np.inf
+    return recording.imu.t < until
+
+
+def estimate_tilt(recording: Recording, config: TiltConfig) -> Tilt | None:
+    """Pitch and roll along a recording; each is 0 where it is below ``level_below``. None without an IMU.
+
+    The lean of the accelerometer's own axes and the bias of the gyro are taken from the standing start, if there
+    is one: the robot is supposed to start on level ground.
+    """
+    if recording.imu is None or recording.encoders is None:
+        return None
+    imu, inputs = recording.imu, controls(recording)
+    dt = np.diff(imu.t, prepend=imu.t[0])
+    speed = _smoothed(np.interp(imu.t, 0.5 * (inputs.t[1:] + inputs.t[:-1]), inputs.v), dt, SPEED_SMOOTHING)
+    forward = np.divide(np.diff(speed, prepend=speed[0]), dt, out=np.zeros_like(dt), where=dt > 1e-3)
+    sideways = speed * imu.angular_velocity[:, 2]
+    still = standing_start(recording)
+    bias = imu.angular_velocity[still].mean(axis=0) if still.any() else np.zeros(3)
+    level = imu.acceleration_g[still].mean(axis=0) if still.any() else np.array([0.0, 0.0, 1.0])
+    gx, gy, gz = (imu.acceleration_g - [level[0], level[1], 0.0]).T
+    pitch_felt = np.arctan2(-(gx - forward / STANDARD_GRAVITY), gz)
+    roll_felt = np.arctan2(gy - sideways / STANDARD_GRAVITY, gz)
+    rates = imu.angular_velocity - bias
+    pitch = _complementary(rates[:, 1], pitch_felt, dt, config.time_constant)
+    roll = _complementary(rates[:, 0], roll_felt, dt, config.time_constant)
+    tilted = [np.where(np.abs(angle) < config.level_below, 0.0, angle) for angle in (pitch, roll)]
+    return Tilt(imu.t, *tilted)
+
+
+def _smoothed(values: np.ndarray, dt: np.ndarray, time_constant: float) -> np.ndarray:
+    """First-order low pass: the past only, so that it could run on the robot."""
+    result, state = np.empty_like(values), values[0]
+    for k, (value, share) in enumerate(zip(values, np.minimum(1.0, dt / time_constant), strict=True)):
+        state += share * (value - state)
+        result[k] = state
+    return result
+
+
+def _complementary(rate: np.ndarray, felt: np.ndarray, dt: np.ndarray, time_constant: float) -> np.ndarray:
+    """An angle that follows ``rate`` (rad/s) at once and drifts back to ``felt`` (rad) with the time constant."""
+    result, angle = np.empty_like(rate), 0.0
+    turned = rate * dt
+    for k, share in enumerate(np.minimum(1.0, dt / time_constant)):
+        angle = (1.0 - share) * (angle + turned[k]) + share * felt[k]
+        result[k] = angle
+    return result
