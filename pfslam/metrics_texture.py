@@ -170,4 +170,4 @@ def _clear_line(spec: GridSpec, eye, points_w, blocked: np.ndarray) -> np.ndarra
 
 def _share(part: np.ndarray, whole: np.ndarray) -> float:
     total = np.count_nonzero(whole)
-    return np.count_nonzero(part) / total if total else np.nan
+    return float(np.count_nonzero(part) / total) if total else np.nan

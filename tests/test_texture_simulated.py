@@ -1,0 +1,71 @@
+"""The texture of the simulated drives, drawn from true poses, against the floor that was painted."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pfslam.grid import GridSpec, OccupancyGrid
+from pfslam.metrics_texture import TextureError, texture_error, visible_floor
+from pfslam.recording import image_pairs
+from pfslam.simulator import simulate
+from pfslam.texture import TextureConfig, map_texture
+
+EVERY = 60
+PRESETS = {"report": TextureConfig.report(), "refined": TextureConfig.refined()}
+
+
+@cache
+def drive(name):
+    """The drive, and on one grid: the true floor, its colours, what the images can show, and a perfect map."""
+    simulation = simulate(name)
+    camera = simulation.recording.camera
+    read_once = {"read_disparity": cache(camera.read_disparity), "read_rgb": cache(camera.read_rgb)}
+    recording = replace(simulation.recording, camera=replace(camera, **read_once))
+    spec = GridSpec.around(recording.truth.poses[:, :2], 0.05, margin=6.0)
+    floor, walls = simulation.floor_area(spec), simulation.true_grid(spec)
+    t = recording.camera.disparity_t[image_pairs(recording.camera, every=EVERY).disparity]
+    poses = recording.truth.at(t[recording.truth.covers(t)])
+    visible = visible_floor(spec, poses, recording.robot.camera, ~floor, max_depth=4.0)
+    grid = OccupancyGrid(spec, np.where(walls, 1, np.where(floor, -1, 0)).astype(np.float32))
+    return recording, grid, simulation.floor_image(spec), floor, visible
+
+
+@cache
+def error(name, preset) -> TextureError:
+    recording, grid, colours, floor, visible = drive(name)
+    texture = map_texture(recording, recording.truth, grid, PRESETS[preset], every=EVERY)
+    return texture_error(texture, colours, floor, visible)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["hall", "ramp"])
+def test_the_refined_texture_lies_in_its_place(name):
+    refined = error(name, "refined")
+    assert refined.patches >= 20
+    assert refined.position_median_cells <= 1.0
+    # The median colour error is that of the camera's noise and the floor's grain, a few levels of 255.
+    assert refined.colour_median <= 8.0
+
+
+@pytest.mark.slow
+def test_the_refined_texture_covers_the_floor_that_the_camera_could_have_seen():
+    assert error("hall", "refined").coverage >= 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["hall", "ramp"])
+def test_the_refined_texture_is_better_than_the_reports_in_every_figure(name):
+    report, refined = error(name, "report"), error(name, "refined")
+    assert refined.position_median_cells < report.position_median_cells
+    assert refined.position_p95_cells < report.position_p95_cells
+    assert refined.colour_mean < report.colour_mean
+    assert refined.beyond_floor <= report.beyond_floor
+    # On level ground the report misses nothing; on slopes the floor leaves z = 0.
+    assert refined.coverage > report.coverage - 0.01
+
+
+@pytest.mark.slow
+def test_on_slopes_the_report_loses_floor_that_the_fitted_plane_keeps():
+    assert error("ramp", "refined").coverage > error("ramp", "report").coverage + 0.05
