@@ -46,7 +46,8 @@ def cached_simulation(name: str) -> Simulation:
         except DataError as error:
             log.warning("pfslam: simulating %s again, the cache is damaged: %s", name, error)
     simulation = simulate(name)
-    _keep(path, name, simulation.recording.lidar.ranges)
+    if simulation.recording.lidar is not None:
+        _keep(path, name, simulation.recording.lidar.ranges)
     return simulation
 
 

@@ -159,7 +159,7 @@ def _lidar_model(path: Path, limits: dict[str, float], beams: int) -> LidarModel
         found = f"{limits['range_min']:g} to {limits['range_max']:g}"
         expected = f"metres, 0 <= range_min < range_max <= {MAX_RANGE:g}"
         raise DataError(path, "range_min, range_max", found, expected)
-    return replace(LidarModel(), beams=beams, **limits)
+    return LidarModel(beams=beams, **limits)  # type: ignore[arg-type]
 
 
 def _scalar(path: Path, data: Mapping[str, np.ndarray], key: str) -> float:

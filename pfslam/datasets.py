@@ -61,6 +61,8 @@ def _built_in(name: str) -> Recording:
     from pfslam.cache import cached_simulation
 
     recording = cached_simulation(name).recording
+    if recording.camera is None:
+        return recording
     pairs = image_pairs(recording.camera, every=IMAGE_EVERY)
     camera = replace(recording.camera, disparity_index=pairs.disparity, rgb_index=pairs.rgb)
     return replace(recording, camera=camera)

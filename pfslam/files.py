@@ -86,7 +86,7 @@ def write_npz(path: str | Path, **arrays: np.ndarray) -> None:
     Scans compress to half their size, but that takes a hundred times as long as writing them.
     """
     with atomic_write(path) as file:
-        np.savez(file, **arrays)
+        np.savez(file, **arrays)  # type: ignore[arg-type]  # its stubs know no arrays by name
 
 
 def reason(error: OSError) -> str:
