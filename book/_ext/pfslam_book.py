@@ -63,9 +63,18 @@ def finish_site(app, error) -> None:
     shutil.copyfile(mathjax_file(), target / MATHJAX_SCRIPT)
 
 
+def draw_hero(app, error) -> None:
+    """Run the filter for the moving picture on the first page."""
+    if error is None and app.builder.format == "html":
+        from pfslam.teaching.hero import write_hero
+
+        write_hero(Path(app.outdir) / "_static")
+
+
 def setup(app):
     os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
     app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
     app.add_css_file("pfslam.css")
     app.connect("build-finished", finish_site)
+    app.connect("build-finished", draw_hero)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
