@@ -15,7 +15,7 @@ ORDER = [
     *("errors", "poses", "sensors", "recording", "motion", "grid", "particles", "correlation"),
     *("tilt", "config", "matching", "refinement", "events", "slam"),
     *("floor", "texture_config", "floor_views", "texture", "metrics", "metrics_texture", "study"),
-    *("files", "images", "formats", "carmen", "course_format"),
+    *("files", "images", "formats", "carmen", "course_writer", "course_format"),
     *("simulator", "cache", "datasets", "teaching", "commands", "bench", "__main__"),
 ]
 MODULES = sorted(PACKAGE.rglob("*.py"))

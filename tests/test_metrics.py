@@ -217,6 +217,12 @@ def test_motion_cost_by_hand():
     assert slam_cost(bent, GRID, recording).motion == pytest.approx(0.06**2 + 0.1**2)
 
 
+def test_motion_cost_across_pi_is_the_short_way_round():
+    # The odometry stands still; the trajectory turns from pi - 0.01 by 0.02 across pi.
+    trajectory = Trajectory([0.0, 0.1], [[0, 0, np.pi - 0.01], [0, 0, -np.pi + 0.01]])
+    assert slam_cost(trajectory, GRID, drive([(0.2, 0, 0.0)])).motion == pytest.approx(0.02**2)
+
+
 def test_motion_cost_takes_headings_on_the_circle():
     recording = drive(SQUARE)
     t, poses = recording.lidar.t, dead_reckoning(recording).at(recording.lidar.t)

@@ -51,9 +51,7 @@ def make_plan(config: SimulatorConfig, rng: np.random.Generator, turn_at: float 
 
 
 def _arms(config: SimulatorConfig, rng: np.random.Generator, turn_at: float) -> FloorPlan:
-    """A cluttered room (west), two arms from one junction (north and east), a lobby and a hall at the north
-    end.
-    """
+    """A cluttered room (west), two arms from one junction (north and east), a lobby and a hall (north end)."""
     half = 0.5 * rng.uniform(1.85, 2.0)
     mirror, parked = rng.random() < 0.5, np.deg2rad(rng.choice([-1, 1]) * rng.uniform(2.0, 5.0))
     north, east = rng.uniform(14.5, 16.0), rng.uniform(18.5, 20.0)
