@@ -339,7 +339,9 @@ def test_uncertainty_adds_up_while_scans_are_missing_and_ends_with_a_match():
     config = replace(REFINED, particles=5)
     events = list(scan_events(SHORT, config)[0])
     one = [np.square(config.noise.sigmas(np.hypot(*e.motion[:2]), abs(e.motion[2]))) for e in events]
-    variance = [state.variance for state, _ in slam_steps(blinded(SHORT, [4, 5]), config, np.random.default_rng(0))]
+    variance = [
+        state.variance for state, _ in slam_steps(blinded(SHORT, [4, 5]), config, np.random.default_rng(0))
+    ]
     np.testing.assert_array_equal(variance[3], [0, 0])
     np.testing.assert_allclose(variance[4], one[4])
     np.testing.assert_allclose(variance[5], one[4] + one[5])
