@@ -50,7 +50,7 @@ def clean_page(page: str) -> str:
 
 
 def finish_site(app, error) -> None:
-    """Clean every page, add the equations' script, drop the files that no page asks for."""
+    """Clean every page, add the equations' script and the first picture, drop what no page asks for."""
     if error is not None or app.builder.format != "html":
         return
     site = Path(app.outdir)

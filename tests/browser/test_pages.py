@@ -54,6 +54,16 @@ def test_internal_links_and_anchors_lead_somewhere(site, anatomies):
     assert not broken
 
 
+def test_pictures_exist(anatomies):
+    for path, anatomy in anatomies.items():
+        for image in anatomy.images:
+            source = image.get("src", "")
+            assert source.startswith("data:") or (path.parent / unquote(source)).is_file(), (
+                path.name,
+                source,
+            )
+
+
 def test_identifiers_are_unique(anatomies):
     for path, anatomy in anatomies.items():
         ours = [i for i in anatomy.ids if i.startswith("explorer-")]
