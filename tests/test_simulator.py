@@ -15,7 +15,7 @@ from pfslam.sensors import LidarModel, scan_points
 from pfslam.simulator import BUILT_IN, HALL, RAMP, SimulatorConfig, simulate
 from pfslam.simulator.clocks import START_OF_TIME
 from pfslam.simulator.drive import path_length
-from pfslam.simulator.ground import height, stance
+from pfslam.simulator.ground import ground_distance, height, stance
 from pfslam.simulator.lidar import cast, sensor_at, true_ranges
 from pfslam.simulator.odometry import _gyro_noise
 from pfslam.simulator.plan import outline
@@ -326,6 +326,25 @@ def test_ranges_against_brute_force(which, request):
         beam = int(rng.integers(0, 1081))
         found = simulation.recording.lidar.ranges[k, beam]
         assert found == pytest.approx(nearest_by_brute_force(simulation, k, beam), abs=2e-3), (k, beam)
+
+
+def test_rays_to_the_ground_end_on_it_and_not_below():
+    slopes = make_world(RAMP, np.random.SeedSequence(3)).slopes
+    rng = np.random.default_rng(0)
+    for slope in slopes:
+        at = rng.uniform(slope.knots[0] - 2.0, slope.knots[-1] + 2.0, 300)
+        aside = rng.uniform(-0.8, 0.8, 300)
+        ground = np.column_stack([at, aside] if slope.axis == "x" else [aside, at])
+        origin = np.column_stack([ground, height(slopes, ground) + rng.uniform(0.2, 1.0, 300)])
+        along = rng.uniform(-1.0, 1.0, 300)
+        level = np.column_stack([along, 0.0 * along] if slope.axis == "x" else [0.0 * along, along])
+        direction = np.column_stack([level, rng.uniform(-0.5, -0.05, 300)])
+        t = ground_distance(slopes, origin, direction)
+        end = origin + t[:, None] * direction
+        np.testing.assert_allclose(end[:, 2], height(slopes, end[:, :2]), atol=1e-9)
+        assert (end[:, 2] > 0.05).sum() > 100
+        before = origin[:, None] + (np.linspace(0.0, 0.999, 200) * t[:, None])[..., None] * direction[:, None]
+        assert (before[..., 2] > height(slopes, before[..., :2])).all()
 
 
 def test_some_beams_strike_the_slope(exact_ramp):

@@ -9,9 +9,10 @@ from pfslam.grid import GridSpec
 from pfslam.poses import compose, rotation_matrix, transform_points
 from pfslam.sensors import RgbdModel
 from pfslam.simulator import HALL, RAMP, simulate
-from pfslam.simulator.camera import NO_READING, depth_pinhole, rgb_pinhole
+from pfslam.simulator.camera import NO_READING
 from pfslam.simulator.clocks import START_OF_TIME
 from pfslam.simulator.ground import height
+from pfslam.simulator.pinhole import depth_pinhole, rgb_pinhole
 
 U, V = np.meshgrid(np.arange(640.0), np.arange(480.0))
 

@@ -130,8 +130,8 @@ def _camera(
     jitter = config.timing.jitter
     t = camera_stamps(begin, drive.duration + end, np.random.default_rng(disparity), jitter)
     t_rgb = camera_stamps(begin + 0.1445, drive.duration + end + 0.02, np.random.default_rng(rgb), jitter)
-    exact = [unix(stamps, config.quantised) - START_OF_TIME for stamps in (t, t_rgb)]
-    return CameraRenderer(world, drive, config, *exact, images)
+    t, t_rgb = (unix(stamps, config.quantised) - START_OF_TIME for stamps in (t, t_rgb))
+    return CameraRenderer(world, drive, config, t, t_rgb, images)
 
 
 def _stream(renderer: CameraRenderer, config: SimulatorConfig) -> RgbdStream:

@@ -13,77 +13,20 @@ from functools import cached_property
 
 import numpy as np
 
-from pfslam.poses import compose
+from pfslam.poses import compose, rotation_matrix
 from pfslam.sensors import RgbdModel
 from pfslam.simulator.config import SimulatorConfig
 from pfslam.simulator.drive import Drive
 from pfslam.simulator.floor import Floor, paint_floor
-from pfslam.simulator.ground import ground_in_view, rotations
-from pfslam.simulator.walls import AZIMUTH_STEP, AZIMUTHS, Skyline, skyline, wall_colours
+from pfslam.simulator.ground import ground_in_view
+from pfslam.simulator.pinhole import Eye, View, depth_pinhole, rgb_pinhole
+from pfslam.simulator.walls import Skyline, skyline, wall_colours
 from pfslam.simulator.world import World
 
 NO_READING = 2047
 DISTANT = 0.4  # 1 / m: the floor farther than 2.5 m is looked up in the coarse picture
 RGB_NOISE = 2.0  # standard deviation of a colour value
 TILE = (1024, 1536)  # noise is a cut-out of one tile, placed anew for every image
-
-
-@dataclass(frozen=True, eq=False)
-class Pinhole:
-    """A pinhole camera.
-
-    ``focal`` (u, v) and ``centre`` (u, v) in pixels, ``position_o (3,)`` in the depth camera's frame (m).
-    """
-
-    focal: tuple[float, float]
-    centre: tuple[float, float]
-    position_o: tuple[float, float, float]
-
-    def rays_o(self, model: RgbdModel) -> np.ndarray:
-        """Where pixels look, ``(3, height, width)`` in the optical frame, scaled to Z = 1."""
-        x = (np.arange(model.width) - self.centre[0]) / self.focal[0]
-        y = (np.arange(model.height) - self.centre[1]) / self.focal[1]
-        shape = (model.height, model.width)
-        return np.stack([np.broadcast_to(x, shape), np.broadcast_to(y[:, None], shape), np.ones(shape)])
-
-
-def depth_pinhole(model: RgbdModel) -> Pinhole:
-    """The depth camera (its skew must be 0)."""
-    return Pinhole((model.focal_u, model.focal_v), (model.centre_u, model.centre_v), (0.0, 0.0, 0.0))
-
-
-def rgb_pinhole(model: RgbdModel) -> Pinhole:
-    """The colour camera that Eq. 16 describes.
-
-    Eq. 16 turns u = f X/Z + c into a u_rgb linear in X/Z and 1/Z, which is a pinhole camera some way along x.
-    """
-    scale = model.rgb_focal / model.rgb_divisor
-    focal = (scale * model.focal_u, scale * model.focal_v)
-    centre_u = scale * model.centre_u + model.rgb_offset_u / model.rgb_divisor
-    centre_v = scale * model.centre_v + model.rgb_offset_v / model.rgb_divisor
-    sideways = -model.rgb_baseline * model.depth_scale / model.rgb_divisor / focal[0]
-    return Pinhole(focal, (centre_u, centre_v), (sideways, 0.0, 0.0))
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """Rays of one camera on a body tilted some way, in the frame that only its yaw turns: ``ray (3, H, W)``
-    float32 for Z = 1, their ``column (H, W)`` in the table of azimuths, their length ``level (H, W)`` seen
-    from above.
-    """
-
-    ray: np.ndarray
-    column: np.ndarray
-    level: np.ndarray
-
-    @classmethod
-    def tilted(cls, rays_b: np.ndarray, pitch: float = 0.0, roll: float = 0.0) -> View:
-        tilt = rotations(np.array([roll]), np.array([pitch]), np.zeros(1))[0].astype(np.float32)
-        ray = np.einsum("ij,jhw->ihw", tilt, rays_b) if pitch or roll else rays_b
-        azimuth = np.arctan2(ray[1], ray[0])
-        column = np.rint((azimuth - np.float32(AZIMUTHS[0])) / np.float32(AZIMUTH_STEP)).astype(np.int32)
-        np.clip(column, 0, len(AZIMUTHS) - 1, out=column)
-        return cls(ray, column, np.sqrt(ray[0] ** 2 + ray[1] ** 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,20 +70,14 @@ class CameraRenderer:
         return fresh.spawn(3)
 
     @cached_property
-    def _depth_rays(self) -> np.ndarray:
-        return self._rays_b(depth_pinhole(self.model))
+    def depth_eye(self) -> Eye:
+        """The depth camera on this robot."""
+        return Eye.mounted(depth_pinhole(self.model), self.model)
 
     @cached_property
-    def _rgb_rays(self) -> np.ndarray:
-        return self._rays_b(rgb_pinhole(self.model))
-
-    @cached_property
-    def _depth_view(self) -> View:
-        return View.tilted(self._depth_rays)
-
-    @cached_property
-    def _rgb_view(self) -> View:
-        return View.tilted(self._rgb_rays)
+    def rgb_eye(self) -> Eye:
+        """The colour camera on this robot."""
+        return Eye.mounted(rgb_pinhole(self.model), self.model)
 
     @cached_property
     def _noise(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -151,7 +88,7 @@ class CameraRenderer:
 
     def read_disparity(self, k: int) -> np.ndarray:
         """The k-th disparity image, ``(480, 640)`` uint16; 2047 where there is no reading."""
-        inverse = self.see(depth_pinhole(self.model), float(self.disparity_t[k])).inverse_depth
+        inverse = self.see(self.depth_eye, float(self.disparity_t[k])).inverse_depth
         model, config = self.model, self.config
         cut = self._cut(0, k)
         disparity = (model.depth_scale * inverse - np.float32(model.disparity_offset)) / model.disparity_slope
@@ -167,34 +104,26 @@ class CameraRenderer:
 
     def read_rgb(self, j: int) -> np.ndarray:
         """The j-th colour image, ``(480, 640, 3)`` uint8."""
-        sight = self.see(rgb_pinhole(self.model), float(self.rgb_t[j]))
+        sight = self.see(self.rgb_eye, float(self.rgb_t[j]))
         picture = self._colours(sight).astype(np.int16) + self._noise[2][self._cut(1, j)]
         return np.clip(picture, 0, 255).astype(np.uint8)
 
     def true_depth(self, k: int) -> np.ndarray:
-        """Depth Z ``(480, 640)`` in metres of the k-th disparity image, before any error; infinity where
-        nothing is.
-        """
+        """Depth Z ``(480, 640)`` in metres of the k-th disparity image, before any error."""
         with np.errstate(divide="ignore"):
-            return 1.0 / self.see(depth_pinhole(self.model), float(self.disparity_t[k])).inverse_depth
+            return 1.0 / self.see(self.depth_eye, float(self.disparity_t[k])).inverse_depth
 
-    def see(self, camera: Pinhole, t: float) -> Sight:
-        """What a pinhole camera on the robot sees at time ``t`` (s from the first encoder stamp)."""
-        poses, z, pitch, roll = self.drive.at(np.array([t]))
+    def see(self, eye: Eye, t: float) -> Sight:
+        """What a camera of the robot sees at time ``t`` (s from the first encoder stamp)."""
+        poses, heights, pitches, rolls = self.drive.at(np.array([t]))
         x, y, yaw = compose(self.world.pose_pw, poses)[0]
-        z, pitch, roll = float(z[0]), float(pitch[0]), float(roll[0])
-        shifted = camera.position_o != (0.0, 0.0, 0.0)
-        if abs(pitch) + abs(roll) < 1e-9:
-            view = self._rgb_view if shifted else self._depth_view
-        else:
-            view = View.tilted(self._rgb_rays if shifted else self._depth_rays, pitch, roll)
-        lens_b = (self.model.T_bo @ [*camera.position_o, 1.0])[:3]
-        rotation = rotations(np.array([roll]), np.array([pitch]), np.array([yaw]))[0]
-        origin = np.array([x, y, z]) + rotation @ lens_b
-        table = skyline(self.world, origin[:2], yaw, t)
-        wall = view.level * table.inverse_distance[view.column]
+        z, pitch, roll = float(heights[0]), float(pitches[0]), float(rolls[0])
+        view = View.tilted(eye.rays_b, pitch, roll) if abs(pitch) + abs(roll) > 1e-9 else eye.level
+        origin = np.array([x, y, z]) + rotation_matrix(roll, pitch, yaw) @ eye.position_b
+        around = skyline(self.world, origin[:2], yaw, t)
+        wall = view.level * around.inverse_distance[view.column]
         ground = ground_in_view(self.world.slopes, origin, yaw, view.ray)
-        return Sight(np.maximum(wall, ground), ground >= wall, view, table, origin, yaw)
+        return Sight(np.maximum(wall, ground), ground >= wall, view, around, origin, yaw)
 
     def _colours(self, sight: Sight) -> np.ndarray:
         """Colours ``(H, W, 3)`` uint8 of what is seen."""
@@ -214,10 +143,6 @@ class CameraRenderer:
                 colours = self.floor.colours(x[strip], y[strip], distant)
                 np.copyto(picture[strip], colours, where=mask[strip, :, None])
         return picture
-
-    def _rays_b(self, camera: Pinhole) -> np.ndarray:
-        rotation = self.model.T_bo[:3, :3]
-        return np.einsum("ij,jhw->ihw", rotation, camera.rays_o(self.model)).astype(np.float32)
 
     def _cut(self, stream: int, index: int) -> tuple[slice, slice]:
         """Where the noise of one image is cut from the tiles."""

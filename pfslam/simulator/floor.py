@@ -213,7 +213,7 @@ def _rose(x, y, radius: float) -> tuple[np.ndarray, np.ndarray]:
         around = (angle - turn + np.pi / 4) % (np.pi / 2) - np.pi / 4
         narrow = 0.22 * long * radius  # half width of a ray where it leaves the centre
         u, v = r * np.cos(around), np.abs(r * np.sin(around))
-        ray = (v < narrow * (1.0 - u / (long * radius))) & (u > 0.0) & (v < u + 0.0)
+        ray = (v < narrow * (1.0 - u / (long * radius))) & (u > 0.0) & (v < u)
         colour = _choose(ray, _choose(around > 0.0, dark, np.array([244, 238, 224])), colour)
         colour = _choose(ray & (v > narrow * (1.0 - u / (long * radius)) - 0.012), INK, colour)
     return colour, r < radius
@@ -223,6 +223,6 @@ def _terrazzo(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
     """Speckle of stone chips and slow stains, a factor near 1 per pixel, ``(H, W, 1)`` float32."""
     h, w = shape[:2]
     chips = cv2.GaussianBlur(rng.standard_normal((h, w), dtype=np.float32), (0, 0), 1.0)
-    stains = rng.standard_normal((h // 60 + 2, w // 60 + 2), dtype=np.float32)
-    stains = cv2.resize(stains, (w, h), interpolation=cv2.INTER_CUBIC)
+    coarse = rng.standard_normal((h // 60 + 2, w // 60 + 2), dtype=np.float32)
+    stains = cv2.resize(coarse, (w, h), interpolation=cv2.INTER_CUBIC)
     return (1.0 + 0.09 * chips + 0.025 * stains)[..., None]

@@ -11,10 +11,8 @@ from pfslam.simulator.config import SimulatorConfig
 from pfslam.simulator.drive import TIME_STEP, Drive, turned
 from pfslam.simulator.ground import rotations
 
-GYRO_POLE, GYRO_STAGES = (
-    0.48,
-    3,
-)  # three equal low-pass stages give the noise its memory: 0.90, 0.70, 0.21 at 1, 2, 5
+# Three equal low-pass stages give the gyro's noise its memory: 0.90, 0.70 and 0.21 after 1, 2 and 5 samples.
+GYRO_POLE, GYRO_STAGES = 0.48, 3
 ACCELEROMETER_WINDOW = 0.40  # s
 WARM_UP = 0.5  # s
 

@@ -99,7 +99,7 @@ def _arms(config: SimulatorConfig, rng: np.random.Generator, turn_at: float) -> 
         start + np.array([(2.0, -0.7), (0.4, -1.1), (-0.9, -0.9), (-1.1, 0.0), (-0.3, 0.3), (0.5, 0.35)]),
     ]
     waypoints = np.vstack([[start], *(legs * config.laps)])
-    slopes = ()
+    slopes: tuple[Slope, ...] = ()
     if config.slopes:
         y, x = rng.uniform(5.0, 6.0), rng.uniform(5.0, 6.5)
         sides = (-half - 0.85, half + 0.85)  # the alcoves beside a hump rise with it
@@ -134,7 +134,7 @@ def _ring(config: SimulatorConfig, rng: np.random.Generator) -> FloorPlan:
         _weave(rng, (length - 1.5, width + LANE), (1.5, width + LANE)),
         _weave(rng, (-LANE, width - 1.5), (-LANE, 1.5)),
     ]
-    last = [[(1.0, -LANE), (2.0, -LANE)]]
+    last = [np.array([(1.0, -LANE), (2.0, -LANE)])]
     walks = (np.array([[0.0, 0.0], [length, 0.0]]), np.array([[length, width], [0.0, width]]))
     areas = {"corridor": corridors, "alcove": alcoves}
     return _plan(areas, np.vstack(lap * config.laps + last), (), walks, mirror=False)
