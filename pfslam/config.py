@@ -118,6 +118,8 @@ class SlamConfig:
             raise DataError("SlamConfig", "particles", self.particles, "a whole number, at least 1")
         if self.every is not None and not (isinstance(self.every, int) and self.every >= 1):
             raise DataError("SlamConfig", "every", self.every, "a whole number, at least 1")
+        if not (isinstance(self.min_beams, int) and self.min_beams >= 1):
+            raise DataError("SlamConfig", "min_beams", self.min_beams, "a whole number, at least 1")
         if not 0.0 <= self.resample_below <= 1.0:
             raise DataError("SlamConfig", "resample_below", self.resample_below, "a share of N from 0 to 1")
 

@@ -159,8 +159,9 @@ def align(
         return estimate, particles, {}
     points = event.points_b[:: config.polish.beam_stride]
     polished = polish(state.moments, points, estimate, predicted, config.polish)
-    shift = polished.pose - estimate
-    particles = Particles(particles.poses + [*shift[:2], wrap_angle(shift[2])], particles.log_weights)
+    moved = particles.poses + (polished.pose - estimate)
+    moved[:, 2] = wrap_angle(moved[:, 2])
+    particles = Particles(moved, particles.log_weights)
     return (
         polished.pose,
         particles,

@@ -56,6 +56,7 @@ def test_report_preset_is_the_report():
     [
         ({"particles": 0}, "particles"),
         ({"every": 0}, "every"),
+        ({"min_beams": 0}, "min_beams"),
         ({"estimate": "median"}, "estimate"),
         ({"resampler": "none"}, "resampler"),
         ({"resample_below": 1.5}, "resample_below"),
@@ -294,6 +295,14 @@ def test_every_nth_scan_is_the_recordings_own_unless_told_otherwise():
     np.testing.assert_array_equal(
         run_slam(replace(DRIVE, default_every=5), told).trajectory.t, DRIVE.lidar.t[::4]
     )
+
+
+@PRESETS
+def test_headings_of_estimate_and_particles_stay_wrapped(config):
+    # Half a turn on the spot, so that the cloud passes through pi, then on around.
+    for info in run_slam(drive([(4.0, 0, np.pi / 4), (0.5, 10, 0.1), (1.0, 0, 0.5)]), config).infos:
+        headings = np.append(info.particles.poses[:, 2], info.estimate[2])
+        assert ((headings > -np.pi) & (headings <= np.pi)).all()
 
 
 @PRESETS
