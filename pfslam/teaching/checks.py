@@ -20,6 +20,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class Check:
@@ -55,6 +57,11 @@ def is_unanswered(answer) -> bool:
     if isinstance(answer, tuple | list):
         return any(is_unanswered(part) for part in answer)
     return answer is None or answer is ...
+
+
+def is_number(answer) -> bool:
+    """Whether an answer is one finite number, of Python or of NumPy."""
+    return np.ndim(answer) == 0 and np.asarray(answer).dtype.kind in "fiu" and bool(np.isfinite(answer))
 
 
 def attempt(function: Callable, *arguments):
