@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,15 +63,15 @@ class TextureConfig:
         The depth range ends where a step of disparity is worth 0.1 m. Since the best view wins, so far a point is
         only kept where no nearer view ever was.
         """
-        return cls(
-            max_depth_step=0.1,
-            floor_tolerance=0.015,
-            tolerance_per_metre=0.01,
-            pitch="floor plane",
-            states="interpolated",
-            view="best",
-            crop=True,
-        )
+        return list(cls.steps().values())[-1]
+
+    @classmethod
+    def steps(cls) -> dict[str, TextureConfig]:
+        """From ``report`` to ``refined``, one change after the other, each named by what it changes."""
+        config, steps = cls.report(), {"report": cls.report()}
+        for name, change in _CHANGES.items():
+            config = steps[name] = replace(config, **change)
+        return steps
 
     def depth_limit(self, camera: RgbdModel) -> float:
         """The largest depth (m) to trust with this camera."""
@@ -82,4 +82,13 @@ _CHOICES = {
     "pitch": ("calibration", "floor plane"),
     "states": ("nearest", "interpolated"),
     "view": ("last", "best"),
+}
+
+_CHANGES: dict[str, dict] = {
+    "cut to the map": {"crop": True},
+    "a pose for every image": {"states": "interpolated"},
+    "depth range": {"max_depth_step": 0.1},
+    "tolerance that grows with range": {"floor_tolerance": 0.015, "tolerance_per_metre": 0.01},
+    "pitch from the floor plane": {"pitch": "floor plane"},
+    "best view wins": {"view": "best"},
 }
