@@ -29,6 +29,16 @@ TWICE = (
     '<meta name="viewport" content="width=device-width, initial-scale=1" />',
     '<meta name="viewport" content="width=device-width, initial-scale=1"/>',
 )
+# What a screen reader would stumble over: a name other than the words shown, a place outside all landmarks,
+# a role that is no more.
+BETTER_MARKUP = (
+    (re.compile(r'(<button class="[^"]*search-button-field[^"]*"[^>]*?) aria-label="Search"'), r"\1"),
+    (
+        re.compile(r'<div class="bd-sidebar-primary bd-sidebar">'),
+        r'<div class="bd-sidebar-primary bd-sidebar" role="navigation" aria-label="Book">',
+    ),
+    (re.compile(r'role="doc-biblioentry"'), r'role="listitem"'),
+)
 
 
 def mathjax_file() -> Path:
@@ -40,12 +50,14 @@ def mathjax_file() -> Path:
 
 
 def clean_page(page: str) -> str:
-    """One built page without dead and doubled markup."""
+    """One built page without dead and doubled markup, and readable without eyes."""
     page = DEAD_MARKUP.sub("", page)
     for markup in TWICE:
         first, found, rest = page.partition(markup)
         keep = "" if markup.startswith("<meta") else markup
         page = first + (keep if found else "") + rest.replace(markup, "")
+    for pattern, better in BETTER_MARKUP:
+        page = pattern.sub(better, page)
     return page
 
 
