@@ -102,6 +102,11 @@ def test_relative_error_agrees_with_evo(delta):
         assert ours.pairs == len(metric.error)
 
 
+def test_relative_error_leaves_out_times_that_the_truth_does_not_cover():
+    truth, inside = Trajectory(T[5:50], TRUTH.poses[5:50]), Trajectory(T[5:50], ESTIMATE.poses[5:50])
+    assert relative_error(ESTIMATE, truth, 3) == relative_error(inside, truth, 3)
+
+
 def test_relative_error_by_hand():
     # Truth advances one metre a pose; the estimate 1.1 m in its own heading, whatever that is.
     truth = Trajectory(np.arange(4.0), [[k, 0, 0] for k in range(4)])

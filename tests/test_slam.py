@@ -18,11 +18,11 @@ from pfslam.events import scan_events
 from pfslam.grid import LOG_4
 from pfslam.metrics import trajectory_error
 from pfslam.motion import dead_reckoning
-from pfslam.particles import effective_sample_size
-from pfslam.poses import Trajectory, between, compose, transform_points, wrap_angle
+from pfslam.particles import Particles, effective_sample_size
+from pfslam.poses import Trajectory, average_pose, between, compose, transform_points, wrap_angle
 from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import ImuModel
-from pfslam.slam import run_slam, slam_step, slam_steps, start
+from pfslam.slam import predict_motion, run_slam, slam_step, slam_steps, start
 
 REPORT, REFINED = SlamConfig.report(), SlamConfig.refined()
 PRESETS = pytest.mark.parametrize(
@@ -355,6 +355,30 @@ def test_uncertainty_adds_up_while_scans_are_missing_and_ends_with_a_match():
     np.testing.assert_allclose(variance[4], one[4])
     np.testing.assert_allclose(variance[5], one[4] + one[5])
     np.testing.assert_array_equal(variance[6], [0, 0])
+
+
+@pytest.mark.parametrize("per_root_second", [False, True])
+def test_variance_of_white_noise_is_the_sum_over_its_samples(per_root_second):
+    # Per sample: sum of (dt sigma)^2. As a density: the variance grows with time, whatever the rate.
+    noise = ControlNoise(0.3, 0.2, per_root_second)
+    event = list(scan_events(SHORT, REFINED)[0])[3]
+    dt = event.controls[2]
+    spread = dt.sum() if per_root_second else (dt**2).sum()
+    config = replace(REFINED, noise=noise, particles=20_000)
+    after, variance = predict_motion(
+        Particles.at(np.zeros(3), 20_000), event, config, np.random.default_rng(0)
+    )
+    np.testing.assert_allclose(variance, [0.09 * spread, 0.04 * spread])
+    # The cloud's own heading says the same; five standard errors of a variance over 20000 draws.
+    assert after.poses[:, 2].var() == pytest.approx(variance[1], rel=5 * np.sqrt(2 / 20_000))
+
+
+def test_cloud_moves_with_the_polished_estimate():
+    # The estimate is the mean of the cloud before the polish and must be its mean after it.
+    for info in run_slam(SHORT, replace(REFINED, particles=15)).infos:
+        if info.polish_beams:
+            mean = average_pose(info.particles.poses, info.particles.weights)
+            np.testing.assert_allclose(info.estimate, mean, atol=1e-9)
 
 
 @PRESETS
