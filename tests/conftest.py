@@ -3,6 +3,11 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# The same examples on every run, and no clock: a busy machine is no reason to fail.
+settings.register_profile("pfslam", deadline=None, derandomize=True)
+settings.load_profile("pfslam")
 
 ROOT = Path(__file__).resolve().parents[1]
 REAL_DATA = ROOT.parent / "shared" / "data"
