@@ -1,7 +1,11 @@
 """The simulated drives, measured like the real ones, and the geometry behind them."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -447,6 +451,36 @@ def test_one_seed_one_drive_to_the_last_bit():
         np.testing.assert_array_equal(x, y)
     other = make_world(RAMP, np.random.SeedSequence(9))
     assert not np.array_equal(other.walls[:4], first.world.walls[:4])
+
+
+FINGERPRINT = """
+import hashlib
+from pfslam.simulator import simulate
+recording = simulate("ramp", seed=8).recording
+digest = hashlib.sha256()
+for stream in (recording.encoders, recording.imu, recording.lidar, recording.truth):
+    for values in vars(stream).values():
+        digest.update(values.tobytes())
+for k in (400, 900):
+    digest.update(recording.camera.read_disparity(k).tobytes() + recording.camera.read_rgb(k).tobytes())
+print(digest.hexdigest())
+"""
+
+
+def test_an_older_processor_makes_the_same_files():
+    """NumPy without its vector instructions stands for another machine: sines differ there in their last bits."""
+    umath = np._core._multiarray_umath
+    extra = [name for name in umath.__cpu_dispatch__ if umath.__cpu_features__.get(name)]
+    plain = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    older = {**plain, "NPY_DISABLE_CPU_FEATURES": " ".join(extra)}
+    root = Path(__file__).parents[1]
+    prints = [
+        subprocess.run(
+            [sys.executable, "-c", FINGERPRINT], env=env, cwd=root, capture_output=True, check=True
+        )
+        for env in (plain, older)
+    ]
+    assert prints[0].stdout == prints[1].stdout
 
 
 def test_one_more_error_leaves_the_other_streams_alone():

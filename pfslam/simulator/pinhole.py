@@ -61,10 +61,12 @@ class View:
 
     @classmethod
     def tilted(cls, rays_b: np.ndarray, pitch: float = 0.0, roll: float = 0.0) -> View:
+        # Sums spelled out and a float64 angle: a matrix product, or a float32 arctangent, ends in other bits on
+        # another processor, and a pixel at a corner would show the other wall.
         tilt = rotation_matrix(roll, pitch).astype(np.float32)
-        ray = np.einsum("ij,jhw->ihw", tilt, rays_b) if pitch or roll else rays_b
-        azimuth = np.arctan2(ray[1], ray[0])
-        column = np.rint((azimuth - np.float32(AZIMUTHS[0])) / np.float32(AZIMUTH_STEP)).astype(np.int32)
+        ray = np.stack([row[0] * rays_b[0] + row[1] * rays_b[1] + row[2] * rays_b[2] for row in tilt])
+        azimuth = np.arctan2(ray[1], ray[0], dtype=np.float64)
+        column = np.rint((azimuth - AZIMUTHS[0]) / AZIMUTH_STEP).astype(np.int32)
         np.clip(column, 0, len(AZIMUTHS) - 1, out=column)
         return cls(ray, column, np.sqrt(ray[0] ** 2 + ray[1] ** 2))
 
