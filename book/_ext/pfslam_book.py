@@ -32,12 +32,10 @@ TWICE = (
 # What a screen reader would stumble over: a name other than the words shown, a place outside all landmarks,
 # a role that is no more.
 BETTER_MARKUP = (
-    (re.compile(r'(<button class="[^"]*search-button-field[^"]*"[^>]*?) aria-label="Search"'), r"\1"),
-    (
-        re.compile(r'<div class="bd-sidebar-primary bd-sidebar">'),
-        r'<div class="bd-sidebar-primary bd-sidebar" role="navigation" aria-label="Book">',
-    ),
-    (re.compile(r'role="doc-biblioentry"'), r'role="listitem"'),
+    (r'(<button class="[^"]*search-button-field[^"]*"[^>]*?) aria-label="Search"', r"\1"),
+    (r'(<summary) aria-label="Toggle hidden content"', r"\1"),
+    (r'(<div class="bd-sidebar-primary bd-sidebar")', r'\1 role="navigation" aria-label="Book"'),
+    (r'role="doc-biblioentry"', 'role="listitem"'),
 )
 
 
@@ -57,7 +55,7 @@ def clean_page(page: str) -> str:
         keep = "" if markup.startswith("<meta") else markup
         page = first + (keep if found else "") + rest.replace(markup, "")
     for pattern, better in BETTER_MARKUP:
-        page = pattern.sub(better, page)
+        page = re.sub(pattern, better, page)
     return page
 
 

@@ -21,7 +21,7 @@ def page_fragment(explorer: Explorer) -> str:
     start = explorer.start
     rows = "\n".join(_row(f"{identifier}-{k}", c) for k, c in enumerate(explorer.controls))
     title = html.escape(explorer.title)
-    return f"""<figure class="pfslam-explorer" id="{identifier}" role="group" aria-label="{title}">
+    return f"""<figure class="pfslam-explorer" id="{identifier}">
 {image_tag(uris[start], alts[start], pictures[start].shape)}
 <div class="pfslam-controls">
 {rows}

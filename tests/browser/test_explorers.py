@@ -42,7 +42,7 @@ def test_every_slider_changes_the_picture_by_key(explorers):
         for slider in explorer.locator("input[type=range]").all():
             pictures = sweep(slider, explorer)
             sources, alts = {source for source, _ in pictures}, {alt for _, alt in pictures}
-            name = explorer.get_attribute("aria-label")
+            name = explorer.locator("figcaption").text_content()
             assert len(sources) > 1, f"{name}: {slider.get_attribute('id')} moves, the picture does not"
             assert len(alts) > 1, f"{name}: the picture changes, its description does not"
             slider.press("Home")
