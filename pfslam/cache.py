@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,11 +32,11 @@ def cache_folder() -> Path:
     return Path(os.environ.get("PFSLAM_CACHE") or platformdirs.user_cache_dir("pfslam"))
 
 
-def cached_simulation(name: str) -> Simulation:
+def cached_simulation(name: str, progress: Callable | None = None) -> Simulation:
     """The built-in data set ``name`` as the simulator makes it, its scans read from the cache or put there.
 
     A damaged file is replaced, with a warning. Two processes may do this at once: each writes a file of its
-    own and renames it, and both files hold the same.
+    own and renames it, and both files hold the same. ``progress`` wraps the casting of scans.
     """
     from pfslam.simulator import DEFAULT_SEED, PRESETS, simulate
 
@@ -45,7 +46,7 @@ def cached_simulation(name: str) -> Simulation:
             return simulate(name, ranges=_read_ranges(path))
         except DataError as error:
             log.warning("pfslam: simulating %s again, the cache is damaged: %s", name, error)
-    simulation = simulate(name)
+    simulation = simulate(name, progress=progress)
     if simulation.recording.lidar is not None:
         _keep(path, name, simulation.recording.lidar.ranges)
     return simulation

@@ -68,8 +68,11 @@ def simulate_command(arguments: argparse.Namespace) -> None:
     from pfslam.simulator import simulate
 
     check_writable(arguments.out)
-    seed = arguments.seed
-    simulation = cached_simulation(arguments.name) if seed is None else simulate(arguments.name, seed)
+    bar = progress_bar("simulating")
+    if arguments.seed is None:
+        simulation = cached_simulation(arguments.name, bar)
+    else:
+        simulation = simulate(arguments.name, arguments.seed, progress=bar)
     number = simulation.config.number
     extras = {name: getattr(simulation, name) for name in ("z", "pitch", "roll")}
     bar = progress_bar("images")
@@ -87,7 +90,7 @@ def run_command(arguments: argparse.Namespace) -> None:
     config = replace(PRESETS[arguments.method](), particles=arguments.particles, every=arguments.every)
     out, watch = out_folder(arguments), Stopwatch()
     with watch.stage("load"):
-        recording = load(arguments.dataset, arguments.data)
+        recording = load(arguments.dataset, arguments.data, progress=progress_bar("simulating"))
     wants_texture = has_images(recording) if arguments.texture is None else arguments.texture
     if wants_texture and not has_images(recording):
         raise DataError(recording.name, "--texture", "no images", "a data set with disparity and RGB images")
@@ -157,9 +160,15 @@ def summarise(
     if texture is not None:
         summary["image_pairs"] = texture.pairs
     estimates = {"odometry": odometry} | ({"slam": result.trajectory} if result else {})
-    for name, estimate in estimates.items():
-        if recording.truth is not None and recording.truth.covers(estimate.t).any():
-            summary[name] = asdict(trajectory_error(estimate, recording.truth))
+    if recording.truth is None:
+        return summary
+    known = recording.truth.covers(odometry.t)
+    if not known.all():
+        summary["dropped"]["poses outside the truth's time, not compared"] = int(np.count_nonzero(~known))
+    if known.any():
+        summary |= {
+            name: asdict(trajectory_error(poses, recording.truth)) for name, poses in estimates.items()
+        }
     return summary
 
 
@@ -195,7 +204,7 @@ def report_command(arguments: argparse.Namespace) -> None:
             "pfslam report", "package", error.name or error, "the extra: pip install pfslam[plots]"
         ) from error
     out = out_folder(arguments)
-    recording = load(arguments.dataset, arguments.data)
+    recording = load(arguments.dataset, arguments.data, progress=progress_bar("simulating"))
     check_writable(out)
     figures = report_figures(recording, seed=0, progress=progress_bar("figures"))
     for name in FIGURES:

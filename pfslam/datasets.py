@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,13 +17,16 @@ IMAGE_EVERY = 8
 """The built-in sets offer every so-many-th pair of images: each one has to be rendered."""
 
 
-def load(dataset: str | int | Path, data_dir: str | Path | None = None) -> Recording:
+def load(
+    dataset: str | int | Path, data_dir: str | Path | None = None, *, progress: Callable | None = None
+) -> Recording:
     """The recording that ``dataset`` names.
 
     ``"hall"`` and ``"ramp"`` are the built-in simulated sets, with truth, and with every eighth pair of
     images, rendered when it is read (``simulate`` gives all). A number is a set in the course format, whose
     files lie in ``data_dir`` (None: ``$PFSLAM_DATA``, else ``data/``). Anything else is the path of a CARMEN
-    log. Raises ``DataError`` for what is none of these.
+    log. ``progress`` may wrap the work of simulating, as tqdm does. Raises ``DataError`` for what is none of
+    these.
 
     >>> from pfslam import load
     >>> recording = load("hall")
@@ -31,7 +35,7 @@ def load(dataset: str | int | Path, data_dir: str | Path | None = None) -> Recor
     """
     text = str(dataset)
     if text in BUILT_IN:
-        return _built_in(text)
+        return _built_in(text, progress)
     if text.isascii() and text.isdigit():
         return load_course(text, data_folder(data_dir))
     try:
@@ -57,10 +61,10 @@ def dataset_name(dataset: str | int | Path) -> str:
     return text if text in BUILT_IN or text.isdigit() else Path(text).stem or "log"
 
 
-def _built_in(name: str) -> Recording:
+def _built_in(name: str, progress: Callable | None) -> Recording:
     from pfslam.cache import cached_simulation
 
-    recording = cached_simulation(name).recording
+    recording = cached_simulation(name, progress).recording
     if recording.camera is None:
         return recording
     pairs = image_pairs(recording.camera, every=IMAGE_EVERY)

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ from pfslam import commands, files
 from pfslam.__main__ import main
 from pfslam.course_format import load_course, save_course
 from pfslam.formats import read_map, read_tum, write_tum
+from pfslam.poses import Trajectory
 
 CONTRACT_FILES = ["map.pgm", "map.yaml", "odometry.tum", "summary.json", "trajectory.tum"]
 
@@ -130,6 +132,18 @@ def test_the_same_seed_gives_the_same_files(results, data, tmp_path):
     pfslam("run", 7, "--data", data, "--out", tmp_path, "--particles", 20)
     for name in ("trajectory.tum", "odometry.tum", "map.pgm", "map.yaml", "texture.png", "texture.yaml"):
         assert (tmp_path / name).read_bytes() == (results / name).read_bytes()
+
+
+def test_poses_that_the_truth_does_not_cover_are_counted(tmp_path):
+    recording = box_recording(images=0)
+    half = len(recording.truth) // 2
+    truth = Trajectory(recording.truth.t[:half], recording.truth.poses[:half])
+    save_course(replace(recording, truth=truth), 7, tmp_path)
+    assert main(["run", "7", "--data", str(tmp_path), "--out", str(tmp_path), "--particles", "5"]) == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    not_compared = summary["dropped"]["poses outside the truth's time, not compared"]
+    assert summary["slam"]["poses"] + not_compared == summary["scans"]
+    assert not_compared == np.count_nonzero(recording.lidar.t[::5] > truth.t[-1])
 
 
 def test_options_reach_the_filter(data, tmp_path):

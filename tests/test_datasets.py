@@ -27,7 +27,7 @@ def casts(monkeypatch, tmp_path, hall):
     monkeypatch.setenv("PFSLAM_CACHE", str(tmp_path / "the cache"))
     made = []
 
-    def simulate(name, seed=None, ranges=None):
+    def simulate(name, seed=None, ranges=None, progress=None):
         if ranges is None:
             made.append(name)
             return hall

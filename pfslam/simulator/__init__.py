@@ -8,6 +8,7 @@ cores.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,12 +76,16 @@ class Simulation:
 
 
 def simulate(
-    what: str | SimulatorConfig = "hall", seed: int | None = None, ranges: np.ndarray | None = None
+    what: str | SimulatorConfig = "hall",
+    seed: int | None = None,
+    ranges: np.ndarray | None = None,
+    progress: Callable | None = None,
 ) -> Simulation:
     """Simulate one drive.
 
     ``what`` is "hall", "ramp" or a configuration; ``seed=None`` is the built-in building. ``ranges``
     ``(K, beams)`` of an earlier call with the same arguments may be given back, which saves casting them.
+    ``progress`` wraps the casting, as tqdm does.
     """
     config = _configuration(what)
     seed = DEFAULT_SEED if seed is None else _whole(seed)
@@ -92,7 +97,8 @@ def simulate(
     t = _scan_times(config, drive, scan_clock)
     stamps = unix(t, config.quantised)
     if ranges is None:
-        exact = true_ranges(world, drive, config.robot.lidar, stamps - START_OF_TIME, config.scan_time)
+        lidar, seconds = config.robot.lidar, stamps - START_OF_TIME
+        exact = true_ranges(world, drive, lidar, seconds, config.scan_time, progress)
         ranges = measured(exact, config, scans)
     truth = drive.at(stamps - START_OF_TIME)
     # Micrometres are exact enough, and the last bits, which differ between processors, stay out of the files.

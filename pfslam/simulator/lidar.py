@@ -6,6 +6,7 @@ about twenty times less work than every beam with every wall.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,12 +46,12 @@ def sensor_at(world: World, drive: Drive, t: np.ndarray, position_b) -> Sensor:
     return Sensor(t, np.column_stack([poses_p[:, :2], z]) + rotation @ np.asarray(position_b), rotation)
 
 
-def cast(world: World, sensor: Sensor, angles: np.ndarray) -> np.ndarray:
+def cast(world: World, sensor: Sensor, angles: np.ndarray, progress: Callable | None = None) -> np.ndarray:
     """True ranges ``(S, B)`` in metres along beams at ``angles (B,)`` (evenly spaced, rad); infinity where
     nothing is met.
     """
     ranges = np.empty((len(sensor.t), len(angles)))
-    for first in range(0, len(sensor.t), CHUNK):
+    for first in (progress or iter)(range(0, len(sensor.t), CHUNK)):
         part = slice(first, first + CHUNK)
         ranges[part] = _cast_chunk(world, sensor.rows(part), angles)
     return ranges
@@ -127,17 +128,23 @@ def _meet_ground(ranges: np.ndarray, world: World, sensor: Sensor, angles: np.nd
 
 
 def true_ranges(
-    world: World, drive: Drive, lidar: LidarModel, t: np.ndarray, scan_time: float = 0.0
+    world: World,
+    drive: Drive,
+    lidar: LidarModel,
+    t: np.ndarray,
+    scan_time: float = 0.0,
+    progress: Callable | None = None,
 ) -> np.ndarray:
-    """What a perfect LiDAR would read, ``(S, beams)`` m, at stamps ``t (S,)``.
+    """What a perfect LiDAR would read, ``(S, beams)`` m, at stamps ``t (S,)``. ``progress`` wraps the work.
 
     With a ``scan_time`` (s) the beams are measured one after the other, the middle one at the stamp: the scan
     is smeared.
     """
     if scan_time == 0.0:
-        return cast(world, sensor_at(world, drive, t, lidar.position_b), lidar.angles)
+        return cast(world, sensor_at(world, drive, t, lidar.position_b), lidar.angles, progress)
     parts = []
-    for beams in np.array_split(np.arange(lidar.beams), min(SWEEP_PARTS, max(lidar.beams // 2, 1))):
+    sweep = np.array_split(np.arange(lidar.beams), min(SWEEP_PARTS, max(lidar.beams // 2, 1)))
+    for beams in (progress or iter)(sweep):
         delay = scan_time * (beams.mean() / (lidar.beams - 1) - 0.5)
         parts.append(cast(world, sensor_at(world, drive, t + delay, lidar.position_b), lidar.angles[beams]))
     return np.concatenate(parts, axis=1)
