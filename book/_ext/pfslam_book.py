@@ -9,6 +9,8 @@ import shutil
 from importlib.metadata import files
 from pathlib import Path
 
+from docutils import nodes
+
 MATHJAX_PACKAGE = "sphinx-mathjax-offline"
 MATHJAX_SCRIPT = "tex-svg-full.js"  # one file, fonts and extensions inside: works from file:// too
 
@@ -73,6 +75,17 @@ def finish_site(app, error) -> None:
     shutil.copyfile(mathjax_file(), target / MATHJAX_SCRIPT)
 
 
+def number_equations(app, doctree) -> None:
+    """An equation labelled `eq-N` is number N, as in the report, whatever its place in the book."""
+    equations = app.env.get_domain("math").equations
+    for node in doctree.findall(nodes.math_block):
+        label = re.fullmatch(r"eq-(\d+)", node.get("label") or "")
+        if label:
+            node["number"] = int(label[1])
+            equations[label[0]] = (app.env.docname, int(label[1]))
+            node.children = [nodes.Text(re.sub(r"\\tag\{\d+\}", "", node.astext()))]
+
+
 def draw_hero(app, error) -> None:
     """Run the filter for the moving picture on the first page."""
     if error is None and app.builder.format == "html":
@@ -85,6 +98,7 @@ def setup(app):
     os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
     app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
     app.add_css_file("pfslam.css")
+    app.connect("doctree-read", number_equations)
     app.connect("build-finished", finish_site)
     app.connect("build-finished", draw_hero)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

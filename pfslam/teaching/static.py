@@ -41,9 +41,10 @@ def _identifier(explorer: Explorer) -> str:
 
 def _row(identifier: str, control: Slider) -> str:
     text = html.escape(control.text(control.values[control.start]))
+    widest = max(len(control.text(value)) for value in control.values)  # or the slider would grow and shrink
     return (
         f'<label for="{identifier}">{html.escape(control.title)}</label>'
-        f'<output for="{identifier}">{text}</output>'
+        f'<output for="{identifier}" style="min-width:{widest}ch">{text}</output>'
         f'<input type="range" id="{identifier}" min="0" max="{len(control.values) - 1}" step="1" '
         f'value="{control.start}" autocomplete="off" aria-valuetext="{text}">'
     )
