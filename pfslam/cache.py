@@ -23,7 +23,7 @@ from pfslam.files import read_npz, write_npz
 if TYPE_CHECKING:
     from pfslam.simulator import Simulation, SimulatorConfig
 
-SOURCES = ("simulator/*.py", "poses.py", "sensors.py")
+SOURCES = ("simulator/*.py", "motion.py", "poses.py", "sensors.py")
 log = logging.getLogger("pfslam")
 
 

@@ -177,13 +177,23 @@ def score_volume(
     (x0, y0), (x1, y1) = cells.min(axis=(0, 1)), cells.max(axis=(0, 1))
     patches = sliding_window_view(_crop(field, x0, y0, x1 + nx, y1 + ny), (ny, nx))
     width = x1 - x0 + 1
-    keys = (cells[..., 1] - y0) * width + cells[..., 0] - x0
+    keys, counts, begin = _merged((cells[..., 1] - y0) * width + cells[..., 0] - x0)
+    iy, ix = np.divmod(keys, width)
     volume = np.empty((nk, ny * nx), dtype=np.float32)
     for k in range(nk):
-        merged, counts = np.unique(keys[k], return_counts=True)
-        iy, ix = np.divmod(merged, width)
-        volume[k] = counts.astype(np.float32) @ patches[iy, ix].reshape(len(merged), -1)
+        some = slice(begin[k], begin[k + 1])
+        volume[k] = counts[some] @ patches[iy[some], ix[some]].reshape(-1, ny * nx)
     return volume.reshape(nk, ny, nx)
+
+
+def _merged(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The distinct keys of each row of ``(K, M)`` one after the other, how often each occurs, where each row begins."""
+    keys = np.sort(keys, axis=1)
+    distinct = np.ones(keys.shape, dtype=bool)
+    distinct[:, 1:] = keys[:, 1:] != keys[:, :-1]
+    at = np.flatnonzero(distinct)
+    counts = np.diff(at, append=keys.size).astype(np.float32)
+    return keys.ravel()[at], counts, np.searchsorted(at, np.arange(len(keys) + 1) * keys.shape[1])
 
 
 def rotated_cells(points_b: np.ndarray, yaws: np.ndarray, spec: GridSpec) -> np.ndarray:

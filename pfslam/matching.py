@@ -16,8 +16,8 @@ from pfslam.poses import wrap_angle
 
 CHUNK = 2_000_000
 """Numbers worked on at once, so that twenty thousand particles need no more memory than two hundred."""
-NEAREST_TIE = 1e-6
-"""Cost per squared step where there is no prior: too small to outvote a score, enough to settle a tie."""
+NEAREST_TIE = 1e-3
+"""Root of twice the cost of a squared step where there is no prior: it settles ties and outvotes no score."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,20 +97,17 @@ def _climb(
     """To the lattice pose that maximises J = score - distance from the predicted pose, then within the step.
 
     With delta the perturbation and o the particle's offset from its node, the prior's |delta - o|^2 / 2 sigma^2 is
-    linear in o apart from a term that is the same for every perturbation: one matrix product serves all particles.
+    linear in o apart from a term that is the same for every perturbation.
     """
     scale = config.sharpness / full_score if config.prior or config.weight == "likelihood" else 1.0
-    sigma = (
-        np.array([sigmas[0], sigmas[0], sigmas[1]])
-        if config.prior
-        else lattice.steps / np.sqrt(2.0 * NEAREST_TIE)
-    )
-    sigma = np.maximum(
-        sigma, 1e-3 * lattice.steps
-    )  # without any noise the prior pins the particle to its prediction
+    sigma = np.array([sigmas[0], sigmas[0], sigmas[1]]) if config.prior else lattice.steps / NEAREST_TIE
+    # Without any noise the prior pins the particle to its prediction, rather than dividing by zero.
+    sigma = np.maximum(sigma, 1e-3 * lattice.steps)
     delta = lattice.pose(window.steps()) / sigma
     offset = (poses - lattice.pose(box.nodes[node])) / sigma
-    J = (scale * box.scores.astype(float) - 0.5 * np.sum(delta**2, axis=1))[node] + offset @ delta.T
+    J = (scale * box.scores.astype(float) - 0.5 * np.sum(delta**2, axis=1))[node]
+    for axis in range(3):  # not a matrix product: so small a one is not worth a second thread
+        J += offset[:, axis, None] * delta[:, axis]
     choice = np.argmax(J, axis=1)
     rows = np.arange(len(choice))
     step = window.steps()[choice].astype(float)

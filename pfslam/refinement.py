@@ -23,31 +23,36 @@ MAX_STEP = np.array([0.1, 0.1, 0.05])
 
 @dataclass(frozen=True, eq=False)
 class HitMoments:
-    """Per cell: number, sums and sums of squares of its hits, ``sums (H, W, 6)`` float32: n, x, y, xx, xy, yy.
+    """Per cell: number, sums and sums of squares of its hits.
 
-    Coordinates are in cells, relative to the cell's own centre, so that float32 holds them far from the origin too.
+    Few cells are ever hit, so the moments stand in a table: ``slots (H, W)`` int32 says in which row of ``sums
+    (R, 6)`` (n, x, y, xx, xy, yy) a cell's are; row 0 is that of all cells without hits, and stays zero. Coordinates
+    are in cells, relative to the cell's own centre, so that nothing is lost far from the origin.
     """
 
     spec: GridSpec
+    slots: np.ndarray
     sums: np.ndarray
 
     @classmethod
     def empty(cls, spec: GridSpec) -> HitMoments:
-        return cls(spec, np.zeros((*spec.shape, 6), dtype=np.float32))
+        return cls(spec, np.zeros(spec.shape, dtype=np.int32), np.zeros((1, 6)))
 
     def covering(self, spec: GridSpec) -> HitMoments:
         """The same moments on a larger grid."""
-        return self if spec == self.spec else HitMoments(spec, embed(self.sums, self.spec, spec))
+        return self if spec == self.spec else HitMoments(spec, embed(self.slots, self.spec, spec), self.sums)
 
     def add(self, points_w: np.ndarray) -> HitMoments:
         """With the hits ``(M, 2)`` (world, m) of one more scan; all must lie inside the grid."""
         cells = self.spec.world_to_cell(points_w)
         x, y = ((points_w - self.spec.cell_to_world(cells)) / self.spec.resolution).T
-        sums = self.sums.copy()
-        np.add.at(
-            sums, (cells[:, 1], cells[:, 0]), np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
-        )
-        return HitMoments(self.spec, sums)
+        slots = self.slots.copy()
+        new = np.unique(cells[slots[cells[:, 1], cells[:, 0]] == 0], axis=0)
+        slots[new[:, 1], new[:, 0]] = len(self.sums) + np.arange(len(new))
+        sums = np.vstack([self.sums, np.zeros((len(new), 6))])
+        rows = slots[cells[:, 1], cells[:, 0]]
+        np.add.at(sums, rows, np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y]))
+        return HitMoments(self.spec, slots, sums)
 
     def around(self, cells: np.ndarray, reach: int) -> np.ndarray:
         """Moments ``(M, 6)`` of the cells up to ``reach`` away from ``cells (M, 2)``, about the middle cell's centre.
@@ -59,7 +64,7 @@ class HitMoments:
         total = np.zeros((len(cells), 6))
         dx, dy, moved = _neighbourhood(reach)
         ix, iy = cells[inside].T
-        blocks = self.sums[iy[:, None] + dy, ix[:, None] + dx]
+        blocks = self.sums[self.slots[iy[:, None] + dy, ix[:, None] + dx]]
         total[inside] = blocks.reshape(len(ix), len(moved)) @ moved
         return total
 
