@@ -9,5 +9,11 @@ class DataError(ValueError):
     """
 
     def __init__(self, source: object, field: str, found: object, expected: str):
-        self.source, self.field, self.found, self.expected = str(source), field, str(found), expected
+        self.source, self.field, self.found, self.expected = str(source), field, _short(found), expected
         super().__init__(" ".join(f"{self.source}: {field}: found {self.found}, expected {expected}".split()))
+
+
+def _short(found: object) -> str:
+    """What was found, cut where it gets long: damaged input can be any length."""
+    text = str(found)
+    return text if len(text) <= 160 else text[:157] + "..."

@@ -1,0 +1,148 @@
+"""A campaign of damaged input: every case ends in one line that names the file, or in a recording that works.
+
+``PFSLAM_CASES=2000 pytest tests/test_bad_input.py`` is the long form.
+"""
+
+import os
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from box_recording import box_recording
+
+from pfslam.carmen import load_carmen
+from pfslam.course_format import load_course, save_course
+from pfslam.errors import DataError
+from pfslam.motion import dead_reckoning
+
+CASES = int(os.environ.get("PFSLAM_CASES", "200"))
+NUMBERS = [np.nan, np.inf, -np.inf, 0, -1, 1e300, -1e300, 1e18, 5e-324, 2**31, 1e12]
+WORDS = ["nan", "inf", "-1", "x", "1e400", "999999", "1e300", "\n", "0", "FLASER", "é", "9" * 400]
+TYPES = ["f2", ">f8", "i1", "u8", "c16", "U5", "O", "?", "f4", "S3", "M8[s]"]
+LOG = "PARAM robot_frontlaser_offset 0.1 1 h 1\n" + "".join(
+    f"FLASER 20 {' '.join(['2.5'] * 20)} {k / 10} 0 0 {k / 10} 0 0 {10 + k} robot {10 + k}\n"
+    for k in range(12)
+)
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory):
+    """The files of a good set, by name, as bytes."""
+    folder = tmp_path_factory.mktemp("good")
+    save_course(box_recording(2.0), 7, folder, image_every=1)
+    return {p.relative_to(folder): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def damaged_bytes(data, rng):
+    """Cut off, flipped, with a piece put in or taken out, or noise altogether."""
+    i, j = sorted(rng.integers(len(data), size=2))
+    noise = rng.integers(0, 256, size=rng.integers(1, 60), dtype=np.uint8).tobytes()
+    return [
+        data[:i],
+        data[:i] + noise + data[i + len(noise) :],
+        data[:i] + noise + data[i:],
+        data[:i] + data[j:],
+        noise,
+    ][rng.integers(5)]
+
+
+def damage_field(path, rng):
+    """Spoil one field of an archive: its values, its shape, its type, or its being there."""
+    with np.load(path) as data:
+        fields = dict(data)
+    name = rng.choice(list(fields))
+    values = fields.pop(name)
+    spoiled = [
+        lambda: None,
+        lambda: with_one(values.astype(float), rng.choice(NUMBERS), rng),
+        lambda: values.T,
+        lambda: values[..., : rng.integers(3)] if values.ndim else values[None, None],
+        lambda: values.astype(rng.choice(TYPES)),
+        lambda: values[..., ::-1] if values.ndim else -values,
+        lambda: np.full(values.shape, rng.choice(NUMBERS)),
+        lambda: values.astype(float) * rng.choice([-1, 0, 1e-3, 1e3, 1e9]),
+        lambda: values[None],
+    ][rng.integers(9)]()
+    np.savez(path, **fields, **({} if spoiled is None else {name: spoiled}))
+
+
+def with_one(values, number, rng):
+    values = values.copy()
+    values.flat[rng.integers(values.size)] = number
+    return values
+
+
+def load_all(folder):
+    """Load set 7, drive it by dead reckoning and look at every image."""
+    recording = load_course(7, folder)
+    dead_reckoning(recording)
+    if recording.camera is not None:
+        for k in recording.camera.disparity_index:
+            recording.camera.read_disparity(k)
+        for k in recording.camera.rgb_index:
+            recording.camera.read_rgb(k)
+
+
+def works_or_says_why(load, path, names):
+    """``load(path)`` works, or raises ``DataError`` with one line of sensible length that holds one of ``names``."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            load(path)
+        except DataError as error:
+            line = str(error)
+            assert "\n" not in line
+            assert len(line) < 600
+            assert any(name in line for name in names), line
+
+
+@pytest.mark.parametrize("seed", range(CASES // 2))
+def test_damaged_sets(good, tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    for name, data in good.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(data)
+    victim = Path(rng.choice([str(name) for name in good]))
+    if victim.suffix == ".npz" and rng.random() < 0.7:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # making the damage may overflow; reading it must not
+            damage_field(tmp_path / victim, rng)
+    else:
+        (tmp_path / victim).write_bytes(damaged_bytes(good[victim], rng))
+    # Streams that no longer overlap are named by the set, everything else by the file.
+    works_or_says_why(load_all, tmp_path, [victim.name, "7: imu time_stamps"])
+
+
+@pytest.mark.parametrize("seed", range(CASES // 4))
+def test_swapped_files(good, tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    contents = list(good.values())
+    first, second = rng.choice(len(contents), size=2, replace=False)
+    contents[first], contents[second] = contents[second], contents[first]
+    for name, data in zip(good, contents, strict=True):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(data)
+    works_or_says_why(load_all, tmp_path, [list(good)[i].name for i in (first, second)])
+
+
+@pytest.mark.parametrize("seed", range(CASES // 4))
+def test_damaged_logs(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    data = LOG.encode()
+    if rng.random() < 0.6:
+        words = LOG.split(" ")
+        for at in rng.integers(len(words), size=rng.integers(1, 4)):
+            words[at] = rng.choice(WORDS)
+        data = " ".join(words).encode("latin-1")
+    else:
+        data = damaged_bytes(data, rng)
+    path = tmp_path / "a.log"
+    path.write_bytes(data)
+    works_or_says_why(lambda p: dead_reckoning(load_carmen(p)), path, ["a.log"])
+
+
+def test_a_long_value_is_cut():
+    line = str(DataError("file", "field", "9" * 5000, "less"))
+    assert len(line) < 250
+    assert line.endswith("..., expected less")
