@@ -24,7 +24,6 @@ from pfslam.teaching.style import COLOURS, LINE_STYLES, metric_axes, new_figure
 from pfslam.texture import FloorTexture, TextureConfig, map_texture
 
 PREDICTION_PARTICLES = 5
-IMAGE_PAIRS_EVERY = 8
 
 
 def draw_map(axes: Axes, grid: OccupancyGrid, title: str = "") -> Axes:
@@ -186,13 +185,7 @@ def report_figures(
         recording, result.trajectory, "estimate", "Particle-filter SLAM"
     )
     if recording.camera is not None and len(recording.camera.rgb_index):
-        texture = map_texture(
-            recording,
-            result.trajectory,
-            result.grid,
-            TextureConfig.report(),
-            every=IMAGE_PAIRS_EVERY,
-            progress=progress,
-        )
+        settings = TextureConfig.report()
+        texture = map_texture(recording, result.trajectory, result.grid, settings, progress=progress)
         figures["texture_map"] = texture_figure(texture, "Floor texture")
     return figures
