@@ -141,6 +141,11 @@ def texture_figure(texture: FloorTexture, title: str) -> Figure:
     figure, axes = new_figure(6.8, 6.4)
     image = np.dstack([texture.rgb, np.where(texture.seen, 255, 0).astype(np.uint8)])
     axes.imshow(image, origin="lower", extent=texture.spec.extent, interpolation="nearest")
+    if texture.seen.any():
+        iy, ix = np.nonzero(texture.seen)
+        (x0, y0), (x1, y1) = texture.spec.cell_to_world([[ix.min(), iy.min()], [ix.max(), iy.max()]])
+        axes.set_xlim(x0 - 0.5, x1 + 0.5)
+        axes.set_ylim(y0 - 0.5, y1 + 0.5)
     metric_axes(axes, title)
     return figure
 
