@@ -107,6 +107,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         from pfslam import commands
 
         commands.COMMANDS[arguments.command](arguments)
+        sys.stdout.flush()
     except (DataError, UsageError) as error:
         return _complain(str(error), BAD_INPUT)
     except KeyboardInterrupt:

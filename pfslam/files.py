@@ -63,10 +63,13 @@ def atomic_write(path: str | Path) -> Iterator[BinaryIO]:
 
 def check_writable(folder: str | Path) -> None:
     """Make ``folder`` if needed and see that a file can be written there, before any work depends on it."""
-    probe = Path(folder) / ".pfslam"
-    with atomic_write(probe):
-        pass
-    probe.unlink(missing_ok=True)
+    probe = Path(folder) / f".{secrets.token_hex(4)}.tmp"
+    try:
+        probe.parent.mkdir(parents=True, exist_ok=True)
+        probe.write_bytes(b"")
+        probe.unlink()
+    except OSError as error:
+        raise DataError(folder, "folder", reason(error), "a folder that can be written") from error
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -20,6 +20,7 @@ from pfslam import commands, files
 from pfslam.__main__ import main
 from pfslam.course_format import load_course, save_course
 from pfslam.formats import read_map, read_tum, write_tum
+from pfslam.images import read_png
 from pfslam.poses import Trajectory
 
 CONTRACT_FILES = ["map.pgm", "map.yaml", "odometry.tum", "summary.json", "trajectory.tum"]
@@ -351,6 +352,50 @@ def test_ctrl_c_is_answered_and_leaves_nothing_half_written(data, tmp_path):
     assert process.returncode == 130
     assert said.split("\r")[-1] == "pfslam: interrupted\n"
     assert list((tmp_path / "o").iterdir()) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("files", [1, 3, 6, 9])
+def test_killed_at_any_moment_no_file_is_half_there(tmp_path, files):
+    """Once so many files are there, the process is killed: all that is there under its final name can be read."""
+    command = f"{sys.executable} -m pfslam simulate hall --seed 3 --images 100 --out d".split()
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL)
+    while process.poll() is None and len(final_names(tmp_path)) < files:
+        time.sleep(0.001)
+    process.kill()
+    process.wait()
+    there = final_names(tmp_path)
+    assert len(there) >= files
+    for path in there:
+        if path.suffix == ".npz":
+            with np.load(path) as data:
+                assert all(len(np.atleast_1d(data[name])) for name in data.files)
+        else:
+            channels, kind = (1, np.uint16) if "disparity" in path.name else (3, np.uint8)
+            read_png(path, (480, 640, channels), np.dtype(kind))
+
+
+def final_names(folder):
+    return [p for p in folder.rglob("*") if p.is_file() and not p.name.startswith(".")]
+
+
+def test_output_that_nobody_reads_is_no_fault(data, tmp_path):
+    command = [sys.executable, "-m", "pfslam", "run", "8", "--data", str(data), "--out", str(tmp_path)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()
+    process.wait()
+    assert process.stderr.read() == b""
+    process.stderr.close()
+
+
+def test_a_built_in_set_written_and_loaded_gives_the_same_results(tmp_path):
+    options = ("--particles", 5, "--every", 40, "--no-texture")
+    environment = {"PFSLAM_CACHE": str(tmp_path / "cache")}
+    assert pfslam("simulate", "hall", "--out", tmp_path / "d", **environment).returncode == 0
+    assert pfslam("run", "hall", "--out", tmp_path / "a", *options, **environment).returncode == 0
+    assert pfslam("run", 20, "--data", tmp_path / "d", "--out", tmp_path / "b", *options).returncode == 0
+    for name in ("trajectory.tum", "odometry.tum", "map.pgm", "map.yaml"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
 def test_help_names_every_command():
