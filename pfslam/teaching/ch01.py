@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
+from pfslam.errors import DataError
 from pfslam.metrics import aligned_at_first, trajectory_error
 from pfslam.motion import Controls, controls, dead_reckoning, integrate, motion_model, motion_model_arc
 from pfslam.poses import Trajectory, wrap_angle
@@ -34,6 +35,13 @@ def calibrated(
     return replace(recording, robot=replace(robot, imu=imu, encoders=encoders))
 
 
+def true_path(recording: Recording) -> Trajectory:
+    """The true trajectory of a simulated recording; ``DataError`` where nobody knows it."""
+    if recording.truth is None:
+        raise DataError(recording.name, "truth", "none", "a simulated recording, which knows its truth")
+    return recording.truth
+
+
 def length(trajectory: Trajectory) -> float:
     """Length of a path (m): the sum of its steps."""
     return float(np.hypot(*np.diff(trajectory.poses[:, :2], axis=0).T).sum())
@@ -57,7 +65,7 @@ def readings_of_equation_19(recording: Recording) -> dict[str, Controls]:
     """
     inputs, encoders = controls(recording), recording.encoders
     if encoders is None:
-        raise ValueError(f"{recording.name} has no encoders")
+        raise DataError(recording.name, "encoders", "none", "a recording with wheel encoders")
     per_reading = encoders.counts.mean(axis=1) * recording.robot.encoders.metres_per_count
     own_interval = per_reading[1:] / np.diff(encoders.t)
     near = nearest(encoders.t[1:], inputs.t[1:])
@@ -103,7 +111,7 @@ def two_paths_picture(recordings: dict[str, Recording]) -> Picture:
     figure, grid = new_figure(7.0, 4.2, 1, 2)
     words = []
     for axes, (name, recording) in zip(grid, recordings.items(), strict=True):
-        odometry, truth = dead_reckoning(recording), recording.truth
+        odometry, truth = dead_reckoning(recording), true_path(recording)
         draw_trajectory(axes, truth, "truth")
         draw_trajectory(axes, odometry, "odometry", "dead reckoning")
         metric_axes(axes, name).set_xticks([0, 10, 20])
@@ -169,7 +177,7 @@ def heading_errors(recording: Recording, calibrations: dict[str, dict]) -> dict[
     errors = {}
     for name, calibration in calibrations.items():
         odometry = dead_reckoning(calibrated(recording, **calibration))
-        poses, true_poses = aligned_at_first(odometry, recording.truth)
+        poses, true_poses = aligned_at_first(odometry, true_path(recording))
         error = np.rad2deg(wrap_angle(poses[:, 2] - true_poses[:, 2]))
         errors[name] = np.column_stack([odometry.t - odometry.t[0], error])
     return errors
@@ -193,7 +201,7 @@ def heading_error_picture(recording: Recording, calibrations: dict[str, dict]) -
 
 def draw_calibration(recording: Recording, bias: float, scale: float, diameter: float) -> Figure:
     """The dead-reckoned path for a gyro bias (rad/s), a gyro scale and a wheel diameter (mm), over the truth."""
-    odometry, truth = _sketch(recording, bias, scale, diameter), recording.truth
+    odometry, truth = _sketch(recording, bias, scale, diameter), true_path(recording)
     figure, axes = new_figure(4.8, 4.8)
     draw_trajectory(axes, Trajectory(truth.t[::4], truth.poses[::4]), "truth")
     draw_trajectory(axes, odometry, "odometry", "dead reckoning")
@@ -208,7 +216,7 @@ def draw_calibration(recording: Recording, bias: float, scale: float, diameter: 
 def describe_calibration(recording: Recording, bias: float, scale: float, diameter: float) -> str:
     """The same in words."""
     odometry = _sketch(recording, bias, scale, diameter)
-    error = trajectory_error(odometry, recording.truth)
+    error = trajectory_error(odometry, true_path(recording))
     x, y = odometry.poses[-1, :2]
     return f"""Gyro bias {bias:g} rad/s removed, rate times {scale:g}, wheels of {diameter:g} mm: the path is
     {length(odometry):.1f} m long and ends at ({x:.1f}, {y:.1f}) m; it is {error.ate_rmse_m:.2f} m (rms) and at

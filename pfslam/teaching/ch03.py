@@ -12,7 +12,7 @@ from pfslam.motion import Controls, controls, dead_reckoning
 from pfslam.particles import ControlNoise
 from pfslam.poses import wrap_angle
 from pfslam.recording import Recording
-from pfslam.teaching.ch01 import at_rate
+from pfslam.teaching.ch01 import at_rate, true_path
 from pfslam.teaching.figures import draw_trajectory
 from pfslam.teaching.pictures import Picture
 from pfslam.teaching.style import COLOURS, LINE_STYLES, metric_axes, new_figure
@@ -91,7 +91,9 @@ def heading_spread_over_time(
     return curves
 
 
-def rates_picture(recording: Recording, noise: ControlNoise, rates: tuple[float, ...] = (100.0, 40.0, 10.0)):
+def rates_picture(
+    recording: Recording, noise: ControlNoise, rates: tuple[float, ...] = (100.0, 40.0, 10.0)
+) -> Picture:
     """Heading spread over time at several rates: noise per sample on the left, per root second on the right."""
     root = np.sqrt(1.0 / rates[0])
     density = ControlNoise(noise.sigma_v * root, noise.sigma_omega * root, per_root_second=True)
@@ -118,7 +120,7 @@ def honesty(recording: Recording, sigma_omega: float) -> float:
     it says. The first second is left out, where both are nothing.
     """
     odometry = dead_reckoning(recording)
-    poses, true_poses = aligned_at_first(odometry, recording.truth)
+    poses, true_poses = aligned_at_first(odometry, true_path(recording))
     error = wrap_angle(poses[:, 2] - true_poses[:, 2])[1:]
     expected = sigma_omega * np.sqrt(np.cumsum(np.diff(odometry.t) ** 2))
     later = odometry.t[1:] > odometry.t[0] + 1.0
@@ -128,7 +130,7 @@ def honesty(recording: Recording, sigma_omega: float) -> float:
 def honesty_picture(recording: Recording, sigmas: tuple[float, ...]) -> Picture:
     """The heading error of dead reckoning against the bands that three noise levels predict."""
     odometry = dead_reckoning(recording)
-    poses, true_poses = aligned_at_first(odometry, recording.truth)
+    poses, true_poses = aligned_at_first(odometry, true_path(recording))
     t = (odometry.t - odometry.t[0])[::20]
     error = np.rad2deg(wrap_angle(poses[:, 2] - true_poses[:, 2]))[::20]
     figure, axes = new_figure(6.8, 3.8)

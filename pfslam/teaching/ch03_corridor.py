@@ -21,7 +21,10 @@ TRUE_START, MOVES = 1, 9
 
 def predict_belief(belief: np.ndarray, step: dict[int, float]) -> np.ndarray:
     """Belief ``(cells,)`` after a move: each cell hands on its probability. The corridor runs round a courtyard."""
-    return sum((p * np.roll(belief, cells) for cells, p in step.items()), np.zeros_like(belief))
+    moved = np.zeros_like(belief)
+    for cells, probability in step.items():
+        moved += probability * np.roll(belief, cells)
+    return moved
 
 
 def update_belief(belief: np.ndarray, likelihood: np.ndarray) -> np.ndarray:
@@ -69,16 +72,16 @@ def corridor_walk() -> list[Moment]:
 def draw_moment(moments: list[Moment], k: int) -> Figure:
     """The corridor with its doors, the belief as bars, and the robot."""
     moment = moments[k]
-    figure, axes = new_figure(6.4, 3.4)
+    figure, axes = new_figure(6.0, 3.6)
     for door in DOORS:
         axes.axvspan(door - 0.5, door + 0.5, color=COLOURS["unknown"], alpha=0.5, linewidth=0)
     axes.bar(np.arange(CELLS), moment.belief, color=COLOURS["particles"], width=0.8, label="belief")
-    axes.scatter(moment.true_cell, 0.94, marker="v", s=110, color=COLOURS["truth"], label="robot", zorder=3)
+    axes.scatter(moment.true_cell, 0.92, marker="v", s=110, color=COLOURS["truth"], label="robot", zorder=3)
     axes.scatter([], [], marker="s", s=110, color=COLOURS["unknown"], alpha=0.5, label="door")
-    axes.set(xlabel="cell of the corridor", ylabel="probability", ylim=(0.0, 1.25), xlim=(-0.6, CELLS - 0.4))
+    axes.set(xlabel="cell of the corridor", ylabel="probability", ylim=(0.0, 1.0), xlim=(-0.6, CELLS - 0.4))
     axes.set(xticks=range(0, CELLS, 2), yticks=(0.0, 0.5, 1.0))
     axes.set_title(f"the robot {moment.what}")
-    axes.legend(loc="upper center", fontsize=11, ncols=3)
+    figure.legend(loc="outside lower center", fontsize=11, ncols=3)
     return figure
 
 

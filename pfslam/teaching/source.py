@@ -42,7 +42,8 @@ def show_source(subject: Callable | type, *, docstring: bool = False) -> Source:
 
 def _without_docstrings(code: str) -> str:
     """The code without its docstrings and the blank line after one; comments and all else stay."""
-    lines, dropped = code.splitlines(), set()
+    lines = code.splitlines()
+    dropped: set[int] = set()
     for node in ast.walk(ast.parse(code)):
         body = getattr(node, "body", None)
         for statement in body if isinstance(body, list) else []:
