@@ -108,7 +108,7 @@ def opinion_picture(recording: Recording) -> Picture:
 
 def two_paths_picture(recordings: dict[str, Recording]) -> Picture:
     """Figures 1 and 2 of the report, with the truth that the report did not have."""
-    figure, grid = new_figure(7.0, 4.2, 1, 2)
+    figure, grid = new_figure(6.2, 4.4, 1, 2, sharex=True, sharey=True)
     words = []
     for axes, (name, recording) in zip(grid, recordings.items(), strict=True):
         odometry, truth = dead_reckoning(recording), true_path(recording)
@@ -117,7 +117,8 @@ def two_paths_picture(recordings: dict[str, Recording]) -> Picture:
         metric_axes(axes, name).set_xticks([0, 10, 20])
         error = trajectory_error(odometry, truth)
         words.append(f"{name}: at most {error.ate_max_m:.1f} m from the truth")
-    grid[0].legend(loc="center right", fontsize=11)
+    handles, labels = grid[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=11)
     return Picture(figure, f"True and dead-reckoned path of two drives, side by side. {'; '.join(words)}.")
 
 

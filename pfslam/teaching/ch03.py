@@ -59,7 +59,7 @@ def end_spreads(recording: Recording, noise: ControlNoise, seeds: range, n: int 
 
 def fans_picture(recordings: dict[str, tuple[Recording, ControlNoise]], n: int = 5, seed: int = 0) -> Picture:
     """Paths of a few particles for each named recording with its noise: figures 3 and 4 of the report."""
-    figure, grid = new_figure(7.0, 4.8, 1, len(recordings), squeeze=False, sharex=True, sharey=True)
+    figure, grid = new_figure(6.2, 4.6, 1, len(recordings), squeeze=False, sharex=True, sharey=True)
     words = []
     for axes, (name, (recording, noise)) in zip(grid[0], recordings.items(), strict=True):
         paths = fan(controls(recording), noise, n, np.random.default_rng(seed))
@@ -97,7 +97,7 @@ def rates_picture(
     """Heading spread over time at several rates: noise per sample on the left, per root second on the right."""
     root = np.sqrt(1.0 / rates[0])
     density = ControlNoise(noise.sigma_v * root, noise.sigma_omega * root, per_root_second=True)
-    figure, grid = new_figure(7.0, 3.8, 1, 2, sharey=True)
+    figure, grid = new_figure(6.2, 3.6, 1, 2, sharey=True)
     looks = zip(rates, ("estimate", "highlight", "odometry"), ("-", "-.", "--"), strict=True)
     styles = {rate: {"color": COLOURS[colour], "linestyle": line} for rate, colour, line in looks}
     words = []
