@@ -22,9 +22,11 @@ from pfslam.datasets import load
 from pfslam.files import atomic_write
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
 from pfslam.poses import between, transform_points
-from pfslam.recording import Recording, nearest_stamp
-from pfslam.sensors import scan_points
-from pfslam.slam import SlamResult, StepInfo, run_slam
+from pfslam.recording import LidarScans, Recording, nearest_stamp
+from pfslam.sensors import LidarModel, scan_points
+from pfslam.runs import SlamResult, run_slam
+from pfslam.slam import StepInfo
+from pfslam.teaching.pictures import encode
 from pfslam.teaching.style import COLOURS, INK, PAPER
 from pfslam.texture import FloorTexture, map_texture
 
@@ -43,7 +45,8 @@ ANIMATION, STILL, SMALL = "hero.webp", "hero-still.webp", "readme.webp"
 class Scene:
     """What all frames share: the run, the cells that are shown, and the finished floor on them."""
 
-    recording: Recording
+    lidar: LidarScans
+    model: LidarModel
     result: SlamResult
     spec: GridSpec
     floor: np.ndarray
@@ -52,6 +55,8 @@ class Scene:
 
 def make_scene(recording: Recording, result: SlamResult, texture: FloorTexture) -> Scene:
     """Cut the run's map and texture (on the same cells) to the building."""
+    if recording.lidar is None:
+        raise ValueError(f"{recording.name}: no LiDAR")
     grid = result.grid
     iy, ix = np.nonzero(grid.log_odds)
     border = round(MARGIN / grid.spec.resolution)
@@ -60,14 +65,15 @@ def make_scene(recording: Recording, result: SlamResult, texture: FloorTexture) 
     window = slice(low[1], high[1]), slice(low[0], high[0])
     x, y = np.array(grid.spec.origin) + low * grid.spec.resolution
     spec = GridSpec((float(x), float(y)), grid.spec.resolution, grid.log_odds[window].shape)
-    return Scene(recording, result, spec, texture.rgb[window], texture.seen[window])
+    return Scene(
+        recording.lidar, recording.robot.lidar, result, spec, texture.rgb[window], texture.seen[window]
+    )
 
 
 def frames(scene: Scene) -> Iterator[tuple[np.ndarray, int]]:
     """The pictures ``(H, W, 3)`` uint8 RGB in order, each with its milliseconds; the finished map comes first."""
-    infos = scene.result.infos
-    last = len(infos) - 1
-    maps = dict(growing_map(scene, np.unique(np.linspace(0, last, FRAMES).astype(int))))
+    last = len(scene.result.infos) - 1
+    maps = dict(growing_map(scene, moments_of(scene.result)))
     yield draw_frame(scene, maps[last], last, floor=1.0), HOLD_MS
     for k, log_odds in maps.items():
         yield draw_frame(scene, log_odds, k), FRAME_MS
@@ -75,23 +81,37 @@ def frames(scene: Scene) -> Iterator[tuple[np.ndarray, int]]:
         yield draw_frame(scene, maps[last], last, floor=step / FADE), FRAME_MS
 
 
+def moments_of(result: SlamResult) -> np.ndarray:
+    """The steps to draw: evenly in time while the robot drives, and the last one."""
+    way = np.hypot(*(result.trajectory.poses[:, :2] - result.trajectory.poses[0, :2]).T)
+    away = np.flatnonzero(way > 0.05)
+    stop = np.flatnonzero(np.hypot(*np.diff(result.trajectory.poses[:, :2], axis=0).T) > 0.005)
+    last = len(way) - 1
+    begin, end = (int(away[0]), int(stop[-1])) if len(away) and len(stop) else (0, last)
+    return np.unique(np.append(np.linspace(begin, end, FRAMES).astype(int), last))
+
+
 def growing_map(scene: Scene, moments) -> Iterator[tuple[int, np.ndarray]]:
     """``(k, log_odds)`` of the map as it was after step k, for the steps in ``moments``."""
-    recording, config = scene.recording, scene.result.config
-    lidar = recording.robot.lidar
-    grid = OccupancyGrid.empty(scene.result.grid.spec)
-    offset = np.rint((np.array(scene.spec.origin) - grid.spec.origin) / grid.spec.resolution).astype(int)
+    config, spec = scene.result.config, scene.result.grid.spec
+    grid = OccupancyGrid.empty(spec)
+    offset = np.rint((np.array(scene.spec.origin) - spec.origin) / spec.resolution).astype(int)
     h, w = scene.spec.shape
     wanted = set(np.asarray(moments).tolist())
     for k, info in enumerate(scene.result.infos):
         if info.drawn:
-            ranges = recording.lidar.ranges[nearest_stamp(recording.lidar.t, [info.t])[0]]
-            points_w = transform_points(info.estimate, scan_points(ranges, lidar))
-            sensor_w = transform_points(info.estimate, np.array([lidar.position_b[:2]]))[0]
-            beams = np.flatnonzero(lidar.valid(ranges))
+            ranges = scan_at(scene, info)
+            points_w = transform_points(info.estimate, scan_points(ranges, scene.model))
+            sensor_w = transform_points(info.estimate, np.array([scene.model.position_b[:2]]))[0]
+            beams = np.flatnonzero(scene.model.valid(ranges))
             grid, _ = integrate_scan(grid, points_w, beams, sensor_w, config.map)
         if k in wanted:
             yield k, grid.log_odds[offset[1] : offset[1] + h, offset[0] : offset[0] + w].copy()
+
+
+def scan_at(scene: Scene, info: StepInfo) -> np.ndarray:
+    """The ranges ``(beams,)`` of a step's scan."""
+    return scene.lidar.ranges[nearest_stamp(scene.lidar.t, np.array([info.t]))[0]]
 
 
 def draw_frame(scene: Scene, log_odds: np.ndarray, k: int, floor: float = 0.0) -> np.ndarray:
@@ -141,9 +161,7 @@ def _draw_path(picture: np.ndarray, scene: Scene, k: int, floor: float) -> None:
 
 
 def _draw_scan(picture: np.ndarray, scene: Scene, info: StepInfo) -> None:
-    lidar = scene.recording.lidar
-    ranges = lidar.ranges[nearest_stamp(lidar.t, [info.t])[0]]
-    points_w = transform_points(info.estimate, scan_points(ranges, scene.recording.robot.lidar))
+    points_w = transform_points(info.estimate, scan_points(scan_at(scene, info), scene.model))
     for point in to_pixels(scene, points_w[::3]):
         cv2.circle(picture, point.tolist(), 2, _rgb("hits"), -1)
 
@@ -180,7 +198,8 @@ def _draw_inset(picture: np.ndarray, info: StepInfo) -> None:
     box[:] = colour("paper")
     _draw_robot(box, np.array([INSET / 2, INSET / 2]), np.pi / 2, 40)
     scale = INSET / INSET_METRES
-    for x, y, _ in between(info.estimate, info.particles.poses):
+    cloud = info.particles.poses if info.particles is not None else info.estimate[None]
+    for x, y, _ in between(info.estimate, cloud):
         u, v = round(INSET / 2 - scale * y), round(INSET / 2 - scale * x)
         cv2.circle(box, (u, v), 5, _rgb("particles"), -1, cv2.LINE_AA)
         cv2.circle(box, (u, v), 5, _rgb("paper"), 1, cv2.LINE_AA)
@@ -193,7 +212,7 @@ def encode_animation(pictures: list[np.ndarray], milliseconds: list[int], qualit
     """An animated WebP that repeats for ever."""
     animation = cv2.Animation()
     animation.frames = [np.ascontiguousarray(picture[..., ::-1]) for picture in pictures]
-    animation.durations = np.array(milliseconds, dtype=np.int32)
+    animation.durations = tuple(milliseconds)
     animation.loop_count = 0
     done, data = cv2.imencodeanimation(".webp", animation, [cv2.IMWRITE_WEBP_QUALITY, quality])
     if not done:
@@ -205,14 +224,6 @@ def scaled(picture: np.ndarray, width: int) -> np.ndarray:
     """The picture, ``width`` pixels wide."""
     height = round(picture.shape[0] * width / picture.shape[1])
     return cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
-
-
-def encode_still(picture: np.ndarray, quality: int = 80) -> bytes:
-    """One WebP picture."""
-    done, data = cv2.imencode(".webp", picture[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, quality])
-    if not done:
-        raise RuntimeError("could not encode a picture as WebP")
-    return data.tobytes()
 
 
 def hero_frames() -> tuple[list[np.ndarray], list[int]]:
@@ -228,7 +239,7 @@ def write_hero(folder: str | Path) -> None:
     """Write the animation and its still into a folder."""
     pictures, milliseconds = hero_frames()
     moving = encode_animation([scaled(picture, WIDTH) for picture in pictures], milliseconds)
-    for name, data in ((ANIMATION, moving), (STILL, encode_still(pictures[0]))):
+    for name, data in ((ANIMATION, moving), (STILL, encode(pictures[0]))):
         _save(Path(folder) / name, data)
 
 
@@ -243,7 +254,7 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args(arguments).folder
-    _save(folder / SMALL, encode_still(scaled(hero_frames()[0][0], 720)))
+    _save(folder / SMALL, encode(scaled(hero_frames()[0][0], 720)))
 
 
 if __name__ == "__main__":
