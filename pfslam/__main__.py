@@ -62,7 +62,10 @@ def build_parser() -> Parser:
         "--method", choices=METHODS, default="refined", help="which filter (default refined)"
     )
     command.add_argument(
-        "--particles", type=whole(1, MAX_PARTICLES), default=200, metavar="N", help="default 200"
+        "--particles",
+        type=whole(1, MAX_PARTICLES),
+        metavar="N",
+        help="default 200; 30 with a map for each, 1 for matching",
     )
     every_help = "use every K-th scan (default 5, for logs 1)"
     command.add_argument("--every", type=whole(1, 10**6), metavar="K", help=every_help)

@@ -27,10 +27,15 @@ from pfslam.metrics import trajectory_error
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
-from pfslam.slam import SlamResult, run_slam
+from pfslam.runs import SlamResult, run_slam
 from pfslam.texture import FloorTexture, map_texture
 
-PRESETS = {"report": SlamConfig.report, "refined": SlamConfig.refined}
+PRESETS = {
+    "report": SlamConfig.report,
+    "refined": SlamConfig.refined,
+    "per-particle": SlamConfig.per_particle,
+    "matching": SlamConfig.matching,
+}
 FIGURES = (
     "dead_reckoning_trajectory",
     "prediction_only",
@@ -84,10 +89,11 @@ def simulate_command(arguments: argparse.Namespace) -> None:
 
 def run_command(arguments: argparse.Namespace) -> None:
     """Dead reckoning, the filter and the texture of one data set; all results go to one folder."""
-    if arguments.method not in PRESETS:
-        expected = f"{' or '.join(PRESETS)}; the others are not available yet"
-        raise DataError("pfslam run", "--method", arguments.method, expected)
-    config = replace(PRESETS[arguments.method](), particles=arguments.particles, every=arguments.every)
+    preset = PRESETS[arguments.method]()
+    particles = preset.particles if arguments.particles is None else arguments.particles
+    if arguments.method == "matching" and particles != 1:
+        raise DataError("pfslam run", "--particles", particles, "1 with --method matching: it has one pose")
+    config = replace(preset, particles=particles, every=arguments.every)
     out, watch = out_folder(arguments), Stopwatch()
     with watch.stage("load"):
         recording = load(arguments.dataset, arguments.data, progress=progress_bar("simulating"))

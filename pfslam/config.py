@@ -6,7 +6,7 @@ another; each can be switched by itself with ``dataclasses.replace``, which is h
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from math import sqrt
 
 from pfslam.errors import DataError
@@ -24,6 +24,8 @@ class MotionNoise:
     yaw: float = 0.005
     yaw_per_radian: float = 0.05
     yaw_per_metre: float = 0.06
+    sampled: bool = True
+    """Whether particles are moved by noise of this size. If not, it only sets the search window and the prior."""
 
     def sigmas(self, metres: float, radians: float) -> tuple[float, float]:
         """Standard deviations (m, rad) of position (each axis) and heading."""
@@ -82,6 +84,8 @@ class PolishConfig:
 class SlamConfig:
     """One run of the filter. Units are SI; sigmas are standard deviations."""
 
+    maps: str = "shared"
+    """"shared": one map, drawn from the estimate. "per-particle": a map for each particle (Rao-Blackwellised)."""
     particles: int = 200
     every: int | None = None
     """Every how-many-th scan is used; None takes the recording's own default."""
@@ -106,6 +110,7 @@ class SlamConfig:
 
     def __post_init__(self):
         choices = {
+            "maps": (self.maps, ("shared", "per-particle")),
             "estimate": (self.estimate, ("best", "mean")),
             "search.field": (self.search.field, ("occupied", "distance")),
             "search.weight": (self.search.weight, ("count", "likelihood")),
@@ -155,6 +160,16 @@ class SlamConfig:
             draw_metres=0.05,
             draw_radians=0.025,
         )
+
+    @classmethod
+    def per_particle(cls) -> SlamConfig:
+        """The refined filter with a map for each of thirty particles, each drawn from that particle's own path."""
+        return replace(cls.refined(), maps="per-particle", particles=30, draw_metres=0.2, draw_radians=0.1)
+
+    @classmethod
+    def matching(cls) -> SlamConfig:
+        """Scan matching without particles: one pose, predicted by odometry without noise, then matched and polished."""
+        return replace(cls.refined(), particles=1, noise=MotionNoise(sampled=False))
 
     def as_dict(self) -> dict:
         """All settings as plain nested dictionaries, for ``summary.json`` and tables."""

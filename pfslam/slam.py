@@ -6,19 +6,17 @@ plots need.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pfslam.config import ControlNoise, SlamConfig
 from pfslam.correlation import score_field, updated_field
-from pfslam.events import ScanEvent, scan_events, used_scans
+from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
 from pfslam.matching import Matched, match
 from pfslam.particles import Particles, effective_sample_size, predict, resample, reweight
-from pfslam.poses import Trajectory, average_pose, between, compose, transform_points, wrap_angle
-from pfslam.recording import Recording
+from pfslam.poses import average_pose, between, compose, transform_points, wrap_angle
 from pfslam.refinement import HitMoments, polish
 
 
@@ -55,28 +53,10 @@ class StepInfo:
     resampled: bool = False
     drawn: bool = False
     score: float = 0.0
+    log_evidence: float = 0.0
+    """How well the whole cloud fits the scan, as a logarithm: what normalising Eq. 12 divides by."""
     polish_beams: int = 0
     free_direction: np.ndarray | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class SlamResult:
-    """A finished run: the estimate as it was at each used scan (never revised), the map, one info per step."""
-
-    trajectory: Trajectory
-    grid: OccupancyGrid
-    infos: tuple[StepInfo, ...]
-    dropped: dict[str, int]
-    config: SlamConfig
-
-    @property
-    def updates(self) -> int:
-        """Scans that were matched against the map."""
-        return sum(info.matched for info in self.infos)
-
-    @property
-    def resamplings(self) -> int:
-        return sum(info.resampled for info in self.infos)
 
 
 def slam_step(
@@ -98,7 +78,7 @@ def slam_step(
         state, event, estimate_pose(particles, config), particles, predicted, config
     )
     info = _info(event, estimate, particles, matched=True, scored=evidence > -np.inf)
-    info = replace(info, score=float(particles.weights @ matched.score), **aligned)
+    info = replace(info, score=float(particles.weights @ matched.score), log_evidence=evidence, **aligned)
     # Resample if few particles carry the weight.
     if info.effective_sample_size <= config.resample_below * len(particles):
         particles, info = resample(particles, rng, config.resampler), replace(info, resampled=True)
@@ -120,10 +100,10 @@ def predict_motion(
         spread = np.sum(dt) if config.noise.per_root_second else np.sum(dt**2)
         return particles, np.array([config.noise.sigma_v, config.noise.sigma_omega]) ** 2 * spread
     sigma_xy, sigma_yaw = config.noise.sigmas(float(np.hypot(*event.motion[:2])), abs(float(event.motion[2])))
-    noise = rng.standard_normal((len(particles), 3)) * [sigma_xy, sigma_xy, sigma_yaw]
-    return Particles(compose(particles.poses, event.motion + noise), particles.log_weights), np.array(
-        [sigma_xy**2, sigma_yaw**2]
-    )
+    sigmas = np.array([sigma_xy, sigma_xy, sigma_yaw])
+    noise = sigmas * rng.standard_normal((len(particles), 3)) if config.noise.sampled else np.zeros(3)
+    moved = Particles(compose(particles.poses, event.motion + noise), particles.log_weights)
+    return moved, np.array([sigma_xy, sigma_yaw]) ** 2
 
 
 def match_scan(
@@ -203,47 +183,6 @@ def start(event: ScanEvent, config: SlamConfig, rng: np.random.Generator) -> tup
     state = SlamState(particles, estimate, grid, field, moments, estimate, np.zeros(2))
     info = _info(event, estimate, particles)
     return (draw(state, event, config), replace(info, drawn=True)) if len(event.points_b) else (state, info)
-
-
-def slam_steps(
-    recording: Recording, config: SlamConfig, rng: np.random.Generator
-) -> Iterator[tuple[SlamState, StepInfo]]:
-    """The run as an iterator over (state, info), one for each used scan: for animations and for long drives."""
-    state = None
-    for event in scan_events(recording, config)[0]:
-        state, info = start(event, config, rng) if state is None else slam_step(state, event, config, rng)
-        yield state, info
-
-
-def run_slam(
-    recording: Recording,
-    config: SlamConfig | None = None,
-    *,
-    rng: np.random.Generator | None = None,
-    progress: Callable | None = None,
-    keep_particles: bool = True,
-) -> SlamResult:
-    """Trajectory and map of a recording.
-
-    ``config=None`` is ``SlamConfig.refined()``; ``rng=None`` is seed 0. ``progress(iterable, total=n)`` may wrap the
-    loop, as tqdm does. Without ``keep_particles`` the infos hold no clouds, which saves memory on long runs.
-    """
-    config = SlamConfig.refined() if config is None else config
-    rng = np.random.default_rng(0) if rng is None else rng
-    stamps, dropped = used_scans(recording, config)
-    steps = slam_steps(recording, config, rng)
-    infos, grid = [], None
-    for state, info in progress(steps, total=len(stamps)) if progress else steps:
-        infos.append(info if keep_particles else replace(info, particles=None))
-        grid = state.grid
-    trajectory = Trajectory([info.t for info in infos], [info.estimate for info in infos])
-    blind = sum(not info.matched for info in infos[1:])
-    mute = sum(info.matched and not info.scored for info in infos)
-    floor = sum(info.struck_floor for info in infos)
-    dropped |= {"beams that struck the floor": floor} if floor else {}
-    dropped |= {"scans with too few valid beams": blind} if blind else {}
-    dropped |= {"scans that scored nothing anywhere": mute} if mute else {}
-    return SlamResult(trajectory, grid, tuple(infos), dropped, config)
 
 
 def _info(event: ScanEvent, estimate: np.ndarray, particles: Particles, **what) -> StepInfo:

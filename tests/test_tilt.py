@@ -10,9 +10,9 @@ from pfslam.events import level_scan, scan_events
 from pfslam.metrics import trajectory_error
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, Recording
+from pfslam.runs import run_slam
 from pfslam.sensors import STANDARD_GRAVITY, EncoderModel, LidarModel
 from pfslam.simulator import RAMP, simulate
-from pfslam.slam import run_slam
 from pfslam.tilt import TiltConfig, estimate_tilt, standing_start
 
 CONFIG = TiltConfig()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,8 +15,9 @@ from pfslam.metrics import trajectory_error
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording, nearest_stamp
+from pfslam.runs import slam_steps
 from pfslam.sensors import scan_points
-from pfslam.slam import StepInfo, slam_steps
+from pfslam.slam import StepInfo
 from pfslam.teaching.figures import (
     draw_map,
     draw_particles,
@@ -74,11 +75,6 @@ def _steps(recording: Recording, config: SlamConfig, rng) -> Iterator[tuple[Occu
         yield state.grid, info
 
 
-def thinned(config: SlamConfig, particles: int, every: int) -> SlamConfig:
-    """The same filter with fewer particles and scans, so that a page does not take an hour to build."""
-    return replace(config, particles=particles, every=every)
-
-
 def odometry_at(recording: Recording, t: np.ndarray) -> Trajectory:
     """Dead reckoning at the given times."""
     return Trajectory(t, dead_reckoning(recording).at(t))
@@ -89,7 +85,7 @@ def odometry_at(recording: Recording, t: np.ndarray) -> Trajectory:
 
 def dead_reckoned_maps_picture(recordings: dict[str, Recording]) -> Picture:
     """Figures 5 and 6 of the report: what dead reckoning draws."""
-    figure, axes = new_figure(6.8, 3.9, columns=len(recordings))
+    figure, axes = new_figure(6.2, 3.7, columns=len(recordings))
     words = []
     for ax, (name, recording) in zip(axes, recordings.items(), strict=True):
         odometry = dead_reckoning(recording)
@@ -104,7 +100,7 @@ def dead_reckoned_maps_picture(recordings: dict[str, Recording]) -> Picture:
 
 def results_picture(runs: dict[str, Played]) -> Picture:
     """Figures 7 and 8 of the report in one: map and trajectory of each run, with the truth."""
-    figure, axes = new_figure(6.8, 4.2, columns=len(runs))
+    figure, axes = new_figure(6.2, 3.7, columns=len(runs))
     words = []
     for ax, (name, run) in zip(axes, runs.items(), strict=True):
         draw_map(ax, run.grid, name)
@@ -112,14 +108,14 @@ def results_picture(runs: dict[str, Played]) -> Picture:
         draw_trajectory(ax, run.recording.truth, "truth")
         error = trajectory_error(run.trajectory, run.recording.truth)
         words.append(f"{name}: error {error.ate_rmse_m:.2f} m, at most {error.ate_max_m:.2f} m")
-    axes[0].legend(loc="upper right", fontsize=11)
+    axes[0].legend(loc="upper right", fontsize=11, borderaxespad=0.2)
     axes[1].set_ylabel("")
     return Picture(figure, f"Map, estimated path and true path of two runs. {'; '.join(words)}.")
 
 
 def n_eff_picture(runs: dict[str, Played]) -> Picture:
     """N_eff over time for each run, with the threshold below which it resamples."""
-    figure, axes = new_figure(6.8, 3.4)
+    figure, axes = new_figure(6.2, 3.3)
     words = []
     for (name, run), colour in zip(runs.items(), ("odometry", "estimate"), strict=True):
         axes.plot(run.seconds, run.n_eff_share, color=COLOURS[colour], linewidth=1.2, label=name)
@@ -140,7 +136,7 @@ def film_frame(runs: dict[str, Played]) -> Callable[..., Figure]:
 
     def draw(filter: str, frame: int) -> Figure:
         run = runs[filter]
-        figure, axes = new_figure(6.8, 4.9, 2, 2, width_ratios=[1.55, 1], height_ratios=[1.6, 1])
+        figure, axes = new_figure(6.2, 4.4, 2, 2, width_ratios=[1.6, 1], height_ratios=[1.5, 1])
         grid_spec = axes[0, 0].get_gridspec()
         for ax in axes[:, 0]:
             ax.remove()

@@ -12,8 +12,8 @@ from pfslam.metrics import SlamCost, slam_cost, trajectory_error
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import LidarScans, Recording
+from pfslam.runs import run_slam
 from pfslam.sensors import scan_points
-from pfslam.slam import run_slam
 from pfslam.teaching.figures import draw_map, map_along
 from pfslam.teaching.pictures import Picture
 from pfslam.teaching.style import COLOURS, new_figure
@@ -46,7 +46,7 @@ def dead_reckoning_error(recording: Recording) -> float:
 
 def errors_picture(errors: dict[str, np.ndarray]) -> Picture:
     """One dot per run, one row per filter, logarithmic scale."""
-    figure, axes = new_figure(6.8, 2.9)
+    figure, axes = new_figure(6.2, 2.9)
     colours = ("odometry", "particles", "free", "estimate")
     words = []
     for row, ((name, values), colour) in enumerate(zip(errors.items(), colours, strict=True)):
@@ -90,7 +90,7 @@ def erosion_picture(
     maps: dict[str, tuple[OccupancyGrid, float]], window: tuple[float, float, float, float]
 ) -> Picture:
     """The same piece of wall drawn with each amount of clearing; ``window`` is x_min, x_max, y_min, y_max."""
-    figure, axes = new_figure(6.8, 3.6, rows=len(maps), sharex=True)
+    figure, axes = new_figure(6.2, 4.8, rows=len(maps), sharex=True)
     words = []
     for ax, (name, (grid, share)) in zip(axes, maps.items(), strict=True):
         draw_map(ax, grid, f"{name}: {share:.0%} of wall cells rubbed out")

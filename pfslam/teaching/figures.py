@@ -18,8 +18,8 @@ from pfslam.motion import controls, dead_reckoning
 from pfslam.particles import ControlNoise, Particles, predict
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording
+from pfslam.runs import SlamResult, run_slam
 from pfslam.sensors import scan_points
-from pfslam.slam import SlamResult, run_slam
 from pfslam.teaching.style import COLOURS, LINE_STYLES, metric_axes, new_figure
 from pfslam.texture import FloorTexture, TextureConfig, map_texture
 

@@ -23,8 +23,8 @@ from pfslam.files import atomic_write
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
 from pfslam.poses import between, transform_points
 from pfslam.recording import LidarScans, Recording, nearest_stamp
-from pfslam.sensors import LidarModel, scan_points
 from pfslam.runs import SlamResult, run_slam
+from pfslam.sensors import LidarModel, scan_points
 from pfslam.slam import StepInfo
 from pfslam.teaching.pictures import encode
 from pfslam.teaching.style import COLOURS, INK, PAPER
@@ -32,8 +32,7 @@ from pfslam.texture import FloorTexture, map_texture
 
 PIXELS_PER_CELL = 2
 MARGIN = 0.6  # m of paper around the building
-FRAMES = 56  # while the map grows
-FADE = 8  # while the floor appears
+FRAMES, FADE = 56, 8  # while the map grows; while the floor appears
 FRAME_MS, HOLD_MS = 100, 1600
 INSET = 280  # px, the window on the particles
 INSET_METRES = 0.2

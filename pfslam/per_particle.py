@@ -1,0 +1,70 @@
+"""A map for every particle: Rao-Blackwellised SLAM.
+
+Given its path, a particle knows its map exactly, so each particle carries its own. It is then a whole small SLAM run:
+one pose, one map drawn from that pose, and a weight that says how well its scans have fitted its own map. Resampling
+copies whole histories. Copies share their arrays until they differ: no step changes an array in place, each makes a
+new one for the map that it draws into.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pfslam.config import SlamConfig
+from pfslam.events import ScanEvent
+from pfslam.grid import OccupancyGrid
+from pfslam.particles import RESAMPLERS, Particles, effective_sample_size, reweight
+from pfslam.slam import SlamState, StepInfo, slam_step, start
+
+
+@dataclass(frozen=True, eq=False)
+class Histories:
+    """N hypotheses: ``states`` with one particle and one map each, and their normalised ``log_weights (N,)``."""
+
+    states: tuple[SlamState, ...]
+    log_weights: np.ndarray
+
+    @property
+    def particles(self) -> Particles:
+        """The hypotheses' poses and weights."""
+        return Particles(np.array([state.estimate for state in self.states]), self.log_weights)
+
+    @property
+    def best(self) -> SlamState:
+        """The heaviest hypothesis. Maps cannot be averaged, so it speaks for all."""
+        return self.states[int(np.argmax(self.log_weights))]
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        return self.best.grid
+
+
+def start_histories(
+    event: ScanEvent, config: SlamConfig, rng: np.random.Generator
+) -> tuple[Histories, StepInfo]:
+    """All hypotheses begin with the same first scan, and share its map."""
+    state, info = start(event, replace(config, particles=1), rng)
+    histories = Histories((state,) * config.particles, np.full(config.particles, -np.log(config.particles)))
+    return histories, replace(info, particles=histories.particles)
+
+
+def per_particle_step(
+    histories: Histories, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
+) -> tuple[Histories, StepInfo]:
+    """One scan for every hypothesis by itself; then weights by what each had expected, and resampling of histories."""
+    alone = replace(config, particles=1)
+    steps = [slam_step(state, event, alone, rng) for state in histories.states]
+    states, infos = tuple(state for state, _ in steps), [info for _, info in steps]
+    cloud = Particles(np.array([state.estimate for state in states]), histories.log_weights)
+    cloud, evidence = reweight(cloud, np.array([info.log_evidence for info in infos]))
+    histories = Histories(states, cloud.log_weights)
+    best = infos[int(np.argmax(cloud.log_weights))]
+    n_eff = effective_sample_size(cloud.weights)
+    info = replace(best, particles=cloud, effective_sample_size=n_eff, log_evidence=evidence)
+    if n_eff <= config.resample_below * len(states):
+        ancestors = RESAMPLERS[config.resampler](cloud.weights, rng)
+        histories = Histories(tuple(states[k] for k in ancestors), np.full(len(states), -np.log(len(states))))
+        info = replace(info, resampled=True)
+    return histories, info

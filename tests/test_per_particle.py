@@ -1,0 +1,106 @@
+"""Maps for every particle and scan matching: the same interface, shared arrays, histories that stay whole."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rooms import CURVES, drive
+
+from pfslam.config import MotionNoise, SlamConfig
+from pfslam.errors import DataError
+from pfslam.events import scan_events
+from pfslam.metrics import trajectory_error
+from pfslam.per_particle import Histories, per_particle_step, start_histories
+from pfslam.runs import run_slam, slam_steps
+from pfslam.slam import start
+
+DRIVE = drive(CURVES)
+CONFIG = replace(SlamConfig.per_particle(), particles=6)
+
+
+def test_all_begin_with_one_map_between_them():
+    event = next(scan_events(DRIVE, CONFIG)[0])
+    histories, info = start_histories(event, CONFIG, np.random.default_rng(0))
+    assert len(histories.states) == 6
+    assert len({id(state.grid.log_odds) for state in histories.states}) == 1
+    np.testing.assert_allclose(histories.particles.weights, 1 / 6)
+    assert info.drawn
+
+
+def test_maps_differ_once_drawn_and_copies_share_them_again():
+    """After a step each history has drawn a map of its own; resampling 0, 0, 1 needs two maps, not three."""
+    config = replace(CONFIG, draw_metres=0.0, draw_radians=0.0, resample_below=0.0)
+    events = scan_events(DRIVE, config)[0]
+    rng = np.random.default_rng(1)
+    histories, _ = start_histories(next(events), config, rng)
+    histories, info = per_particle_step(histories, next(events), config, rng)
+    assert not info.resampled
+    assert len({id(state.grid.log_odds) for state in histories.states}) == 6
+    heavy = np.log([1.0, 1e-300, 1e-300, 1e-300, 1e-300, 1e-300])
+    histories, info = per_particle_step(
+        Histories(histories.states, heavy), next(events), replace(config, resample_below=0.5), rng
+    )
+    assert info.resampled
+    assert len({id(state.grid.log_odds) for state in histories.states}) == 1
+    np.testing.assert_allclose(histories.particles.weights, 1 / 6)
+
+
+def test_a_step_leaves_the_histories_before_it_alone():
+    events = scan_events(DRIVE, CONFIG)[0]
+    rng = np.random.default_rng(2)
+    before, _ = start_histories(next(events), CONFIG, rng)
+    maps = [state.grid.log_odds.copy() for state in before.states]
+    for event in events:
+        per_particle_step(before, event, CONFIG, rng)
+        break
+    for state, log_odds in zip(before.states, maps, strict=True):
+        np.testing.assert_array_equal(state.grid.log_odds, log_odds)
+
+
+def test_the_heaviest_history_speaks_for_all():
+    result = list(slam_steps(DRIVE, CONFIG, np.random.default_rng(3)))
+    histories, info = result[-2]
+    heaviest = int(np.argmax(info.particles.log_weights))
+    np.testing.assert_array_equal(info.estimate, info.particles.poses[heaviest])
+    if not info.resampled:
+        assert histories.grid is histories.states[heaviest].grid
+
+
+def test_one_history_is_the_shared_filter_with_one_particle():
+    """With a single particle nothing is left to tell the two apart: same map, same poses, same random numbers."""
+    single = replace(SlamConfig.per_particle(), particles=1)
+    alone = run_slam(DRIVE, single, rng=np.random.default_rng(4))
+    shared = run_slam(DRIVE, replace(single, maps="shared"), rng=np.random.default_rng(4))
+    np.testing.assert_array_equal(alone.trajectory.poses, shared.trajectory.poses)
+    np.testing.assert_array_equal(alone.grid.log_odds, shared.grid.log_odds)
+
+
+def test_scan_matching_needs_no_random_numbers():
+    one, other = (run_slam(DRIVE, SlamConfig.matching(), rng=np.random.default_rng(seed)) for seed in (5, 6))
+    np.testing.assert_array_equal(one.trajectory.poses, other.trajectory.poses)
+    assert one.resamplings == 0
+
+
+def test_unsampled_motion_is_odometry_itself():
+    config = replace(
+        SlamConfig.matching(), search=replace(SlamConfig.matching().search), noise=MotionNoise(sampled=False)
+    )
+    events = list(scan_events(DRIVE, config)[0])
+    state, _ = start(events[0], config, np.random.default_rng(0))
+    from pfslam.poses import compose
+    from pfslam.slam import predict_motion
+
+    moved, variance = predict_motion(state.particles, events[1], config, np.random.default_rng(0))
+    np.testing.assert_array_equal(moved.poses[0], compose(state.particles.poses[0], events[1].motion))
+    assert (variance > 0).all()  # the search still knows how far to look
+
+
+@pytest.mark.parametrize("config", [CONFIG, SlamConfig.matching()], ids=["per-particle", "matching"])
+def test_both_follow_a_noiseless_room_to_within_half_a_cell(config):
+    result = run_slam(DRIVE, config)
+    assert trajectory_error(result.trajectory, DRIVE.truth).ate_max_m < 0.025
+
+
+def test_unknown_kind_of_map_is_refused():
+    with pytest.raises(DataError, match="maps"):
+        SlamConfig(maps="several")
