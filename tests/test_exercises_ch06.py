@@ -65,4 +65,4 @@ def test_blind_ring_hints():
         lambda height, pitch, rows, v0, focal: height / np.sin(pitch + half(rows, v0, focal))
     )
     assert "length of the ray" in ray.message
-    assert "triangle" in check_blind_ring(lambda *_: 3.0).message
+    assert "lowest ray" in check_blind_ring(lambda *_: 3.0).message
