@@ -1,0 +1,54 @@
+"""What the chapters show of the package is the package: real lines, without docstrings, and checks that never raise."""
+
+import ast
+import inspect
+
+import pytest
+
+from pfslam.motion import motion_model
+from pfslam.particles import Particles, predict
+from pfslam.teaching.checks import attempt, hint, is_number, is_unanswered, passed, unanswered
+from pfslam.teaching.source import show_source
+
+
+@pytest.mark.parametrize("subject", [motion_model, predict, Particles, Particles.at])
+def test_shown_source_is_the_real_one_without_docstrings(subject):
+    shown = show_source(subject).code
+    real = inspect.getsource(subject).splitlines()
+    indent = len(real[0]) - len(real[0].lstrip())
+    assert set(shown.splitlines()) <= {line[indent:] for line in real}
+    for node in ast.walk(ast.parse(shown)):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            assert ast.get_docstring(node) is None
+    assert show_source(subject, docstring=True).code.count('"""') >= 2
+
+
+def test_committed_notebooks_hold_the_name_alone(monkeypatch):
+    monkeypatch.setenv("PFSLAM_WIDGETS", "text")
+    assert show_source(predict)._repr_mimebundle_() == {"text/plain": "[source: pfslam.particles.predict]"}
+    monkeypatch.setenv("PFSLAM_WIDGETS", "static")
+    markdown = show_source(predict)._repr_mimebundle_()["text/markdown"]
+    assert markdown.startswith("```python\n# pfslam.particles.predict\ndef predict(")
+
+
+def test_verdicts():
+    assert passed()
+    assert not hint("no")
+    assert not unanswered()
+    assert repr(hint("look again")) == "Not yet. look again"
+
+
+@pytest.mark.parametrize("answer", [None, ..., (1.0, ...), [None]])
+def test_stubs_are_unanswered(answer):
+    assert is_unanswered(answer)
+
+
+@pytest.mark.parametrize(
+    ("answer", "verdict"), [(1, True), (0.5, True), ("1", False), ([1], False), (float("nan"), False)]
+)
+def test_numbers(answer, verdict):
+    assert is_number(answer) is verdict
+
+
+def test_a_function_that_raises_is_quoted_and_not_raised():
+    assert "ZeroDivisionError: division by zero" in attempt(lambda x: x / 0, 1).message
