@@ -81,7 +81,7 @@ def draw_fit(axes: Axes, place: Place, points_w: np.ndarray, reach: float = 4.0,
 
 def question_picture(place: Place, wrong: tuple[float, float, float]) -> Picture:
     """The same scan from the true pose and from a wrong one."""
-    figure, axes = new_figure(6.8, 3.9, columns=2, sharey=True)
+    figure, axes = new_figure(6.2, 3.7, columns=2, sharey=True)
     counts = []
     for ax, offset, name in zip(axes, ((0.0, 0.0, 0.0), wrong), ("A", "B"), strict=True):
         points = place.moved(*offset)
@@ -111,7 +111,7 @@ def draw_surface(axes: Axes, scores: np.ndarray, top: float, mark: tuple[float, 
 
 def surfaces_picture(corner: Place, corridor: Place) -> Picture:
     """Two score surfaces at the true heading: one with a peak, one with a ridge."""
-    figure, axes = new_figure(6.8, 3.4, columns=2, sharey=True)
+    figure, axes = new_figure(6.2, 3.2, columns=2, sharey=True)
     words = []
     for ax, place, name in zip(axes, (corner, corridor), ("corner", "corridor"), strict=True):
         share = surface(place) / len(place.points_b)
@@ -130,7 +130,7 @@ def heading_picture(place: Place) -> Picture:
     """Score against heading error at the true position."""
     degrees = np.arange(-6.0, 6.01, 0.25)
     share = [np.mean(on_walls(place, place.moved(dtheta=np.deg2rad(d)))) for d in degrees]
-    figure, axes = new_figure(6.8, 2.9)
+    figure, axes = new_figure(6.2, 2.9)
     axes.plot(degrees, share, color=COLOURS["estimate"], marker="o", markersize=3)
     axes.axvline(0.0, color=COLOURS["truth"], linestyle=":")
     axes.set(xlabel="heading error [deg]", ylabel="share on walls", ylim=(0, 1), xticks=range(-6, 7, 2))
@@ -144,13 +144,13 @@ def fit_explorer_frame(place: Place) -> Callable[..., Figure]:
     """The drawing function of the chapter's widget for one place."""
 
     def draw(x: float, y: float, theta: float) -> Figure:
-        figure, (left, right) = new_figure(6.8, 3.9, columns=2, width_ratios=[1.25, 1])
+        figure, (left, right) = new_figure(6.2, 3.7, columns=2, width_ratios=[1.25, 1])
         points = place.moved(x, y, np.deg2rad(theta))
         draw_fit(left, place, points, reach=3.5, size=6)
         share = map_correlation(place.grid.occupied, place.grid.spec, points) / len(points)
         left.set_title(f"{share:.0%} on walls")
         draw_surface(right, surface(place, np.deg2rad(theta)) / len(points), 1.0, (x, y))
-        right.set_title("all dx, dy at this heading")
+        right.set_title("score at this heading")
         return figure
 
     return draw

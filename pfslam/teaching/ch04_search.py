@@ -84,16 +84,22 @@ def _seconds(function: Callable, repeats: int) -> float:
 
 def search_times_picture(seconds: dict[str, float]) -> Picture:
     """Bars on a logarithmic scale."""
-    figure, axes = new_figure(6.8, 2.7)
+    figure, axes = new_figure(6.2, 2.7)
     names, values = list(seconds), np.array(list(seconds.values()))
     bars = axes.barh(names[::-1], values[::-1], color=COLOURS["estimate"])
-    shown = [f"{v:.0f} s" if v >= 10 else f"{v:.1f} s" if v >= 1 else f"{1000 * v:.1f} ms" for v in values]
+    shown = [_duration(v) for v in values]
     axes.bar_label(bars, shown[::-1], padding=4)
     axes.set_xscale("log")
     axes.set(xlabel="seconds per scan, 200 particles", xlim=(values.min() / 3, values.max() * 20))
     axes.set_xticks([1e-3, 1e-2, 1e-1, 1, 10, 100], ["1 ms", "", "0.1 s", "", "10 s", ""])
     words = ", ".join(f"{name} {text}" for name, text in zip(names, shown, strict=True))
     return Picture(figure, f"Time to score one scan for 200 particles: {words}.")
+
+
+def _duration(seconds: float) -> str:
+    """Two or three digits with a unit that fits."""
+    number, unit = (seconds, "s") if seconds >= 1.0 else (1000.0 * seconds, "ms")
+    return f"{number:.0f} {unit}" if number >= 10.0 else f"{number:.1f} {unit}"
 
 
 # ---- an empty map
@@ -175,7 +181,7 @@ def fine_scores(place: Place, dx: np.ndarray, kind: str) -> np.ndarray:
 def fine_scores_picture(place: Place) -> Picture:
     """Both scores along x, every 5 mm."""
     dx = np.arange(-60, 61) * 0.005
-    figure, axes = new_figure(6.8, 3.2)
+    figure, axes = new_figure(6.2, 3.2)
     words = []
     for kind, name, colour in (("occupied", "count", "hits"), ("distance", "distance field", "estimate")):
         scores = fine_scores(place, dx, kind)
