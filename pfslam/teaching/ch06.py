@@ -24,9 +24,9 @@ from pfslam.grid import GridSpec
 from pfslam.metrics_texture import TextureError, texture_error, visible_floor
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording, RgbdStream, image_pairs, nearest_stamp
+from pfslam.runs import SlamResult, run_slam
 from pfslam.sensors import RgbdModel
 from pfslam.simulator import Simulation
-from pfslam.runs import SlamResult, run_slam
 from pfslam.texture import FloorTexture, TextureConfig, map_texture, project_floor
 
 EVERY = 24  # of the chapter's image pairs; the command line takes every 8th

@@ -27,7 +27,7 @@ WORD_WINDOW = (10.4, 20.4, -2.7, 0.9)  # m: the second word of the hall
 
 def camera_picture(shot: Shot) -> Picture:
     """The question: what the two cameras deliver."""
-    figure, axes = new_figure(6.8, 6.6, rows=2)
+    figure, axes = new_figure(6.0, 6.8, rows=2)
     axes[0].imshow(shot.rgb)
     axes[0].set_title("Colour image: what the floor looks like from 38 cm")
     depth = np.where(np.isfinite(shot.true_depth), shot.disparity, np.nan).astype(float)
@@ -57,7 +57,7 @@ def depth_error_picture(shots: list[Shot]) -> tuple[Picture, dict[float, float]]
     centres = np.array([0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0])
     spread = np.array([np.nanstd(error[np.abs(true - z) < 0.05 * z]) for z in centres])
     z = np.linspace(0.5, 6.5, 100)
-    figure, axes = new_figure(6.8, 3.8)
+    figure, axes = new_figure(6.2, 3.8)
     axes.plot(
         z, 1000 * depth_step(z, camera), color=COLOURS["estimate"], label="one disparity step (formula)"
     )
@@ -92,7 +92,7 @@ def birds_eye_picture(shot: Shot) -> Picture:
     chosen, colours = chosen_as_floor(points, 0.01), registered_colours(shot, points)
     ring, camera_x = nearest_floor(shot.camera), shot.camera.position_b[0]
     nearest = points.points_b[chosen & (points.depth < 0.8), 0].min() - camera_x
-    figure, axes = new_figure(6.8, 5.2, columns=2, width_ratios=[1.6, 1])
+    figure, axes = new_figure(6.2, 5.0, columns=2, width_ratios=[1.5, 1])
     axes[0].imshow(shot.rgb)
     axes[0].set_title("One image")
     axes[0].axis("off")
@@ -116,7 +116,7 @@ def pitch_picture(shots: list[Shot]) -> tuple[Picture, dict[str, float]]:
         "3 cm": (0.03, 0.0, "particles"),
         "1.5 cm + 1 cm per metre": (0.015, 0.01, "estimate"),
     }
-    figure, axes = new_figure(6.8, 4.2)
+    figure, axes = new_figure(6.2, 4.4)
     shares = {}
     for name, (tolerance, per_metre, colour) in settings.items():
         share = shares[name] = 100 * pitch_sweep(shots, errors, tolerance, per_metre)
@@ -149,7 +149,7 @@ def texture_pair_picture(
     name: str, maps: dict[str, tuple[FloorTexture, TextureError]], words: str
 ) -> Picture:
     """The report's figure 9 for one drive: with its settings, and refined."""
-    figure, axes = new_figure(6.8, 3.9, columns=2, sharey=True)
+    figure, axes = new_figure(6.2, 3.9, columns=2, sharey=True)
     for ax, rung in zip(axes, ("report", "refined"), strict=True):
         texture = maps[rung][0]
         _show(ax, texture.spec, texture.rgb, texture.seen)
@@ -175,7 +175,7 @@ def word_picture(judge: Judge, maps: dict[str, tuple[FloorTexture, TextureError]
         "refined": (refined.rgb, refined.seen),
     }
     x0, x1, y0, y1 = WORD_WINDOW
-    figure, axes = new_figure(6.8, 7.2, rows=3, sharex=True)
+    figure, axes = new_figure(6.2, 6.8, rows=3, sharex=True)
     for ax, (title, (rgb, seen)) in zip(axes, panels.items(), strict=True):
         _show(ax, judge.spec, rgb, seen)
         metric_axes(ax, title)
@@ -196,7 +196,7 @@ def swapped_picture(
 ) -> tuple[Picture, dict[str, float]]:
     """The same image laid flat with the right K, and with the swapped one after the floor has been fitted."""
     panels = {"right K": (shot.camera, 0.01), "swapped K, floor fitted": (fitted, 0.03)}
-    figure, axes = new_figure(6.8, 5.4, columns=2, sharey=True)
+    figure, axes = new_figure(6.2, 5.6, columns=2, sharey=True)
     for ax, (title, (camera, tolerance)) in zip(axes, panels.items(), strict=True):
         points = points_of(shot, camera, step=2)
         _plan(ax, points, registered_colours(shot, points), chosen_as_floor(points, tolerance))
