@@ -10,10 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pfslam.correlation import Lattice, map_correlation, score_field, score_volume
+from pfslam.errors import DataError
 from pfslam.grid import OccupancyGrid
 from pfslam.poses import Trajectory, transform_points
-from pfslam.recording import Recording
+from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import scan_points
+from pfslam.teaching.ch01 import true_path
 from pfslam.teaching.figures import draw_map, map_along
 from pfslam.teaching.pictures import Picture
 from pfslam.teaching.style import COLOURS, new_figure
@@ -42,12 +44,20 @@ class Place:
         return replace(self, pose=self.pose + [dx, dy, dtheta])
 
 
+def scans_of(recording: Recording) -> LidarScans:
+    """The recording's scans; a recording without LiDAR has no place in this chapter."""
+    if recording.lidar is None:
+        raise DataError(recording.name, "lidar", "no scans", "a recording with LiDAR")
+    return recording.lidar
+
+
 def place_at(recording: Recording, seconds: float, every: int = 10) -> Place:
     """What the robot knows ``seconds`` after its first scan: the map of the scans before, and the scan of now."""
-    stamps, truth = recording.lidar.t, recording.truth
+    scans, truth = scans_of(recording), true_path(recording)
+    stamps = scans.t
     now = int(np.searchsorted(stamps, stamps[0] + seconds))
     past = Trajectory(truth.t[truth.t < stamps[now]], truth.poses[truth.t < stamps[now]])
-    points = scan_points(recording.lidar.ranges[now], recording.robot.lidar)
+    points = scan_points(scans.ranges[now], recording.robot.lidar)
     return Place(map_along(recording, past, every=every), points, truth.at(stamps[now]))
 
 
@@ -74,7 +84,8 @@ def draw_fit(axes: Axes, place: Place, points_w: np.ndarray, reach: float = 4.0,
     draw_map(axes, place.grid)
     good = on_walls(place, points_w)
     for mask, colour, label in ((~good, "hits", "beside a wall"), (good, "highlight", "on a wall")):
-        axes.scatter(*points_w[mask].T, s=size, color=COLOURS[colour], linewidths=0, label=label, zorder=3)
+        x, y = points_w[mask].T
+        axes.scatter(x, y, s=size, color=COLOURS[colour], linewidths=0, label=label, zorder=3)
     x, y, _ = place.pose
     axes.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
 

@@ -23,7 +23,8 @@ from pfslam.matching import match
 from pfslam.poses import transform_points
 from pfslam.recording import Recording
 from pfslam.sensors import scan_points
-from pfslam.teaching.ch04 import LATTICE, Place
+from pfslam.teaching.ch01 import true_path
+from pfslam.teaching.ch04 import LATTICE, Place, scans_of
 from pfslam.teaching.pictures import Picture
 from pfslam.teaching.style import COLOURS, new_figure
 
@@ -136,11 +137,12 @@ def trials(recording: Recording, kind: str, every: int = 20, moving_after: float
     The map is drawn from true poses, so that a miss is the score's own fault. The centre is the lattice pose nearest
     to the truth: half a cell in x and y cannot be told apart.
     """
-    stamps, lidar, truth = recording.lidar.t, recording.robot.lidar, recording.truth
+    scans, lidar, truth = scans_of(recording), recording.robot.lidar, true_path(recording)
+    stamps = scans.t
     grid = OccupancyGrid.empty(GridSpec.around(truth.poses[:1, :2], MapConfig().resolution))
     field, tied, miss = score_field(grid.occupied, kind), [], []
     for i in range(0, len(stamps), every):
-        points, pose = scan_points(recording.lidar.ranges[i], lidar), truth.at(stamps[i])
+        points, pose = scan_points(scans.ranges[i], lidar), truth.at(stamps[i])
         if stamps[i] - stamps[0] > moving_after:
             box = next(search(field, grid.spec, points, pose[None], LATTICE, WINDOW))
             best = np.flatnonzero(box.scores[0] == box.scores[0].max())
@@ -148,7 +150,7 @@ def trials(recording: Recording, kind: str, every: int = 20, moving_after: float
             tied.append(len(best))
             miss.append(np.hypot(*(found - pose)[:, :2].T).mean())
         grid, field = _drawn(
-            grid, field, kind, pose, points, np.flatnonzero(lidar.valid(recording.lidar.ranges[i])), lidar
+            grid, field, kind, pose, points, np.flatnonzero(lidar.valid(scans.ranges[i])), lidar
         )
     return Trials(np.array(tied), np.array(miss))
 

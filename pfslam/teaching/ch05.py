@@ -18,6 +18,8 @@ from pfslam.recording import Recording, nearest_stamp
 from pfslam.runs import slam_steps
 from pfslam.sensors import scan_points
 from pfslam.slam import StepInfo
+from pfslam.teaching.ch01 import true_path
+from pfslam.teaching.ch04 import scans_of
 from pfslam.teaching.figures import (
     draw_map,
     draw_particles,
@@ -44,7 +46,7 @@ class Played:
 
     @property
     def trajectory(self) -> Trajectory:
-        return Trajectory([i.t for i in self.infos], [i.estimate for i in self.infos])
+        return Trajectory(np.array([i.t for i in self.infos]), np.array([i.estimate for i in self.infos]))
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -90,7 +92,7 @@ def dead_reckoned_maps_picture(recordings: dict[str, Recording]) -> Picture:
     for ax, (name, recording) in zip(axes, recordings.items(), strict=True):
         odometry = dead_reckoning(recording)
         draw_map(ax, map_along(recording, odometry, every=20), name)
-        error = trajectory_error(odometry, recording.truth)
+        error = trajectory_error(odometry, true_path(recording))
         words.append(f"{name}: the path is off by up to {error.ate_max_m:.1f} m")
     axes[1].set_ylabel("")
     return Picture(
@@ -105,8 +107,8 @@ def results_picture(runs: dict[str, Played]) -> Picture:
     for ax, (name, run) in zip(axes, runs.items(), strict=True):
         draw_map(ax, run.grid, name)
         draw_trajectory(ax, run.trajectory, "estimate")
-        draw_trajectory(ax, run.recording.truth, "truth")
-        error = trajectory_error(run.trajectory, run.recording.truth)
+        draw_trajectory(ax, true_path(run.recording), "truth")
+        error = trajectory_error(run.trajectory, true_path(run.recording))
         words.append(f"{name}: error {error.ate_rmse_m:.2f} m, at most {error.ate_max_m:.2f} m")
     axes[0].legend(loc="upper right", fontsize=11, borderaxespad=0.2)
     axes[1].set_ylabel("")
@@ -155,7 +157,7 @@ def film_alt(runs: dict[str, Played]) -> Callable[..., str]:
         run = runs[filter]
         k = run.shown[frame - 1]
         info = run.infos[k]
-        error = np.hypot(*(info.estimate - run.recording.truth.at(info.t))[:2])
+        error = np.hypot(*(info.estimate - true_path(run.recording).at(info.t))[:2])
         spread = np.hypot(*info.particles.poses[:, :2].std(axis=0))
         resamplings = sum(i.resampled for i in run.infos[: k + 1])
         return f"""Filter {filter}, {run.seconds[k]:.0f} s: estimate {error:.2f} m from the truth, particles spread over
@@ -170,7 +172,7 @@ def _draw_building(axes: Axes, run: Played, frame: int) -> None:
     past = Trajectory(run.trajectory.t[: k + 1], run.trajectory.poses[: k + 1])
     draw_trajectory(axes, past, "estimate")
     draw_robot(axes, run.infos[k].estimate, length=1.6)
-    x, y = run.recording.truth.poses[:, :2].T
+    x, y = true_path(run.recording).poses[:, :2].T
     axes.set(xlim=(x.min() - 3.5, x.max() + 3), ylim=(y.min() - 3, y.max() + 3))
     axes.set_facecolor(COLOURS["unknown"])
 
@@ -178,9 +180,10 @@ def _draw_building(axes: Axes, run: Played, frame: int) -> None:
 def _draw_cloud(axes: Axes, run: Played, frame: int, reach: float = 0.4) -> None:
     """The particles near the estimate, with scan, map and truth."""
     info = run.infos[run.shown[frame - 1]]
-    true = run.recording.truth.at(info.t)
-    i = nearest_stamp(run.recording.lidar.t, np.array([info.t]))[0]
-    points = scan_points(run.recording.lidar.ranges[i], run.recording.robot.lidar)
+    true = true_path(run.recording).at(info.t)
+    scans = scans_of(run.recording)
+    i = nearest_stamp(scans.t, np.array([info.t]))[0]
+    points = scan_points(scans.ranges[i], run.recording.robot.lidar)
     draw_map(axes, run.maps[frame - 1])
     draw_scan(axes, transform_points(info.estimate, points), size=8, label=None)
     draw_particles(axes, info.particles, size=14)

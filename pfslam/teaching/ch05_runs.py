@@ -14,6 +14,8 @@ from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import LidarScans, Recording
 from pfslam.runs import run_slam
 from pfslam.sensors import scan_points
+from pfslam.teaching.ch01 import true_path
+from pfslam.teaching.ch04 import scans_of
 from pfslam.teaching.figures import draw_map, map_along
 from pfslam.teaching.pictures import Picture
 from pfslam.teaching.style import COLOURS, new_figure
@@ -24,7 +26,7 @@ GENTLE = 0.25 * LOG_4
 
 def first_seconds(recording: Recording, seconds: float) -> Recording:
     """The recording with the scans of its first seconds only."""
-    lidar = recording.lidar
+    lidar = scans_of(recording)
     k = int(np.searchsorted(lidar.t, lidar.t[0] + seconds))
     return replace(recording, lidar=LidarScans(lidar.t[:k], lidar.ranges[:k]))
 
@@ -34,14 +36,14 @@ def errors_over_seeds(recording: Recording, config: SlamConfig, seeds: int) -> n
     runs = (
         run_slam(recording, config, rng=np.random.default_rng(s), keep_particles=False) for s in range(seeds)
     )
-    return np.array([trajectory_error(run.trajectory, recording.truth).ate_rmse_m for run in runs])
+    return np.array([trajectory_error(run.trajectory, true_path(recording)).ate_rmse_m for run in runs])
 
 
 def dead_reckoning_error(recording: Recording) -> float:
     """The same for dead reckoning, at every fifth scan."""
-    t, odometry = recording.lidar.t[::5], dead_reckoning(recording)
+    t, odometry = scans_of(recording).t[::5], dead_reckoning(recording)
     t = t[odometry.covers(t)]
-    return trajectory_error(Trajectory(t, odometry.at(t)), recording.truth).ate_rmse_m
+    return trajectory_error(Trajectory(t, odometry.at(t)), true_path(recording)).ate_rmse_m
 
 
 def errors_picture(errors: dict[str, np.ndarray]) -> Picture:
@@ -65,10 +67,10 @@ def cost_at(trajectory: Trajectory, grid: OccupancyGrid, recording: Recording, t
 
 def hits_per_cell(recording: Recording, spec, every: int) -> np.ndarray:
     """How many end points fell into each cell ``(H, W)`` when every scan is placed at its true pose."""
-    hits = np.zeros(spec.shape, dtype=int)
-    for i in range(0, len(recording.lidar.t), every):
-        pose = recording.truth.at(recording.lidar.t[i])
-        points = transform_points(pose, scan_points(recording.lidar.ranges[i], recording.robot.lidar))
+    hits, scans, truth = np.zeros(spec.shape, dtype=int), scans_of(recording), true_path(recording)
+    for i in range(0, len(scans.t), every):
+        pose = truth.at(scans.t[i])
+        points = transform_points(pose, scan_points(scans.ranges[i], recording.robot.lidar))
         ix, iy = spec.world_to_cell(points).T
         np.add.at(hits, (iy, ix), 1)
     return hits
@@ -81,7 +83,7 @@ def erosion(
 
     Walls are the cells hit by ``at_least`` end points; rubbed out are those whose log-odds ended at zero or below.
     """
-    grid = map_along(recording, recording.truth, MapConfig(free=free), every=every)
+    grid = map_along(recording, true_path(recording), MapConfig(free=free), every=every)
     wall = hits_per_cell(recording, grid.spec, every) >= at_least
     return grid, float(np.mean(~grid.occupied[wall]))
 
@@ -97,6 +99,6 @@ def erosion_picture(
         ax.set(xlim=window[:2], ylim=window[2:], yticks=(-1, 0, 1))
         words.append(f"{name}: {100 * share:.0f} %")
     axes[0].set_xlabel("")
-    words = "; ".join(words)
-    alt = f"A corridor drawn twice from true poses. Share of well-seen wall cells that end up not occupied: {words}."
+    alt = f"""A corridor drawn twice from true poses. Share of well-seen wall cells that end up not occupied:
+    {"; ".join(words)}."""
     return Picture(figure, alt)

@@ -72,7 +72,7 @@ CENTRE = len(STEPS) // 2
 
 
 def _at(*step: int) -> int:
-    return int(np.flatnonzero((step == STEPS).all(axis=1))[0])
+    return int(np.flatnonzero(np.all(np.equal(STEPS, step), axis=1))[0])
 
 
 def check_choose(choose) -> Check:
