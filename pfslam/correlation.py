@@ -11,16 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from itertools import pairwise
 
 import cv2
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from pfslam.boxes import cheapest_boxes, volume_is_cheaper
 from pfslam.grid import GridSpec
+from pfslam.lattice import Lattice, Window, distinct_nodes
 
 MAX_FIELD_VALUE = 1000
 """Largest value of a score field. Sums over up to 16,777 beams stay below 2^24, where float32 counts exactly."""
+
+CACHE = 2**17
+"""Numbers (float32) gathered at once: half a megabyte stays in the processor's cache until they are added up."""
 
 FIELD_REACH = 4
 """Cells beyond which an occupied cell has no influence on the distance field (exp(-8) is a third of a step)."""
@@ -71,56 +76,6 @@ def _widened(rectangle: tuple[slice, slice], shape: tuple[int, int], by: int) ->
     )
 
 
-@dataclass(frozen=True)
-class Lattice:
-    """Poses ``(ix step_xy, iy step_xy, ik step_yaw)``; ``step_xy`` is the map's resolution (m), ``step_yaw`` rad."""
-
-    step_xy: float
-    step_yaw: float
-
-    @property
-    def steps(self) -> np.ndarray:
-        return np.array([self.step_xy, self.step_xy, self.step_yaw])
-
-    def nearest(self, poses: np.ndarray) -> np.ndarray:
-        """Nodes ``(N, 3)`` int, columns (ix, iy, ik), nearest to poses ``(N, 3)``."""
-        return np.rint(np.asarray(poses) / self.steps).astype(np.int64)
-
-    def pose(self, nodes: np.ndarray) -> np.ndarray:
-        """Poses ``(..., 3)`` of nodes; the heading is not wrapped."""
-        return np.asarray(nodes) * self.steps
-
-
-@dataclass(frozen=True)
-class Window:
-    """The perturbations around a node: ``cells`` steps each way in x and y, ``yaws`` steps each way in heading."""
-
-    cells: int
-    yaws: int
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """(headings, rows, columns) of a block of scores."""
-        return 2 * self.yaws + 1, 2 * self.cells + 1, 2 * self.cells + 1
-
-    @property
-    def centre(self) -> int:
-        """Flat index of the node itself in its block."""
-        return int(np.ravel_multi_index((self.yaws, self.cells, self.cells), self.shape))
-
-    def steps(self) -> np.ndarray:
-        """Lattice steps ``(P, 3)``, columns (ix, iy, ik), of all perturbations in the order of a flattened block."""
-        return _window_steps(self)
-
-
-@lru_cache(maxsize=64)
-def _window_steps(window: Window) -> np.ndarray:
-    k, y, x = np.indices(window.shape).reshape(3, -1)
-    steps = np.column_stack([x - window.cells, y - window.cells, k - window.yaws])
-    steps.flags.writeable = False
-    return steps
-
-
 @dataclass(frozen=True, eq=False)
 class BoxScores:
     """Scores of neighbouring lattice nodes and the particles that lie nearest to them.
@@ -149,14 +104,18 @@ def search(
     count); ``points_b (M, 2)`` the end points in the body frame (m); ``poses (N, 3)`` the particles. Particles that
     share a node share its scores. The sums are exact, so their order cannot change them.
     """
-    nodes, node_of_particle = np.unique(lattice.nearest(poses), axis=0, return_inverse=True)
-    node_of_particle = node_of_particle.reshape(-1)
+    nodes, node_of_particle = distinct_nodes(lattice.nearest(poses))
     reach = np.array([window.cells, window.cells, window.yaws])
-    for part in cheapest_boxes(nodes, reach, len(points_b)):
-        low, high = nodes[part].min(axis=0) - reach, nodes[part].max(axis=0) + reach
-        volume = score_volume(field, spec, points_b, lattice, low, high)
-        x, y, k = (nodes[part] - reach - low).T
-        blocks = sliding_window_view(volume, window.shape)[k, y, x].reshape(len(part), -1)
+    middle = lattice.step_yaw * nodes[len(nodes) // 2, 2:]
+    cells = len(np.unique(rotated_cells(points_b, middle, spec)[0] @ [1, 1 << 32]))
+    for part in cheapest_boxes(nodes, reach, cells):
+        if volume_is_cheaper(nodes[part], reach, cells):
+            low, high = nodes[part].min(axis=0) - reach, nodes[part].max(axis=0) + reach
+            volume = score_volume(field, spec, points_b, lattice, low, high)
+            x, y, k = (nodes[part] - reach - low).T
+            blocks = sliding_window_view(volume, window.shape)[k, y, x].reshape(len(part), -1)
+        else:
+            blocks = window_scores(field, spec, points_b, lattice, nodes[part], window)
         row = np.full(len(nodes), -1)
         row[part] = np.arange(len(part))
         members = np.flatnonzero(row[node_of_particle] >= 0)
@@ -173,17 +132,59 @@ def score_volume(
 ) -> np.ndarray:
     """Scores of all nodes from ``low (3,)`` to ``high (3,)`` inclusive, as ``(headings, rows, columns)`` float32."""
     nx, ny, nk = high - low + 1
+    patches, scans = patches_and_scans(field, spec, points_b, lattice, low, high, (ny, nx))
+    volume = np.zeros((nk, ny * nx), dtype=np.float32)
+    for scores, (counts, iy, ix) in zip(volume, scans, strict=True):
+        for some in chunks(len(counts), ny * nx):
+            scores += counts[some] @ patches[iy[some], ix[some]].reshape(-1, ny * nx)
+    return volume.reshape(nk, ny, nx)
+
+
+def window_scores(
+    field: np.ndarray,
+    spec: GridSpec,
+    points_b: np.ndarray,
+    lattice: Lattice,
+    nodes: np.ndarray,
+    window: Window,
+) -> np.ndarray:
+    """Scores ``(U, P)`` float32 of the window around each of ``nodes (U, 3)``, all windows of a heading together."""
+    headings, side, _ = window.shape
+    reach = np.array([window.cells, window.cells, window.yaws])
+    low, high = nodes.min(axis=0) - reach, nodes.max(axis=0) + reach
+    patches, scans = patches_and_scans(field, spec, points_b, lattice, low, high, (side, side))
+    scores = np.zeros((len(nodes), headings, side * side), dtype=np.float32)
+    x, y, first = (nodes - reach - low).T
+    for k, (counts, iy, ix) in enumerate(scans):
+        here = np.flatnonzero((first <= k) & (k < first + headings))
+        for some in chunks(len(here), len(counts) * side * side):
+            who = here[some]
+            found = patches[y[who, None] + iy, x[who, None] + ix].reshape(len(who), len(counts), -1)
+            scores[who, k - first[who]] = counts @ found
+    return scores.reshape(len(nodes), -1)
+
+
+def chunks(n: int, size: int) -> Iterator[slice]:
+    """Slices that part ``n`` things of ``size`` numbers each into pieces that fit into the processor's cache."""
+    step = max(CACHE // size, 1)
+    return (slice(i, i + step) for i in range(0, n, step))
+
+
+def patches_and_scans(field, spec, points_b, lattice: Lattice, low, high, shape: tuple[int, int]):
+    """All patches of ``shape`` of the map near a scan, and which of them each heading from ``low`` to ``high`` adds up.
+
+    Returns ``(patches, scans)``: ``patches[iy, ix]`` is the patch that one cell of the scan selects for the node
+    ``low``; ``scans`` holds for each heading the distinct cells as ``(counts, iy, ix)``, each ``(C,)``.
+    """
     cells = rotated_cells(points_b, lattice.step_yaw * np.arange(low[2], high[2] + 1), spec) + low[:2]
     (x0, y0), (x1, y1) = cells.min(axis=(0, 1)), cells.max(axis=(0, 1))
-    patches = sliding_window_view(_crop(field, x0, y0, x1 + nx, y1 + ny), (ny, nx))
+    nx, ny, _ = high - low + 1
+    patches = sliding_window_view(_crop(field, x0, y0, x1 + nx, y1 + ny), shape)
     width = x1 - x0 + 1
     keys, counts, begin = _merged((cells[..., 1] - y0) * width + cells[..., 0] - x0)
     iy, ix = np.divmod(keys, width)
-    volume = np.empty((nk, ny * nx), dtype=np.float32)
-    for k in range(nk):
-        some = slice(begin[k], begin[k + 1])
-        volume[k] = counts[some] @ patches[iy[some], ix[some]].reshape(-1, ny * nx)
-    return volume.reshape(nk, ny, nx)
+    pieces = [slice(*ends) for ends in pairwise(begin)]
+    return patches, [(counts[some], iy[some], ix[some]) for some in pieces]
 
 
 def _merged(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -214,46 +215,3 @@ def _crop(field: np.ndarray, x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
         top, left = max(-y0, 0), max(-x0, 0)
         crop[top : top + source.shape[0], left : left + source.shape[1]] = source
     return crop
-
-
-# Cost of one heading, and of one node and beam, in nanoseconds. Only their ratio matters.
-COST_PER_HEADING = 60_000.0
-COST_PER_NODE_AND_BEAM = 1.0
-MAX_SCORES = 20_000_000
-"""Scores held at once (80 MB): a box of nodes whose volume or blocks would hold more is cut in any case."""
-
-
-def volume_cost(extent: np.ndarray, beams: int) -> float:
-    """Estimated time (ns) of a score volume with ``extent`` (columns, rows, headings)."""
-    columns, rows, headings = (int(n) for n in extent)
-    return headings * (COST_PER_HEADING + COST_PER_NODE_AND_BEAM * columns * rows * beams)
-
-
-def cheapest_boxes(nodes: np.ndarray, reach: np.ndarray, beams: int) -> list[np.ndarray]:
-    """Index arrays that part ``nodes (U, 3)`` into boxes, each worth one score volume.
-
-    A compact cloud is one box: neighbours share nearly all of it. A wide cloud leaves holes that nobody asks for: a box
-    is cut in two at its longest side for as long as the two halves together are estimated to cost less.
-    """
-    boxes, pending = [], [np.arange(len(nodes))]
-    while pending:
-        part = pending.pop()
-        extent = np.ptp(nodes[part], axis=0)
-        axis = int(np.argmax(extent / (2.0 * reach + 1.0)))
-        order = part[np.argsort(nodes[part, axis], kind="stable")]
-        gaps = np.diff(nodes[order, axis])
-        if extent[axis] == 0:
-            boxes.append(part)
-            continue
-        # Cut at the median, moved to the nearest place where the coordinate changes.
-        places = np.flatnonzero(gaps)
-        cut = int(places[np.argmin(np.abs(places - len(order) / 2))]) + 1
-        halves = [np.sort(order[:cut]), np.sort(order[cut:])]
-        blocks = len(part) * int(np.prod(2 * reach + 1))
-        too_large = max(blocks, int(np.prod(extent + 2 * reach + 1))) > MAX_SCORES
-        split_cost = sum(volume_cost(np.ptp(nodes[h], axis=0) + 2 * reach + 1, beams) for h in halves)
-        if too_large or split_cost < volume_cost(extent + 2 * reach + 1, beams):
-            pending.extend(halves[::-1])
-        else:
-            boxes.append(part)
-    return boxes

@@ -5,6 +5,7 @@ The scores come from ``correlation.search``. What a particle makes of them is de
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +15,8 @@ from pfslam.correlation import MAX_FIELD_VALUE, BoxScores, Lattice, Window, sear
 from pfslam.grid import GridSpec
 from pfslam.poses import wrap_angle
 
-CHUNK = 2_000_000
-"""Numbers worked on at once, so that twenty thousand particles need no more memory than two hundred."""
+CHUNK = 2**19
+"""Scores looked at together, so that twenty thousand particles need no more memory than seven hundred."""
 NEAREST_TIE = 1e-3
 """Root of twice the cost of a squared step where there is no prior: it settles ties and outvotes no score."""
 
@@ -53,21 +54,30 @@ def match(
     window = window_for(config, lattice, *sigmas)
     full_score = len(points_b) * (MAX_FIELD_VALUE if config.field == "distance" else 1)
     moved, log_likelihood, score = np.array(poses, dtype=float), np.zeros(len(poses)), np.zeros(len(poses))
+    lots = (
+        rng.random(len(poses)) if config.keep_offset else None
+    )  # drawn here: boxes must not change who gets which
     for box in search(field, spec, points_b, poses, lattice, window):
-        for part in np.array_split(
-            np.arange(len(box.members)), -(-len(box.members) * box.scores.shape[1] // CHUNK)
-        ):
-            who, node = box.members[part], box.node_of[part]
-            if config.keep_offset:
-                moved[who], best = _jump_with_offset(box, node, poses[who], lattice, window, rng)
+        for part in _in_parts(box):
+            who = part.members
+            if lots is not None:
+                moved[who], best = _jump_with_offset(part, poses[who], lattice, window, lots[who])
                 gain = _gain(best / full_score, best, config)
             else:
-                moved[who], best, gain = _climb(
-                    box, node, poses[who], lattice, window, sigmas, config, full_score
-                )
+                moved[who], best, gain = _climb(part, poses[who], lattice, window, sigmas, config, full_score)
             log_likelihood[who], score[who] = gain, best / full_score
     moved[:, 2] = wrap_angle(moved[:, 2])
     return Matched(moved, log_likelihood, score)
+
+
+def _in_parts(box: BoxScores) -> Iterator[BoxScores]:
+    """The box's particles, those of one node together, a handful of nodes at a time."""
+    order = np.argsort(box.node_of, kind="stable")
+    parts = -(-len(order) * box.scores.shape[1] // CHUNK)
+    for some in np.array_split(order, parts):
+        used = np.unique(box.node_of[some])
+        few = slice(used[0], used[-1] + 1)
+        yield BoxScores(box.nodes[few], box.scores[few], box.members[some], box.node_of[some] - used[0])
 
 
 def _gain(mean_score: np.ndarray, total: np.ndarray, config: SearchConfig) -> np.ndarray:
@@ -78,55 +88,74 @@ def _gain(mean_score: np.ndarray, total: np.ndarray, config: SearchConfig) -> np
         return np.log(total)
 
 
-def _jump_with_offset(box: BoxScores, node, poses, lattice: Lattice, window: Window, rng):
+def _jump_with_offset(box: BoxScores, poses, lattice: Lattice, window: Window, lots):
     """The report's step: to a perturbation of greatest score, ties at random, keeping the offset from the node.
 
-    Where nothing scores, nothing is known, and the particle stays.
+    ``lots (n,)`` from 0 to 1 pick among equals. Where nothing scores, nothing is known, and the particle stays.
     """
     best = box.scores.max(axis=1)
-    tied = np.cumsum(box.scores == best[:, None], axis=1, dtype=np.int32)
-    rank = np.floor(rng.random(len(node)) * tied[node, -1]).astype(np.int32)
-    choice = np.argmax(tied[node] > rank[:, None], axis=1)
-    choice[best[node] == 0] = window.centre
-    return poses + lattice.pose(window.steps()[choice]), best[node]
+    row, tied = np.nonzero(box.scores == best[:, None])
+    count = np.bincount(row, minlength=len(best))
+    first = np.cumsum(count) - count
+    choice = tied[first[box.node_of] + np.floor(lots * count[box.node_of]).astype(np.int64)]
+    choice[best[box.node_of] == 0] = window.centre
+    return poses + lattice.pose(window.steps()[choice]), best[box.node_of]
 
 
-def _climb(
-    box: BoxScores, node, poses, lattice: Lattice, window: Window, sigmas, config: SearchConfig, full_score
-):
+def _climb(box: BoxScores, poses, lattice: Lattice, window: Window, sigmas, config: SearchConfig, full_score):
     """To the lattice pose that maximises J = score - distance from the predicted pose, then within the step.
 
     With delta the perturbation and o the particle's offset from its node, the prior's |delta - o|^2 / 2 sigma^2 is
     linear in o apart from a term that is the same for every perturbation.
     """
+    node = box.node_of
     scale = config.sharpness / full_score if config.prior or config.weight == "likelihood" else 1.0
     sigma = np.array([sigmas[0], sigmas[0], sigmas[1]]) if config.prior else lattice.steps / NEAREST_TIE
     # Without any noise the prior pins the particle to its prediction, rather than dividing by zero.
     sigma = np.maximum(sigma, 1e-3 * lattice.steps)
-    delta = lattice.pose(window.steps()) / sigma
-    offset = (poses - lattice.pose(box.nodes[node])) / sigma
-    J = (scale * box.scores.astype(float) - 0.5 * np.sum(delta**2, axis=1))[node]
-    for axis in range(3):  # not a matrix product: so small a one is not worth a second thread
-        J += offset[:, axis, None] * delta[:, axis]
-    choice = np.argmax(J, axis=1)
-    rows = np.arange(len(choice))
+    delta = (lattice.pose(window.steps()) / sigma).T
+    offset = ((poses - lattice.pose(box.nodes[node])) / sigma).T
+    at_node = scale * box.scores.astype(float) - 0.5 * np.sum(delta.T**2, axis=1)
+
+    def objective(some, steps):
+        return _linear(at_node[node[some], steps], offset[:, some], delta[:, steps])
+
+    rows = np.arange(len(node))
+    hopeful = _can_win(at_node, delta, 0.500001 * lattice.steps / sigma)  # half a step, and round-off
+    choice = hopeful[np.argmax(objective(rows[:, None], hopeful), axis=1)]
     step = window.steps()[choice].astype(float)
     if config.sub_cell:
-        step += _parabola_peak(J, choice, window)
+        step += _parabola_peak(lambda steps: objective(rows, steps), choice, window)
     best = box.scores[node, choice]
     if config.weight == "likelihood":
-        gain = J[rows, choice] - 0.5 * np.sum(offset**2, axis=1)
+        gain = objective(rows, choice) - 0.5 * np.sum(offset.T**2, axis=1)
     else:
         gain = _gain(best / full_score, best, config)
     return lattice.pose(box.nodes[node] + step), best, gain
 
 
-def _parabola_peak(J: np.ndarray, choice: np.ndarray, window: Window) -> np.ndarray:
+def _linear(at_node: np.ndarray, offset: np.ndarray, delta: np.ndarray) -> np.ndarray:
+    """J of perturbations ``delta (3, ...)`` for particles at ``offset (3, ...)``, given J at their node."""
+    J = at_node + offset[0] * delta[0]
+    J += offset[1] * delta[1]
+    J += offset[2] * delta[2]
+    return J
+
+
+def _can_win(at_node: np.ndarray, delta: np.ndarray, half_step: np.ndarray) -> np.ndarray:
+    """Perturbations ``(C,)`` that are best for some particle: an offset of half a step adds at most so much to J."""
+    most = half_step @ np.abs(delta)
+    safe = np.max(at_node - most, axis=1, keepdims=True)
+    return np.flatnonzero((at_node + most >= safe - 1e-6).any(axis=0))
+
+
+def _parabola_peak(J: Callable, choice: np.ndarray, window: Window) -> np.ndarray:
     """Peak ``(n, 3)`` (x, y, heading), in steps from the best node, of a parabola through it and its neighbours.
 
-    At most half a step each way; none across the border of the window or where J does not curve down.
+    ``J`` gives the objective at one perturbation per particle. At most half a step each way; none across the border
+    of the window or where J does not curve down.
     """
-    rows, index = np.arange(len(choice)), np.array(np.unravel_index(choice, window.shape))
+    index, here = np.unravel_index(choice, window.shape), J(choice)
     strides = np.array([window.shape[1] * window.shape[2], window.shape[2], 1])
     peak = np.zeros((len(choice), 3))
     for axis, (stride, size) in enumerate(zip(strides, window.shape, strict=True)):
@@ -134,7 +163,7 @@ def _parabola_peak(J: np.ndarray, choice: np.ndarray, window: Window) -> np.ndar
             continue
         inner = (index[axis] > 0) & (index[axis] < size - 1)
         at = np.where(inner, choice, stride)  # any place with two neighbours; not used
-        before, here, after = J[rows, at - stride], J[rows, at], J[rows, at + stride]
+        before, after = J(at - stride), J(at + stride)
         curvature = before - 2.0 * here + after
         curved = inner & (curvature < 0)
         peak[curved, 2 - axis] = np.clip(

@@ -12,11 +12,12 @@ PACKAGE = Path(__file__).resolve().parents[1] / "pfslam"
 
 # Each module imports only from those above it. A package (simulator, teaching) is one entry.
 ORDER = [
-    *("errors", "poses", "sensors", "recording", "motion", "grid", "particles", "correlation"),
+    *("errors", "poses", "sensors", "recording", "motion", "grid", "particles"),
+    *("lattice", "boxes", "correlation"),
     *("tilt", "config", "matching", "refinement", "events", "slam", "per_particle", "runs"),
     *("floor", "texture_config", "floor_views", "texture", "metrics", "metrics_texture", "study"),
     *("files", "images", "formats", "carmen", "course_writer", "course_format"),
-    *("simulator", "cache", "datasets", "teaching", "commands", "bench", "__main__"),
+    *("simulator", "cache", "datasets", "teaching", "bench", "commands", "__main__"),
 ]
 MODULES = sorted(PACKAGE.rglob("*.py"))
 PLOTTING = {"matplotlib", "ipywidgets", "IPython", "PIL"}

@@ -5,18 +5,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pfslam import correlation
+from pfslam import boxes, correlation
+from pfslam.boxes import cheapest_boxes
 from pfslam.correlation import (
     MAX_FIELD_VALUE,
     Lattice,
     Window,
-    cheapest_boxes,
     map_correlation,
     score_field,
     search,
     updated_field,
 )
 from pfslam.grid import GridSpec
+from pfslam.lattice import distinct_nodes
 from pfslam.poses import transform_points
 
 SPEC = GridSpec((-1.0, -2.0), 0.5, (8, 6))
@@ -109,15 +110,70 @@ def test_wide_cloud_is_cut_into_boxes_with_the_same_scores():
     rng, occupied, spec, points = random_case(11, cells=(120, 140))
     centres = np.array([[-2.0, -2.0, -3.0], [2.0, 2.0, 0.0], [2.5, -2.0, 1.5]])
     poses = np.repeat(centres, 4, axis=0) + rng.normal(0, 0.02, (12, 3))
-    boxes = list(search(occupied.astype(np.float32), spec, points, poses, LATTICE, WINDOW))
-    assert len(boxes) > 1  # one volume over all three groups would hold 300 headings
+    found = list(search(occupied.astype(np.float32), spec, points, poses, LATTICE, WINDOW))
+    assert len(found) > 1  # one volume over all three groups would hold 300 headings
     assert_search_is_the_definition(occupied, spec, points, poses, LATTICE, WINDOW)
 
 
 def test_boxes_are_cut_where_memory_runs_out(monkeypatch):
     rng, occupied, spec, points = random_case(12)
-    monkeypatch.setattr(correlation, "MAX_SCORES", 2 * 5**3)
+    monkeypatch.setattr(boxes, "MAX_SCORES", 2 * 5**3)
     assert_search_is_the_definition(occupied, spec, points, rng.normal(0, 0.05, (12, 3)), LATTICE, WINDOW)
+
+
+@pytest.mark.parametrize("volume", [True, False])
+def test_one_volume_and_a_window_for_each_node_give_the_integers_of_the_definition(monkeypatch, volume):
+    rng, occupied, spec, points = random_case(14)
+    monkeypatch.setattr(correlation, "volume_is_cheaper", lambda *_: volume)
+    monkeypatch.setattr(correlation, "CACHE", 40)
+    poses = rng.normal(0.0, [0.3, 0.3, 0.05], (9, 3))
+    poses[5:] = poses[4]
+    assert_search_is_the_definition(occupied, spec, points, poses, LATTICE, Window(2, 1))
+
+
+REACH = np.array([2, 2, 2])
+
+
+def costs(monkeypatch, heading, patch, node):
+    for name, value in (("HEADING", heading), ("PATCH", patch), ("NODE", node)):
+        monkeypatch.setattr(boxes, f"COST_PER_{name}", value)
+
+
+def test_estimated_cost_counts_headings_patches_and_nodes(monkeypatch):
+    costs(monkeypatch, 1000.0, 100.0, 1.0)
+    # A volume of 7 x 6 nodes and 5 headings; 10 cells select a patch of 42 nodes each in every heading.
+    assert boxes.volume_cost(np.array([7, 6, 5]), 10) == 5 * (1000 + 10 * (100 + 42))
+    # 3 windows of 5 headings of 5 x 5 nodes, in 8 headings.
+    assert boxes.windows_cost(3, 8, REACH, 10) == 8 * 1000 + 3 * 5 * 10 * (100 + 25)
+
+
+def test_the_cheaper_way_is_taken_whatever_the_costs_are(monkeypatch):
+    near, far = np.array([[0, 0, 0], [1, 0, 0]]), np.array([[0, 0, 0], [90, 90, 0]])
+    costs(
+        monkeypatch, 0.0, 0.0, 1.0
+    )  # a box of 6 x 5 against twice 5 x 5; a box of 95 x 95 against twice 5 x 5
+    assert boxes.volume_is_cheaper(near, REACH, 10)
+    assert not boxes.volume_is_cheaper(far, REACH, 10)
+    costs(monkeypatch, 0.0, 1e9, 1.0)  # patches cost all: one per cell beats two
+    assert boxes.volume_is_cheaper(far, REACH, 10)
+
+
+def test_a_box_is_cut_where_the_halves_cost_less_and_not_otherwise(monkeypatch):
+    # Two blocks of nodes, dense in themselves and far apart in heading: each is worth a volume of its own.
+    block = np.argwhere(np.ones((4, 4, 4)))
+    nodes = np.concatenate([block, block + [0, 0, 500]])
+    costs(monkeypatch, 1000.0, 0.0, 1.0)
+    halves = [list(range(64)), list(range(64, 128))]
+    assert [list(part) for part in cheapest_boxes(nodes, REACH, 10)] == halves
+    together = [list(part) for part in cheapest_boxes(block, REACH, 10)]
+    assert together == [list(range(64))]
+
+
+def test_distinct_nodes_are_sorted_and_say_where_each_row_went():
+    nodes = np.random.default_rng(0).integers(-3, 3, (60, 3)) * [1, 1000, 7]
+    distinct, which = distinct_nodes(nodes)
+    np.testing.assert_array_equal(distinct, np.unique(nodes, axis=0))
+    np.testing.assert_array_equal(distinct[which], nodes)
 
 
 def test_wide_cloud_over_a_distance_field_scores_whole_numbers():
@@ -196,7 +252,7 @@ def test_sums_of_the_longest_scan_stay_exact_in_float32():
     # one away.
     beams = 16_777
     full = np.full((1, 1), MAX_FIELD_VALUE, dtype=np.float32)
-    boxes = search(
+    found = search(
         full,
         GridSpec((-0.5, -0.5), 1.0, (1, 1)),
         np.zeros((beams, 2)),
@@ -204,4 +260,4 @@ def test_sums_of_the_longest_scan_stay_exact_in_float32():
         Lattice(1.0, 0.1),
         Window(0, 0),
     )
-    assert int(next(iter(boxes)).scores[0, 0]) == beams * MAX_FIELD_VALUE < 2**24
+    assert int(next(iter(found)).scores[0, 0]) == beams * MAX_FIELD_VALUE < 2**24

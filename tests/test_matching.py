@@ -143,6 +143,17 @@ def test_headings_across_pi_come_back_wrapped_and_equal_to_the_same_search_turne
     assert (np.abs(wrap_angle(found[:, 2] - poses[:, 2])) <= 4.5 * 0.005 + 0.0025).all()
 
 
+@pytest.mark.parametrize("config", [REPORT, replace(CLIMB, sub_cell=True)], ids=["report", "climb"])
+def test_how_the_particles_are_parted_does_not_change_where_any_of_them_goes(monkeypatch, config):
+    occupied, points, poses = case(10, particles=60)
+    together = matched(occupied, points, poses, config)
+    monkeypatch.setattr("pfslam.matching.CHUNK", 5 * 729)
+    monkeypatch.setattr("pfslam.boxes.MAX_SCORES", 8 * 729)
+    apart = matched(occupied, points, poses, config)
+    for field in ("poses", "log_likelihood", "score"):
+        np.testing.assert_array_equal(getattr(apart, field), getattr(together, field))
+
+
 def test_many_particles_are_matched_like_one_at_a_time(monkeypatch):
     occupied, points, poses = case(6, particles=40)
     monkeypatch.setattr("pfslam.matching.CHUNK", 3 * 729)
