@@ -78,28 +78,35 @@ def pattern_shifts(
 
 def _shift_costs(rgb, seen, true_rgb, known, patch: int, search: int) -> np.ndarray:
     """Mean squared colour difference ``(S, S, rows, columns)`` by shift in y, x and by patch; inf: unseen."""
-    image = np.asarray(rgb, dtype=np.float32)
-    width = 2 * search + 1
-    truth = np.pad(np.asarray(true_rgb, dtype=np.float32), ((search, search), (search, search), (0, 0)))
-    valid = np.pad(known, search)
-    h, w = seen.shape
-    rows, columns = h // patch, w // patch
-
-    def sums(values):
-        return values[: rows * patch, : columns * patch].reshape(rows, patch, columns, patch).sum(axis=(1, 3))
-
+    width, enough = 2 * search + 1, patch * patch / 2
+    rows, columns = (n // patch for n in seen.shape)
     costs = np.full((width, width, rows, columns), np.inf)
+    every = _patches(seen, patch, 0)
+    row, column = np.nonzero(every.sum(axis=(2, 3)) >= enough)  # no shift sees more of a patch than there is
+    image = _patches(np.asarray(rgb, dtype=np.float32), patch, 0)[row, column]
+    truth = _patches(np.asarray(true_rgb, dtype=np.float32), patch, search)[row, column]
+    seen, known = every[row, column], _patches(known, patch, search)[row, column]
     for dy in range(width):
         for dx in range(width):
             # A texture displaced by d shows at p what lies at p - d.
             top, left = width - 1 - dy, width - 1 - dx
-            window = slice(top, top + h), slice(left, left + w)
-            both = seen & valid[window]
-            squared = ((image - truth[window]) ** 2).mean(axis=2) * both
-            count = sums(both)
-            enough = count >= patch * patch / 2
-            costs[dy, dx][enough] = sums(squared)[enough] / count[enough]
+            window = slice(None), slice(top, top + patch), slice(left, left + patch)
+            both = seen & known[window]
+            squared = ((image - truth[window]) ** 2).mean(axis=3) * both
+            count = both.sum(axis=(1, 2))
+            total = squared.sum(axis=(1, 2), dtype=float)
+            costs[dy, dx, row, column] = np.where(count >= enough, total / np.maximum(count, 1), np.inf)
     return costs
+
+
+def _patches(picture: np.ndarray, patch: int, border: int) -> np.ndarray:
+    """A view ``(rows, columns, P, P, ...)`` of all whole patches with ``border`` cells around each, 0 outside."""
+    rows, columns = (n // patch for n in picture.shape[:2])
+    around = [(border, border)] * 2 + [(0, 0)] * (picture.ndim - 2)
+    size = patch + 2 * border
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(picture, around), (size, size), axis=(0, 1))
+    chosen = windows[: rows * patch : patch, : columns * patch : patch]
+    return chosen if picture.ndim == 2 else np.moveaxis(chosen, 2, -1)
 
 
 def _best_shift(cost: np.ndarray) -> tuple[float, float]:
