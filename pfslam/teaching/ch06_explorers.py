@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from matplotlib.axes import Axes
@@ -126,6 +128,7 @@ def floor_explorer(shot: Shot) -> Explorer:
     """Which pixels count as floor, for an assumed pitch, a tolerance and a Z_MAX."""
     true_pitch = np.rad2deg(shot.camera.pitch)
 
+    @lru_cache(maxsize=4)
     def choice(pitch: float, tolerance: float, z_max: float):
         points = points_of(shot, pitched(shot.camera, pitch - true_pitch))
         chosen = chosen_as_floor(points, tolerance / 100, z_max)
