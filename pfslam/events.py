@@ -67,12 +67,11 @@ def _events(
         t, pose = recording.lidar.t[i], odometry.at(recording.lidar.t[i])
         motion = between(previous, pose)
         lean = tilt.at(t) if tilt is not None else (0.0, 0.0)
-        motion[:2] *= np.cos(lean[0])  # wheels measure along the slope, the map is seen from above
+        level = np.cos(lean[0])  # wheels measure along the slope, the map is seen from above
         floor = config.floor_clearance if any(lean) else -np.inf
-        samples = inputs.during(previous_t, t)
-        yield ScanEvent(
-            t, *level_scan(recording.lidar.ranges[i], recording.robot.lidar, lean, floor), motion, samples
-        )
+        v, omega, dt = inputs.during(previous_t, t)
+        scan = level_scan(recording.lidar.ranges[i], recording.robot.lidar, lean, floor)
+        yield ScanEvent(t, *scan, motion * [level, level, 1.0], (level * v, omega, dt))
         previous_t, previous = t, pose
 
 

@@ -187,7 +187,11 @@ def free_cells(spec: GridSpec, points_w: np.ndarray, beams: np.ndarray, sensor_w
 
 
 def integrate_scan(
-    grid: OccupancyGrid, points_w: np.ndarray, beams: np.ndarray, sensor_w: np.ndarray, config: MapConfig
+    grid: OccupancyGrid,
+    points_w: np.ndarray,
+    beams: np.ndarray,
+    sensor_w: np.ndarray,
+    config: MapConfig,
 ) -> tuple[OccupancyGrid, tuple[slice, slice]]:
     """The map after one scan, and the rectangle of cells that it touched. Implements Eq. 15.
 
@@ -199,6 +203,7 @@ def integrate_scan(
     change = mask * np.float32(-config.free)
     ix, iy = grid.spec.world_to_cell(points_w).T
     change[iy - rectangle[0].start, ix - rectangle[1].start] = config.hit
-    updated = grid.log_odds.copy()
-    updated[rectangle] = np.clip(updated[rectangle] + change, -config.clamp, config.clamp)
-    return OccupancyGrid(grid.spec, updated), rectangle
+    log_odds = grid.log_odds.copy()
+    told = log_odds[rectangle] + change
+    log_odds[rectangle] = np.clip(told, -config.clamp, config.clamp)
+    return OccupancyGrid(grid.spec, log_odds), rectangle

@@ -17,19 +17,23 @@ from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
 from pfslam.matching import Matched, match
 from pfslam.particles import Particles, effective_sample_size, predict, resample, reweight
 from pfslam.poses import average_pose, between, compose, transform_points, wrap_angle
-from pfslam.refinement import HitMoments, polish
+from pfslam.refinement import HitMoments, Polished, polish
 
 
 @dataclass(frozen=True, eq=False)
 class SlamState:
-    """All that the next step needs. ``variance`` is the motion's (m^2, rad^2) since a scan was last matched."""
+    """All that the next step needs.
+
+    ``drawn_at`` is the pose ``(3,)`` of the last scan drawn, None before the first; ``variance (2,)`` that of the
+    motion (m^2, rad^2) since a scan was last matched.
+    """
 
     particles: Particles
     estimate: np.ndarray
     grid: OccupancyGrid
     field: np.ndarray
     moments: HitMoments
-    drawn_at: np.ndarray
+    drawn_at: np.ndarray | None
     variance: np.ndarray
 
 
@@ -60,31 +64,35 @@ class StepInfo:
 
 
 def slam_step(
-    state: SlamState, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
+    state: SlamState,
+    event: ScanEvent,
+    config: SlamConfig,
+    rng: np.random.Generator,
 ) -> tuple[SlamState, StepInfo]:
     """One scan: predict, score and perturb, reweight, estimate, resample, draw: the loop of the report."""
-    # Predict: every particle moves by its own noisy motion; odometry alone moves the last estimate.
+    # Predict: every particle moves by its own noisy motion.
     particles, variance = predict_motion(state.particles, event, config, rng)
-    predicted, variance = compose(state.estimate, event.motion), state.variance + variance
+    predicted = compose(state.estimate, event.motion)
+    variance = state.variance + variance
     if len(event.points_b) < config.min_beams:
-        state = replace(state, particles=particles, estimate=predicted, variance=variance)
-        return state, _info(event, predicted, particles)
-    # Score the scan around every particle; each moves to the best pose of its window.
+        return pass_by(state, event, particles, predicted, variance)
+    # Score the scan around every particle; each moves to its best pose.
     matched = match_scan(state, event, particles, variance, config, rng)
     # Reweight by how well the scan fits there.
-    particles, evidence = reweight(Particles(matched.poses, particles.log_weights), matched.log_likelihood)
-    # Estimate one pose; align it to the lines of the map, and the cloud with it.
-    estimate, particles, aligned = align(
-        state, event, estimate_pose(particles, config), particles, predicted, config
-    )
-    info = _info(event, estimate, particles, matched=True, scored=evidence > -np.inf)
-    info = replace(info, score=float(particles.weights @ matched.score), log_evidence=evidence, **aligned)
+    particles = Particles(matched.poses, particles.log_weights)
+    particles, evidence = reweight(particles, matched.log_likelihood)
+    # Estimate one pose; align it to the map's lines, and the cloud with it.
+    estimate = estimate_pose(particles, config)
+    aligned = align(state, event, estimate, predicted, config)
+    particles = shifted(particles, estimate, aligned.pose)
+    info = describe(event, aligned, particles, matched, evidence)
     # Resample if few particles carry the weight.
     if info.effective_sample_size <= config.resample_below * len(particles):
-        particles, info = resample(particles, rng, config.resampler), replace(info, resampled=True)
-    state = replace(state, particles=particles, estimate=estimate, variance=np.zeros(2))
-    # Draw the scan into the map from the estimate, if the robot has moved since the last one drawn.
-    if has_moved(between(state.drawn_at, estimate), config):
+        particles = resample(particles, rng, config.resampler)
+        info = replace(info, resampled=True)
+    state = after_match(state, particles, aligned.pose)
+    # Draw the scan into the map, if the robot has moved since the last one.
+    if has_moved(state, config):
         state, info = draw(state, event, config), replace(info, drawn=True)
     return state, info
 
@@ -127,30 +135,40 @@ def estimate_pose(particles: Particles, config: SlamConfig) -> np.ndarray:
 
 
 def align(
-    state: SlamState,
-    event: ScanEvent,
-    estimate: np.ndarray,
-    particles: Particles,
-    predicted: np.ndarray,
-    config: SlamConfig,
-) -> tuple[np.ndarray, Particles, dict]:
-    """The estimate after the line polish, the cloud shifted by the same correction, and what the info should say."""
+    state: SlamState, event: ScanEvent, estimate: np.ndarray, predicted: np.ndarray, config: SlamConfig
+) -> Polished:
+    """The estimate after the line polish, or as it was if the configuration has none."""
     if config.polish is None:
-        return estimate, particles, {}
+        return Polished(estimate, 0, None)
     points = event.points_b[:: config.polish.beam_stride]
-    polished = polish(state.moments, points, estimate, predicted, config.polish)
-    moved = particles.poses + (polished.pose - estimate)
-    moved[:, 2] = wrap_angle(moved[:, 2])
-    particles = Particles(moved, particles.log_weights)
-    return (
-        polished.pose,
-        particles,
-        {"polish_beams": polished.beams, "free_direction": polished.free_direction},
-    )
+    return polish(state.moments, points, estimate, predicted, config.polish)
 
 
-def has_moved(motion: np.ndarray, config: SlamConfig) -> bool:
-    """Whether a motion ``(3,)`` is large enough for the next scan to be drawn."""
+def shifted(particles: Particles, before: np.ndarray, after: np.ndarray) -> Particles:
+    """The cloud moved by the same correction that took the estimate from one pose to another."""
+    poses = particles.poses + (after - before)
+    poses[:, 2] = wrap_angle(poses[:, 2])
+    return Particles(poses, particles.log_weights)
+
+
+def after_match(state: SlamState, particles: Particles, estimate: np.ndarray) -> SlamState:
+    """The state with a new cloud and estimate; a scan has just told where the robot is, so no variance is owed."""
+    return replace(state, particles=particles, estimate=estimate, variance=np.zeros(2))
+
+
+def pass_by(
+    state: SlamState, event: ScanEvent, particles: Particles, predicted: np.ndarray, variance: np.ndarray
+) -> tuple[SlamState, StepInfo]:
+    """A scan with too few beams: the cloud is only predicted, and odometry alone moves the estimate."""
+    state = replace(state, particles=particles, estimate=predicted, variance=variance)
+    return state, _info(event, predicted, particles)
+
+
+def has_moved(state: SlamState, config: SlamConfig) -> bool:
+    """Whether the estimate has moved or turned far enough for the next scan to be drawn."""
+    if state.drawn_at is None:
+        return True
+    motion = between(state.drawn_at, state.estimate)
     return bool(np.hypot(*motion[:2]) >= config.draw_metres or abs(motion[2]) >= config.draw_radians)
 
 
@@ -180,9 +198,20 @@ def start(event: ScanEvent, config: SlamConfig, rng: np.random.Generator) -> tup
     around = np.concatenate([transform_points(estimate, event.points_b), estimate[None, :2]])
     grid = OccupancyGrid.empty(GridSpec.around(around, config.map.resolution, margin=5.0))
     field, moments = score_field(grid.occupied, config.search.field), HitMoments.empty(grid.spec)
-    state = SlamState(particles, estimate, grid, field, moments, estimate, np.zeros(2))
+    state = SlamState(particles, estimate, grid, field, moments, None, np.zeros(2))
     info = _info(event, estimate, particles)
     return (draw(state, event, config), replace(info, drawn=True)) if len(event.points_b) else (state, info)
+
+
+def describe(
+    event: ScanEvent, aligned: Polished, particles: Particles, matched: Matched, evidence: float
+) -> StepInfo:
+    """What to say about a step whose scan was matched."""
+    info = _info(
+        event, aligned.pose, particles, matched=True, scored=evidence > -np.inf, log_evidence=evidence
+    )
+    score = float(particles.weights @ matched.score)
+    return replace(info, score=score, polish_beams=aligned.beams, free_direction=aligned.free_direction)
 
 
 def _info(event: ScanEvent, estimate: np.ndarray, particles: Particles, **what) -> StepInfo:

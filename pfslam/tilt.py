@@ -63,7 +63,7 @@ def estimate_tilt(recording: Recording, config: TiltConfig) -> Tilt | None:
     dt = np.diff(imu.t, prepend=imu.t[0])
     speed = _smoothed(np.interp(imu.t, 0.5 * (inputs.t[1:] + inputs.t[:-1]), inputs.v), dt, SPEED_SMOOTHING)
     forward = np.divide(np.diff(speed, prepend=speed[0]), dt, out=np.zeros_like(dt), where=dt > 1e-3)
-    sideways = speed * imu.angular_velocity[:, 2]
+    sideways = speed * recording.robot.imu.yaw_rate(imu.angular_velocity)
     still = standing_start(recording)
     bias = imu.angular_velocity[still].mean(axis=0) if still.any() else np.zeros(3)
     level = imu.acceleration_g[still].mean(axis=0) if still.any() else np.array([0.0, 0.0, 1.0])
