@@ -31,7 +31,7 @@ from pfslam.teaching.figures import (
 from pfslam.teaching.pictures import Picture
 from pfslam.teaching.style import COLOURS, new_figure
 
-FRAMES = 30
+FRAMES = 20
 
 
 @dataclass(frozen=True, eq=False)
