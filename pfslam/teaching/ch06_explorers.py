@@ -128,9 +128,13 @@ def floor_explorer(shot: Shot) -> Explorer:
     """Which pixels count as floor, for an assumed pitch, a tolerance and a Z_MAX."""
     true_pitch = np.rad2deg(shot.camera.pitch)
 
+    @lru_cache(maxsize=8)
+    def cloud(pitch: float):
+        return points_of(shot, pitched(shot.camera, pitch - true_pitch))
+
     @lru_cache(maxsize=4)
     def choice(pitch: float, tolerance: float, z_max: float):
-        points = points_of(shot, pitched(shot.camera, pitch - true_pitch))
+        points = cloud(pitch)
         chosen = chosen_as_floor(points, tolerance / 100, z_max)
         return points, chosen, floor_shares(shot, points, chosen)
 
