@@ -31,12 +31,48 @@ def first_seconds(recording: Recording, seconds: float) -> Recording:
     return replace(recording, lidar=LidarScans(lidar.t[:k], lidar.ranges[:k]))
 
 
+def paths_over_seeds(recording: Recording, config: SlamConfig, seeds: int) -> list[Trajectory]:
+    """The estimated path of one run per seed."""
+    rngs = [np.random.default_rng(seed) for seed in range(seeds)]
+    return [run_slam(recording, config, rng=rng, keep_particles=False).trajectory for rng in rngs]
+
+
 def errors_over_seeds(recording: Recording, config: SlamConfig, seeds: int) -> np.ndarray:
     """Root mean square position error (m) of one run per seed, ``(seeds,)``."""
-    runs = (
-        run_slam(recording, config, rng=np.random.default_rng(s), keep_particles=False) for s in range(seeds)
+    paths = paths_over_seeds(recording, config, seeds)
+    return np.array([trajectory_error(path, true_path(recording)).ate_rmse_m for path in paths])
+
+
+FIRST_CORRIDOR = (17.0, 31.0)
+"""When the robot drives up the first corridor of ``hall``, in seconds after the first scan."""
+
+
+def corridor_excess(recording: Recording, path: Trajectory) -> float:
+    """How much longer (m) the first corridor is on this path than in truth, from one end to the other."""
+    t = recording_start(recording) + np.array(FIRST_CORRIDOR)
+    drives = [np.hypot(*np.diff(p.at(t)[:, :2], axis=0)[0]) for p in (path, true_path(recording))]
+    return float(drives[0] - drives[1])
+
+
+def recording_start(recording: Recording) -> float:
+    """Time of the first scan (s)."""
+    return float(scans_of(recording).t[0])
+
+
+def slip_picture(excess: dict[str, np.ndarray]) -> Picture:
+    """One dot per run, one row per case."""
+    figure, axes = new_figure(6.2, 2.9)
+    words = []
+    for row, (name, values) in enumerate(excess.items()):
+        colour = COLOURS[("odometry", "particles", "hits", "estimate")[row]]
+        axes.scatter(values, np.full(len(values), -row), color=colour, s=40, alpha=0.8)
+        words.append(f"{name}: {np.min(values):.2f} to {np.max(values):.2f} m (runs: {len(values)})")
+    axes.axvline(0.0, color=COLOURS["truth"], linestyle=":")
+    axes.set_yticks(-np.arange(len(excess)), list(excess))
+    axes.set(xlabel="the corridor is too long by [m]", ylim=(-len(excess) + 0.5, 0.5))
+    return Picture(
+        figure, f"How much too long the first corridor becomes. {'; '.join(words)}. Dotted: truth."
     )
-    return np.array([trajectory_error(run.trajectory, true_path(recording)).ate_rmse_m for run in runs])
 
 
 def dead_reckoning_error(recording: Recording) -> float:
