@@ -1,13 +1,15 @@
 """Each equation of the report, 1 to 19, is implemented by exactly one named function or class."""
 
 import ast
+import json
 import re
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parents[1] / "pfslam"
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "pfslam"
 LABEL = re.compile(r"Implements Eq\. (\d+(?:, \d+)*)")
 
 # Where a reader finds them, in the report's own order.
@@ -15,6 +17,7 @@ EXPECTED = {
     1: "motion_model",
     2: "slam_cost",
     3: "motion_model",
+    4: "project_floor",
     5: "motion_model",
     6: "map_correlation",
     7: "scan_points",
@@ -56,3 +59,17 @@ def test_labels_are_written_in_one_way():
     for path in sorted(PACKAGE.rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         assert len(re.findall(r"[Ii]mplements [Ee]q", text)) == len(LABEL.findall(text)), path.name
+
+
+def chapters():
+    """The text of each notebook, all cells."""
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        yield path.stem, "\n".join("".join(cell["source"]) for cell in cells)
+
+
+@pytest.mark.parametrize("number", EXPECTED)
+def test_a_chapter_shows_the_equation_beside_its_function(number):
+    """A label (eq-n), by which other pages link to it, and the name of the function that is the equation."""
+    name = re.compile(rf"\b{EXPECTED[number]}\b")
+    assert [stem for stem, text in chapters() if f"(eq-{number})" in text and name.search(text)]
