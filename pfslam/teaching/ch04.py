@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pfslam.correlation import Lattice, map_correlation, score_field, score_volume
+from pfslam.correlation import map_correlation, score_field, score_volume
 from pfslam.errors import DataError
 from pfslam.grid import OccupancyGrid
+from pfslam.lattice import Lattice
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import scan_points

@@ -11,7 +11,6 @@ import numpy as np
 from pfslam.config import SearchConfig
 from pfslam.correlation import (
     MAX_FIELD_VALUE,
-    Window,
     map_correlation,
     score_field,
     score_volume,
@@ -19,6 +18,7 @@ from pfslam.correlation import (
     updated_field,
 )
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
+from pfslam.lattice import Window
 from pfslam.matching import match
 from pfslam.poses import transform_points
 from pfslam.recording import Recording

@@ -70,6 +70,7 @@ def slip_picture(excess: dict[str, np.ndarray]) -> Picture:
     axes.axvline(0.0, color=COLOURS["truth"], linestyle=":")
     axes.set_yticks(-np.arange(len(excess)), list(excess))
     axes.set(xlabel="the corridor is too long by [m]", ylim=(-len(excess) + 0.5, 0.5))
+    axes.locator_params(axis="x", nbins=5)
     return Picture(
         figure, f"How much too long the first corridor becomes. {'; '.join(words)}. Dotted: truth."
     )
