@@ -9,7 +9,8 @@ STAMP := $(VENV)/.installed
 SITE := _build/html
 NOTEBOOKS := $(sort $(wildcard notebooks/*.ipynb))
 WORKERS ?= 2
-PYTEST := "$(BIN)/python" -m pytest -q -n $(WORKERS)
+# One thread for each worker: two workers of two threads would only wait for one another.
+PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test lint types unit notebooks check-book lab notebook-outputs strip lock clean
