@@ -13,7 +13,7 @@ from pfslam.motion import controls, dead_reckoning
 from pfslam.poses import between, rotation_matrix
 from pfslam.recording import Recording
 from pfslam.sensors import LidarModel, scan_points_3d
-from pfslam.tilt import Tilt, TiltConfig, estimate_tilt
+from pfslam.tilt import Tilt, estimate_tilt
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +37,10 @@ class ScanEvent:
 
 def used_scans(recording: Recording, config: SlamConfig) -> tuple[np.ndarray, dict[str, int]]:
     """Indices of the scans a run will use, and how many were left out because odometry does not cover them."""
-    if recording.lidar is None:
-        raise DataError(recording.name, "lidar", "no scans", "a recording with LiDAR")
-    odometry = dead_reckoning(recording)
+    scans, odometry = recording.scans(), dead_reckoning(recording)
     every = config.every if config.every is not None else recording.default_every
-    index = np.arange(0, len(recording.lidar.t), every)
-    covered = odometry.covers(recording.lidar.t[index])
+    index = np.arange(0, len(scans.t), every)
+    covered = odometry.covers(scans.t[index])
     if not covered.any():
         raise DataError(
             recording.name, "lidar time_stamps", "no scan within the odometry's time", "streams that overlap"
@@ -55,22 +53,23 @@ def scan_events(recording: Recording, config: SlamConfig) -> tuple[Iterator[Scan
     """The used scans in order, each with the motion since the one before, and what was dropped."""
     index, dropped = used_scans(recording, config)
     tilt = estimate_tilt(recording, config.tilt) if config.tilt is not None else None
-    return _events(recording, index, tilt, config.tilt), dropped
+    clearance = config.tilt.floor_clearance if config.tilt is not None else -np.inf
+    return _events(recording, index, tilt, clearance), dropped
 
 
 def _events(
-    recording: Recording, index: np.ndarray, tilt: Tilt | None, config: TiltConfig | None
+    recording: Recording, index: np.ndarray, tilt: Tilt | None, clearance: float
 ) -> Iterator[ScanEvent]:
-    odometry, inputs = dead_reckoning(recording), controls(recording)
+    odometry, inputs, scans = dead_reckoning(recording), controls(recording), recording.scans()
     previous_t, previous = odometry.t[0], odometry.poses[0]
     for i in index:
-        t, pose = recording.lidar.t[i], odometry.at(recording.lidar.t[i])
+        t, pose = scans.t[i], odometry.at(scans.t[i])
         motion = between(previous, pose)
         lean = tilt.at(t) if tilt is not None else (0.0, 0.0)
         level = np.cos(lean[0])  # wheels measure along the slope, the map is seen from above
-        floor = config.floor_clearance if any(lean) else -np.inf
+        floor = clearance if any(lean) else -np.inf
         v, omega, dt = inputs.during(previous_t, t)
-        scan = level_scan(recording.lidar.ranges[i], recording.robot.lidar, lean, floor)
+        scan = level_scan(scans.ranges[i], recording.robot.lidar, lean, floor)
         yield ScanEvent(t, *scan, motion * [level, level, 1.0], (level * v, omega, dt))
         previous_t, previous = t, pose
 

@@ -70,7 +70,8 @@ def controls(recording: Recording) -> Controls:
     if recording.odometry is not None:
         t, step = recording.odometry.t, between(recording.odometry.poses[:-1], recording.odometry.poses[1:])
         return Controls(t, step[:, 0] / np.diff(t), step[:, 2] / np.diff(t))
-    inside = (recording.imu.t >= recording.encoders.t[0]) & (recording.imu.t <= recording.encoders.t[-1])
+    encoders, imu = recording.wheels_and_gyro()
+    inside = (imu.t >= encoders.t[0]) & (imu.t <= encoders.t[-1])
     if np.count_nonzero(inside) < 2:
         raise DataError(
             recording.name,
@@ -78,9 +79,9 @@ def controls(recording: Recording) -> Controls:
             f"{np.count_nonzero(inside)} of {len(inside)} samples within the encoders' time",
             "two or more: the streams must overlap",
         )
-    t = recording.imu.t[inside]
-    omega = recording.robot.imu.yaw_rate(recording.imu.angular_velocity[inside])
-    return Controls(t, wheel_speed(recording.encoders, recording.robot.encoders, t), omega[1:])
+    t, robot = imu.t[inside], recording.robot
+    omega = robot.imu.yaw_rate(imu.angular_velocity[inside])
+    return Controls(t, wheel_speed(encoders, robot.encoders, t), omega[1:])
 
 
 def motion_model(poses: np.ndarray, v, omega, dt) -> np.ndarray:

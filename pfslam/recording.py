@@ -108,6 +108,19 @@ class Recording:
                 f"{self.robot.lidar.beams} beams",
             )
 
+    def wheels_and_gyro(self) -> tuple[Encoders, Imu]:
+        """The encoders and the IMU; ``DataError`` if the recording lacks one of them."""
+        if self.encoders is None or self.imu is None:
+            missing = "encoders" if self.encoders is None else "imu"
+            raise DataError(self.name, missing, "nothing", "a recording with encoders and IMU")
+        return self.encoders, self.imu
+
+    def scans(self) -> LidarScans:
+        """The LiDAR scans; ``DataError`` if the recording has none."""
+        if self.lidar is None:
+            raise DataError(self.name, "lidar", "no scans", "a recording with LiDAR")
+        return self.lidar
+
 
 @dataclass(frozen=True, eq=False)
 class Pairs:

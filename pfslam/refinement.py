@@ -73,7 +73,7 @@ class HitMoments:
 def _neighbourhood(reach: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Offsets of the neighbours, and the matrix that sums their moments about the middle cell's centre."""
     dy, dx = (d.ravel() - reach for d in np.indices((2 * reach + 1, 2 * reach + 1)))
-    return dx, dy, np.vstack([_moved(x, y) for x, y in zip(dx, dy, strict=True)])
+    return dx, dy, np.vstack([_moved(int(x), int(y)) for x, y in zip(dx, dy, strict=True)])
 
 
 def _moved(dx: int, dy: int) -> np.ndarray:

@@ -15,7 +15,10 @@ from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.slam import SlamState, StepInfo, slam_step, start
 
-STRATEGIES = {"shared": (start, slam_step), "per-particle": (start_histories, per_particle_step)}
+STRATEGIES: dict[str, tuple[Callable, Callable]] = {
+    "shared": (start, slam_step),
+    "per-particle": (start_histories, per_particle_step),
+}
 """By ``SlamConfig.maps``: how a run begins, and its step. Scan matching is the shared map with one particle."""
 
 
@@ -67,11 +70,11 @@ def run_slam(
     rng = np.random.default_rng(0) if rng is None else rng
     stamps, dropped = used_scans(recording, config)
     steps = slam_steps(recording, config, rng)
-    infos, grid = [], None
+    infos: list[StepInfo] = []
     for state, info in progress(steps, total=len(stamps)) if progress else steps:
         infos.append(info if keep_particles else replace(info, particles=None))
-        grid = state.grid
-    trajectory = Trajectory([info.t for info in infos], [info.estimate for info in infos])
+        grid: OccupancyGrid = state.grid
+    trajectory = Trajectory(np.array([info.t for info in infos]), np.array([info.estimate for info in infos]))
     blind = sum(not info.matched for info in infos[1:])
     mute = sum(info.matched and not info.scored for info in infos)
     floor = sum(info.struck_floor for info in infos)

@@ -46,9 +46,9 @@ class Tilt:
 
 def standing_start(recording: Recording) -> np.ndarray:
     """Which gyro samples ``(K,)`` bool were taken before the wheels first moved."""
-    moving = np.flatnonzero(recording.encoders.counts.any(axis=1))
-    until = recording.encoders.t[moving[0]] if len(moving) else np.inf
-    return recording.imu.t < until
+    encoders, imu = recording.wheels_and_gyro()
+    moving = np.flatnonzero(encoders.counts.any(axis=1))
+    return imu.t < (encoders.t[moving[0]] if len(moving) else np.inf)
 
 
 def estimate_tilt(recording: Recording, config: TiltConfig) -> Tilt | None:
@@ -59,7 +59,8 @@ def estimate_tilt(recording: Recording, config: TiltConfig) -> Tilt | None:
     """
     if recording.imu is None or recording.encoders is None:
         return None
-    imu, inputs = recording.imu, controls(recording)
+    inputs = controls(recording)
+    _, imu = recording.wheels_and_gyro()
     dt = np.diff(imu.t, prepend=imu.t[0])
     speed = _smoothed(np.interp(imu.t, 0.5 * (inputs.t[1:] + inputs.t[:-1]), inputs.v), dt, SPEED_SMOOTHING)
     forward = np.divide(np.diff(speed, prepend=speed[0]), dt, out=np.zeros_like(dt), where=dt > 1e-3)

@@ -74,14 +74,14 @@ def map_along(
 ) -> OccupancyGrid:
     """The map that a given trajectory draws, scan by scan: no filter. Scans outside its time are left out."""
     config = config or MapConfig()
-    lidar, stamps = recording.robot.lidar, recording.lidar.t
-    used = [i for i in range(0, len(stamps), every) if trajectory.covers(stamps[i])]
-    ends, hits = [], []
-    for i in used:
-        pose = trajectory.at(stamps[i])
-        points = transform_points(pose, scan_points(recording.lidar.ranges[i], lidar))
+    lidar, scans = recording.robot.lidar, recording.scans()
+    ends: list[np.ndarray] = []
+    hits = []
+    for i in (i for i in range(0, len(scans.t), every) if trajectory.covers(scans.t[i])):
+        pose = trajectory.at(scans.t[i])
+        points = transform_points(pose, scan_points(scans.ranges[i], lidar))
         sensor = transform_points(pose, np.array([lidar.position_b[:2]]))[0]
-        hits.append((points, np.flatnonzero(lidar.valid(recording.lidar.ranges[i])), sensor))
+        hits.append((points, np.flatnonzero(lidar.valid(scans.ranges[i])), sensor))
         ends.extend((points.min(axis=0), points.max(axis=0)) if len(points) else (sensor,))
     grid = OccupancyGrid.empty(GridSpec.around(np.array(ends), config.resolution))
     for points, beams, sensor in hits:
@@ -160,8 +160,9 @@ def report_noise(recording: Recording) -> ControlNoise:
     if recording.imu is not None:
         g = recording.imu.acceleration_g
         sloped = np.mean(np.abs(np.arctan2(g[:, 0], np.hypot(g[:, 1], g[:, 2]))) > np.deg2rad(8.0)) > 0.05
-    config = SlamConfig.report(sigma_omega=float(np.sqrt(0.05 if sloped else 0.02)))
-    return config.noise
+    noise = SlamConfig.report(sigma_omega=float(np.sqrt(0.05 if sloped else 0.02))).noise
+    assert isinstance(noise, ControlNoise)
+    return noise
 
 
 def report_figures(
