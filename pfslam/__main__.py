@@ -81,9 +81,17 @@ def build_parser() -> Parser:
     command = _command(commands, "study", "many runs over parameters, seeds and data sets")
     command.add_argument("file", type=Path, metavar="FILE", help="what to run")
 
-    command = _command(commands, "bench", "accuracy and speed, measured")
-    command.add_argument("--quick", action="store_true", help="a small selection")
+    command = _command(commands, "bench", "speed and memory, measured beside their targets")
+    command.add_argument(
+        "--quick", action="store_true", help="fewer rounds, and only the first part of each drive"
+    )
     command.add_argument("--json", type=Path, metavar="FILE", help="write the figures to a file")
+    command.add_argument(
+        "--data",
+        type=Path,
+        metavar="DIR",
+        help="folder with set 20, measured too (default $PFSLAM_DATA or data)",
+    )
     return parser
 
 

@@ -222,9 +222,16 @@ def report_command(arguments: argparse.Namespace) -> None:
     print(f"{len(figures)} figures are in {out}")
 
 
+def bench_command(arguments: argparse.Namespace) -> None:
+    """Speed and memory, measured and printed; with ``--json`` also written."""
+    from pfslam.bench.command import bench
+
+    bench(arguments.quick, arguments.json, arguments.data)
+
+
 def not_yet(arguments: argparse.Namespace) -> None:
     raise DataError(
-        "pfslam", "command", arguments.command, "simulate, run or report; the others are not available yet"
+        "pfslam", "command", arguments.command, "simulate, run, report or bench; study is not available yet"
     )
 
 
@@ -233,5 +240,5 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
     "run": run_command,
     "report": report_command,
     "study": not_yet,
-    "bench": not_yet,
+    "bench": bench_command,
 }

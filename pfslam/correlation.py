@@ -202,7 +202,9 @@ def rotated_cells(points_b: np.ndarray, yaws: np.ndarray, spec: GridSpec) -> np.
     c, s = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
     x = c * points_b[:, 0] - s * points_b[:, 1]
     y = s * points_b[:, 0] + c * points_b[:, 1]
-    return spec.world_to_cell(np.stack([x, y], axis=-1))
+    return spec.world_to_cell(
+        np.moveaxis(np.stack([x, y]), 0, -1)
+    )  # all x, then all y: faster to look through
 
 
 def _crop(field: np.ndarray, x0: int, y0: int, x1: int, y1: int) -> np.ndarray:

@@ -169,6 +169,11 @@ def test_a_box_is_cut_where_the_halves_cost_less_and_not_otherwise(monkeypatch):
     assert together == [list(range(64))]
 
 
+def test_headings_on_both_sides_of_pi_are_two_boxes_even_if_one_side_holds_a_single_node():
+    nodes = np.array([[0, 0, -628], [0, 0, 620], [1, 0, 621], [0, 1, 625], [0, 0, 626], [1, 1, 627]])
+    assert [list(part) for part in cheapest_boxes(nodes, REACH, 200)] == [[0], [1, 2, 3, 4, 5]]
+
+
 def test_distinct_nodes_are_sorted_and_say_where_each_row_went():
     nodes = np.random.default_rng(0).integers(-3, 3, (60, 3)) * [1, 1000, 7]
     distinct, which = distinct_nodes(nodes)

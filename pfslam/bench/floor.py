@@ -1,0 +1,54 @@
+"""Section 7: the floor texture, image pairs a second once they are decoded, beside the time to decode or render."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from pfslam.bench.setting import Setting
+from pfslam.bench.tables import Row, Section, interleaved
+from pfslam.motion import dead_reckoning
+from pfslam.recording import Recording, image_pairs
+from pfslam.texture import map_texture
+
+
+def texture(setting: Setting) -> Section:
+    """7. Image pairs a second of ``map_texture`` with images in memory, and of reading them."""
+    rows = []
+    for name, recording in setting.recordings.items():
+        if recording.camera is None or len(recording.camera.disparity_index) == 0:
+            continue
+        decoded, seconds, count = in_memory(recording, setting.effort.image_pairs)
+        # Dead reckoning does for a trajectory: the work is the same.
+        work = partial(map_texture, decoded, dead_reckoning(recording))
+        spent = interleaved({"paint": work}, setting.effort.rounds)["paint"]
+        kind = "render" if name in ("hall", "ramp") else "decode"
+        rows.append(Row.of(f"{name}: painted", count / spent, "pairs/s", target=60.0, note=f"{count} pairs"))
+        rows.append(Row(f"{name}: time to {kind} one pair", 1e3 * seconds / count, "ms"))
+        rows.append(Row.of(f"{name}: time to paint one pair", 1e3 * spent / count, "ms"))
+    return Section(
+        7, "Floor texture", rows, "refined settings, 640 x 480, the floor's plane fitted as in every run"
+    )
+
+
+def in_memory(recording: Recording, pairs: int) -> tuple[Recording, float, int]:
+    """The recording with so many image pairs from its middle held in memory, the seconds to read them, their number."""
+    camera = recording.camera
+    chosen = image_pairs(camera)
+    first = max((len(chosen.disparity) - pairs) // 2, 0)
+    depth, colour = chosen.disparity[first : first + pairs], chosen.rgb[first : first + pairs]
+    begin = time.process_time()
+    disparity = {int(k): camera.read_disparity(int(k)) for k in depth}
+    rgb = {int(j): camera.read_rgb(int(j)) for j in colour}
+    seconds = time.process_time() - begin
+    stream = replace(
+        camera,
+        read_disparity=disparity.__getitem__,
+        read_rgb=rgb.__getitem__,
+        disparity_index=np.unique(depth),
+        rgb_index=np.unique(colour),
+    )
+    return replace(recording, camera=stream), seconds, len(depth)
