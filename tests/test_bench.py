@@ -153,12 +153,11 @@ def test_run_ends_after_the_seconds_asked_for():
 
 def test_images_are_read_once_and_then_held(setting):
     reads = []
-    recording = box_recording()
-    camera = recording.camera
+    camera = box_recording().camera
     counted = replace(camera, read_rgb=lambda j: reads.append(j) or camera.read_rgb(j))
-    held, _, count = in_memory(replace(recording, camera=counted), 2)
+    held, _, count = in_memory(counted, 2)
     assert count == len(reads) == 2
-    np.testing.assert_array_equal(held.camera.read_rgb(reads[0]), camera.read_rgb(reads[0]))
+    np.testing.assert_array_equal(held.read_rgb(reads[0]), camera.read_rgb(reads[0]))
     assert len(reads) == 2
     assert "box: painted" in values(texture(setting))
 

@@ -11,7 +11,7 @@ import numpy as np
 from pfslam.bench.setting import Setting
 from pfslam.bench.tables import Row, Section, interleaved
 from pfslam.motion import dead_reckoning
-from pfslam.recording import Recording, image_pairs
+from pfslam.recording import RgbdStream, image_pairs
 from pfslam.texture import map_texture
 
 
@@ -21,9 +21,9 @@ def texture(setting: Setting) -> Section:
     for name, recording in setting.recordings.items():
         if recording.camera is None or len(recording.camera.disparity_index) == 0:
             continue
-        decoded, seconds, count = in_memory(recording, setting.effort.image_pairs)
+        stream, seconds, count = in_memory(recording.camera, setting.effort.image_pairs)
         # Dead reckoning does for a trajectory: the work is the same.
-        work = partial(map_texture, decoded, dead_reckoning(recording))
+        work = partial(map_texture, replace(recording, camera=stream), dead_reckoning(recording))
         spent = interleaved({"paint": work}, setting.effort.rounds)["paint"]
         kind = "render" if name in ("hall", "ramp") else "decode"
         rows.append(Row.of(f"{name}: painted", count / spent, "pairs/s", target=60.0, note=f"{count} pairs"))
@@ -34,9 +34,8 @@ def texture(setting: Setting) -> Section:
     )
 
 
-def in_memory(recording: Recording, pairs: int) -> tuple[Recording, float, int]:
-    """The recording with so many image pairs from its middle held in memory, the seconds to read them, their number."""
-    camera = recording.camera
+def in_memory(camera: RgbdStream, pairs: int) -> tuple[RgbdStream, float, int]:
+    """So many image pairs from the middle of a stream held in memory, the seconds to read them, their number."""
     chosen = image_pairs(camera)
     first = max((len(chosen.disparity) - pairs) // 2, 0)
     depth, colour = chosen.disparity[first : first + pairs], chosen.rgb[first : first + pairs]
@@ -51,4 +50,4 @@ def in_memory(recording: Recording, pairs: int) -> tuple[Recording, float, int]:
         disparity_index=np.unique(depth),
         rgb_index=np.unique(colour),
     )
-    return replace(recording, camera=stream), seconds, len(depth)
+    return stream, seconds, len(depth)

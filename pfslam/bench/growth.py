@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -16,13 +17,13 @@ from pfslam.correlation import score_field
 from pfslam.grid import OccupancyGrid, embed
 from pfslam.slam import slam_step
 
-ALWAYS_DRAW = {"draw_metres": 0.0, "draw_radians": 0.0}
+ALWAYS_DRAW = replace(SlamConfig.refined(), draw_metres=0.0, draw_radians=0.0)
 """So that every update measured does the same work."""
 
 
 def growth(setting: Setting) -> Section:
     """3. Time of one update against particles, beams, window, resolution, map size; of a run against scans."""
-    config = replace(SlamConfig.refined(), **ALWAYS_DRAW)
+    config = ALWAYS_DRAW
     place, _ = drive(setting.recording, config, setting.effort.scans)
     rounds = setting.effort.rounds
     rows = particle_rows(place, "refined", setting)
@@ -46,7 +47,7 @@ def growth(setting: Setting) -> Section:
     return Section(3, "Growth of one update", rows, note)
 
 
-def curve(what: str, unit: str, jobs: dict[float, Callable], rounds: int) -> list[Row]:
+def curve(what: str, unit: str, jobs: Mapping[Any, Callable], rounds: int) -> list[Row]:
     """One row per value of a quantity with the milliseconds of its job, and one with the slope."""
     spent = interleaved({str(x): job for x, job in jobs.items()}, rounds)
     rows = [Row.of(f"{what} {x} {unit}".rstrip(), 1e3 * spent[str(x)], "ms") for x in jobs]

@@ -114,12 +114,8 @@ def fingerprint(scans: int, recording=None) -> str:
     for config in (SlamConfig.refined(), SlamConfig.report()):
         steps = slam_steps(recording, config, np.random.default_rng(0))
         for state, info in islice(steps, scans):
-            for values in (
-                info.particles.poses,
-                info.particles.log_weights,
-                info.estimate,
-                state.grid.log_odds,
-            ):
+            cloud, log_odds = state.particles, state.grid.log_odds
+            for values in (cloud.poses, cloud.log_weights, info.estimate, log_odds):
                 digest.update(values.tobytes())
     return digest.hexdigest()
 

@@ -23,19 +23,19 @@ PLANS = {
 
 def run_for(recording: Recording, config: SlamConfig, seconds: float | None) -> float:
     """A run over the first ``seconds`` of a recording (None: all of it); how many seconds of it were covered."""
-    first = last = None
+    stamps: list[float] = []
     for _, info in slam_steps(recording, config, np.random.default_rng(0)):
-        first, last = info.t if first is None else first, info.t
-        if seconds is not None and last - first >= seconds:
+        stamps.append(info.t)
+        if seconds is not None and stamps[-1] - stamps[0] >= seconds:
             break
-    return 0.0 if first is None else last - first
+    return stamps[-1] - stamps[0]
 
 
 def speed_rows(plans: dict, setting: Setting, seconds: float | None) -> list[Row]:
     """For every recording and plan: seconds recorded per second of processor time."""
     rows = []
     for name, recording in setting.recordings.items():
-        covered = {}
+        covered: dict[str, float] = {}
 
         def run(plan, config, recording=recording, covered=covered):
             covered[plan] = run_for(recording, config, seconds)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -138,7 +139,7 @@ def _against_other_ways(name: str, place: Place, setting: Setting) -> list[Row]:
         x, y, k = (nodes - reach - low).T
         return sliding_window_view(volume, WINDOW.shape)[k, y, x]
 
-    jobs = {
+    jobs: dict[str, Callable] = {
         "chosen": partial(search_from, place),
         "one volume": one_volume,
         "each window by itself": partial(window_scores, *here, nodes, WINDOW),
@@ -155,7 +156,9 @@ def cost_rows(place: Place, setting: Setting) -> list[Row]:
     state, lattice = place.state, lattice_of(place)
     node = lattice.nearest(state.estimate)
     here = (state.field, state.grid.spec, place.event.points_b, lattice)
-    jobs = {"turn": lambda: patches_and_scans(*here, node - [0, 0, 20], node + [0, 0, 20], (1, 1))}
+    jobs: dict[str, Callable] = {
+        "turn": lambda: patches_and_scans(*here, node - [0, 0, 20], node + [0, 0, 20], (1, 1))
+    }
     sides = (9, 33)
     scans = {}
     for side in sides:

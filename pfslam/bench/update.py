@@ -11,7 +11,7 @@ import numpy as np
 from pfslam.bench.scoring import lattice_of
 from pfslam.bench.setting import Place, Setting, drive
 from pfslam.bench.tables import Row, Section, interleaved
-from pfslam.config import SlamConfig
+from pfslam.config import PolishConfig, SlamConfig
 from pfslam.correlation import patches_and_scans, score_volume, search, updated_field
 from pfslam.grid import integrate_scan
 from pfslam.lattice import Window, distinct_nodes
@@ -68,14 +68,15 @@ def parts_of(place: Place) -> dict[str, Part]:
     parts = _search_parts(place, particles.poses, points, window)
     whole = partial(match, *here, particles.poses, sigmas, config.search, np.random.default_rng(0))
     moved, scores = whole().log_likelihood, n * len(window.steps())
-    ends, estimate = event.points_b[:: config.polish.beam_stride], state.estimate
-    align = partial(polish, state.moments, ends, estimate, estimate, config.polish)
+    lines = config.polish or PolishConfig()
+    ends, estimate = event.points_b[:: lines.beam_stride], state.estimate
+    align = partial(polish, state.moments, ends, estimate, estimate, lines)
 
     def weigh():
         weighted, _ = reweight(particles, moved)
         return estimate_pose(weighted, config), effective_sample_size(weighted.weights)
 
-    beams = config.polish.iterations * len(ends)
+    beams = lines.iterations * len(ends)
     return {
         "predict": Part(
             partial(predict_motion, state.particles, event, config, np.random.default_rng(0)), None, 96.0 * n
