@@ -4,7 +4,8 @@ The definition counts scan end points on occupied cells, pose by pose. The searc
 around each of hundreds of particles. All of these poses are nodes of one lattice in (x, y, theta) whose steps in x and
 y are one cell: a step along the lattice moves every end point by exactly one cell. So for each heading the end points
 are rounded to cells once, equal cells are merged, and the patches of the map that they select are added up. The result
-is a volume of scores from which every particle reads its own block.
+is a volume of scores from which every particle reads its own block. Where a cloud is so wide that most of the volume
+would be read by nobody, each particle's window is added up by itself; ``boxes`` decides which is cheaper.
 """
 
 from __future__ import annotations
@@ -71,9 +72,10 @@ def updated_field(
 
 
 def _widened(rectangle: tuple[slice, slice], shape: tuple[int, int], by: int) -> tuple[slice, slice]:
-    return tuple(
+    rows, columns = (
         slice(max(r.start - by, 0), min(r.stop + by, n)) for r, n in zip(rectangle, shape, strict=True)
     )
+    return rows, columns
 
 
 @dataclass(frozen=True, eq=False)

@@ -165,7 +165,7 @@ def test_images_are_read_once_and_then_held(setting):
 def test_profile_lists_the_parts_with_what_the_machine_would_need(setting):
     rows = profile(setting).rows
     assert [row.what for row in rows][-1] == "whole update"
-    assert {"predict", "search", "polish", "draw the scan"} <= {row.what for row in rows}
+    assert {"predict", "polish", "draw the scan"} <= {row.what for row in rows}
     assert all(row.limit >= 0 for row in rows[:-1])
 
 

@@ -52,7 +52,11 @@ def curve(what: str, unit: str, jobs: Mapping[Any, Callable], rounds: int) -> li
     spent = interleaved({str(x): job for x, job in jobs.items()}, rounds)
     rows = [Row.of(f"{what} {x} {unit}".rstrip(), 1e3 * spent[str(x)], "ms") for x in jobs]
     medians = [float(np.median(spent[str(x)])) for x in jobs]
-    return [*rows, Row(f"{what}: slope", slope(list(jobs), medians), "")]
+    end = slope(list(jobs)[-2:], medians[-2:])
+    return [
+        *rows,
+        Row(f"{what}: slope", slope(list(jobs), medians), "", note=f"between the last two {end:.2f}"),
+    ]
 
 
 def particle_rows(place: Place, name: str, setting: Setting) -> list[Row]:

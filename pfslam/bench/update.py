@@ -21,6 +21,8 @@ from pfslam.poses import transform_points
 from pfslam.refinement import polish
 from pfslam.slam import estimate_pose, predict_motion
 
+SEARCH = "search in all: these two, boxes, blocks"
+TURN = "turn, round to cells, merge"
 WIDTH = 40
 """Characters of the longest bar."""
 
@@ -82,7 +84,7 @@ def parts_of(place: Place) -> dict[str, Part]:
             partial(predict_motion, state.particles, event, config, np.random.default_rng(0)), None, 96.0 * n
         ),
         **parts,
-        "climb to the best perturbation": Part(whole, "search", 4.0 * scores, 3.0 * scores),
+        "climb to the best perturbation": Part(whole, SEARCH, 4.0 * scores, 3.0 * scores),
         "reweight, estimate": Part(weigh, None, 64.0 * n),
         "polish": Part(align, None, beams * 9 * 6 * 8.0, beams * 9 * 36.0),
         **_map_parts(place),
@@ -101,11 +103,9 @@ def _search_parts(place: Place, poses: np.ndarray, points: np.ndarray, window: W
     added = float(cells * rows * columns)
     look = partial(search, state.field, state.grid.spec, points, poses, lattice, window)
     return {
-        "turn, round to cells, merge": Part(turn, None, headings * len(points) * 32.0),
-        "copy patches and add them": Part(
-            partial(score_volume, *here, low, high), "turn, round to cells, merge", 4.0 * added, added
-        ),
-        "search": Part(lambda: list(look()), None, 4.0 * added, added),
+        TURN: Part(turn, None, headings * len(points) * 32.0),
+        "copy patches and add them": Part(partial(score_volume, *here, low, high), TURN, 4.0 * added, added),
+        SEARCH: Part(lambda: list(look()), None, 4.0 * added, added),
     }
 
 
