@@ -34,7 +34,7 @@ class Effort:
     """As ``seconds``, for a map per particle."""
 
 
-QUICK = Effort(3, 1, 25.0, 150, 80, (5, 50, 200, 2000, 20_000), 15, 6, 14.0)
+QUICK = Effort(3, 1, 25.0, 150, 80, (5, 50, 200, 2000, 20_000), 15, 20, 14.0)
 
 
 @dataclass(frozen=True, eq=False)
