@@ -17,7 +17,7 @@ ORDER = [
     *("tilt", "config", "matching", "refinement", "events", "slam", "per_particle", "runs"),
     *("floor", "texture_config", "floor_views", "texture", "metrics", "metrics_texture", "study"),
     *("files", "images", "formats", "carmen", "course_writer", "course_format"),
-    *("simulator", "cache", "datasets", "teaching", "bench", "commands", "__main__"),
+    *("simulator", "cache", "datasets", "bench", "teaching", "commands", "__main__"),
 ]
 MODULES = sorted(PACKAGE.rglob("*.py"))
 PLOTTING = {"matplotlib", "ipywidgets", "IPython", "PIL"}
