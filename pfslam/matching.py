@@ -54,9 +54,8 @@ def match(
     window = window_for(config, lattice, *sigmas)
     full_score = len(points_b) * (MAX_FIELD_VALUE if config.field == "distance" else 1)
     moved, log_likelihood, score = np.array(poses, dtype=float), np.zeros(len(poses)), np.zeros(len(poses))
-    lots = (
-        rng.random(len(poses)) if config.keep_offset else None
-    )  # drawn here: boxes must not change who gets which
+    # Drawn here, one for each particle: how they are parted into boxes must not change who gets which.
+    lots = rng.random(len(poses)) if config.keep_offset else None
     for box in search(field, spec, points_b, poses, lattice, window):
         for part in _in_parts(box):
             who = part.members
