@@ -40,6 +40,7 @@ def whole(lowest: int, highest: int):
 
 
 def build_parser() -> Parser:
+    """All commands and their options."""
     parser = Parser(
         prog="pfslam", description="Particle-filter SLAM and floor texture mapping.", allow_abbrev=False
     )

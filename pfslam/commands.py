@@ -230,6 +230,7 @@ def bench_command(arguments: argparse.Namespace) -> None:
 
 
 def not_yet(arguments: argparse.Namespace) -> None:
+    """Say in one line that a command is still to come."""
     raise DataError(
         "pfslam", "command", arguments.command, "simulate, run, report or bench; study is not available yet"
     )

@@ -53,6 +53,7 @@ def _strip_output(output: dict, count: int | None) -> dict | None:
 
 
 def main(arguments: list[str] | None = None) -> int:
+    """Strip the notebooks named on the command line."""
     parser = argparse.ArgumentParser(prog="python -m pfslam.teaching.strip", description=__doc__)
     parser.add_argument("notebooks", nargs="+", type=Path)
     parser.add_argument(

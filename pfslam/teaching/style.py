@@ -1,5 +1,7 @@
 """One look for every figure of the book: the colour code, the style, and the sheet to draw on."""
 
+from typing import Any
+
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -22,7 +24,7 @@ LINE_STYLES = {"truth": (0, (1, 1.2)), "odometry": "--", "estimate": "-"}
 PAPER = "#fcfcfa"
 INK = "#22262b"
 
-STYLE = {
+STYLE: dict[Any, Any] = {
     "figure.facecolor": PAPER,
     "savefig.facecolor": PAPER,
     "figure.dpi": 100,
