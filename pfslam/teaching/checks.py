@@ -72,3 +72,14 @@ def attempt(function: Callable, *arguments):
         return ...
     except Exception as error:
         return hint(f"Your function stops with {type(error).__name__}: {error}")
+
+
+def not_a_number(answer, unit: str) -> Check | None:
+    """The verdict on an answer that is no number at all: unanswered, an error, or a hint; None if it is one."""
+    if is_unanswered(answer):
+        return unanswered()
+    if isinstance(answer, Check):
+        return answer
+    if not is_number(answer):
+        return hint(f"One number is asked for, in {unit}; your function returns {answer!r}.")
+    return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pfslam.teaching.checks import Check, attempt, hint, is_number, is_unanswered, passed, unanswered
+from pfslam.teaching.checks import Check, attempt, hint, not_a_number, passed
 
 METRES_PER_COUNT = 0.0022
 TRUE_BIAS = 0.004  # rad/s, of the made-up gyro
@@ -15,12 +15,9 @@ def check_path_length(path_length) -> Check:
     counts = np.array([[0, 0, 0, 0], [10, 12, 10, 12], [20, 18, 20, 18], [16, 14, 16, 14]])
     expected = 45 * METRES_PER_COUNT
     answer = attempt(path_length, counts, METRES_PER_COUNT)
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    if not is_number(answer):
-        return hint(f"One number is asked for, in metres; your function returns {answer!r}.")
+    verdict = not_a_number(answer, "metres")
+    if verdict is not None:
+        return verdict
     if np.isclose(answer, expected):
         return passed(f"45 counts on average, {expected:.4f} m.")
     wrong = {
@@ -50,12 +47,9 @@ def check_gyro_bias(gyro_bias) -> Check:
     """Whether ``gyro_bias(t, yaw_rate, speed)`` finds the bias of a made-up gyro that warms up and then turns."""
     t, yaw_rate, speed = bias_recording()
     answer = attempt(gyro_bias, t, yaw_rate, speed)
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    if not is_number(answer):
-        return hint(f"One number is asked for, in rad/s; your function returns {answer!r}.")
+    verdict = not_a_number(answer, "rad/s")
+    if verdict is not None:
+        return verdict
     warm = t > 2.0
     if abs(answer - TRUE_BIAS) < 0.02 * TRUE_BIAS:
         return passed(f"{answer:.4f} rad/s, from the time when the robot stood still and the gyro was warm.")

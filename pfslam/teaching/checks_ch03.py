@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pfslam.teaching.checks import Check, attempt, hint, is_number, is_unanswered, passed, unanswered
+from pfslam.teaching.checks import Check, attempt, hint, is_unanswered, not_a_number, passed, unanswered
 
 START = np.tile([2.0, -1.0, 0.5], (4000, 1))
 V, OMEGA, DT, SIGMA_V, SIGMA_OMEGA = 1.0, 0.2, 0.1, 0.3, 0.5
@@ -15,12 +15,9 @@ def check_heading_spread(spread_of_heading) -> Check:
     """Whether ``spread_of_heading(sigma_omega, rate, seconds)`` is right, in degrees."""
     sigma, rate, seconds = 0.2, 50.0, 8.0
     answer = attempt(spread_of_heading, sigma, rate, seconds)
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    if not is_number(answer):
-        return hint(f"One number is asked for, in degrees; your function returns {answer!r}.")
+    verdict = not_a_number(answer, "degrees")
+    if verdict is not None:
+        return verdict
     tau = 1.0 / rate
     right = sigma * np.sqrt(tau * seconds)
     if np.isclose(answer, np.rad2deg(right)):

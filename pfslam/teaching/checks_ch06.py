@@ -6,7 +6,16 @@ import numpy as np
 
 from pfslam.floor import back_project, depth_from_disparity, nearest_floor
 from pfslam.sensors import RgbdModel
-from pfslam.teaching.checks import Check, attempt, hint, is_number, is_unanswered, passed, unanswered
+from pfslam.teaching.checks import (
+    Check,
+    attempt,
+    hint,
+    is_number,
+    is_unanswered,
+    not_a_number,
+    passed,
+    unanswered,
+)
 
 PIXEL = (310, 413, 566)
 """Column, row and disparity of the journey's first pixel."""
@@ -66,12 +75,9 @@ def check_blind_ring(blind_ring) -> Check:
         (camera.height - 0.5 - camera.centre_v) / camera.focal_v,
     )
     answer = attempt(blind_ring, height, pitch, camera.height, camera.centre_v, camera.focal_v)
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    if not is_number(answer):
-        return hint(f"One number is asked for, in metres; your function returns {answer!r}.")
+    verdict = not_a_number(answer, "metres")
+    if verdict is not None:
+        return verdict
     expected = nearest_floor(camera)
     if abs(answer - expected) < 0.005:
         return passed(f"{expected:.2f} m in front of the camera.")

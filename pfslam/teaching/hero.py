@@ -248,9 +248,8 @@ def _save(path: Path, data: bytes) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m pfslam.teaching.hero", description="Write the README's picture."
-    )
+    """Write the README's picture."""
+    parser = argparse.ArgumentParser(prog="python -m pfslam.teaching.hero", description=main.__doc__)
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args(arguments).folder
     _save(folder / SMALL, encode(scaled(hero_frames()[0][0], 720)))
