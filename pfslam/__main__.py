@@ -13,6 +13,8 @@ from pfslam.errors import DataError
 METHODS = ("report", "refined", "per-particle", "matching")
 MAX_PARTICLES = 100_000
 BAD_INPUT, INTERRUPTED, FAULT = 2, 130, 1
+LONGEST_LINE = 600
+"""Characters of a complaint; an argument can be any length."""
 
 
 class UsageError(Exception):
@@ -80,7 +82,9 @@ def build_parser() -> Parser:
     _add_dataset(command)
 
     command = _command(commands, "study", "many runs over parameters, seeds and data sets")
-    command.add_argument("file", type=Path, metavar="FILE", help="what to run")
+    command.add_argument("file", type=Path, metavar="FILE", help="what to run, in TOML")
+    command.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default out/NAME)")
+    command.add_argument("--jobs", type=whole(1, 10_000), default=-1, metavar="N", help="default: all cores")
 
     command = _command(commands, "bench", "speed and memory, measured beside their targets")
     command.add_argument(
@@ -138,7 +142,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _complain(message: str, code: int) -> int:
-    print("pfslam: " + " ".join(message.removeprefix("pfslam: ").split()), file=sys.stderr)
+    line = " ".join(message.removeprefix("pfslam: ").split())
+    print("pfslam: " + (line if len(line) <= LONGEST_LINE else line[:LONGEST_LINE] + " ..."), file=sys.stderr)
     return code
 
 

@@ -17,7 +17,9 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from pfslam.calibration import calibrate
 from pfslam.config import SlamConfig
+from pfslam.consistency import alarms
 from pfslam.course_format import save_course
 from pfslam.datasets import dataset_name, load
 from pfslam.errors import DataError
@@ -161,8 +163,11 @@ def summarise(
         "scans": len(result.trajectory) if result else 0,
         "updates": result.updates if result else 0,
         "resamplings": result.resamplings if result else 0,
+        "lost": len(alarms(result.infos)) if result else 0,
         "dropped": {reason: count for part in parts for reason, count in part.items()},
     }
+    if recording.encoders is not None and recording.imu is not None:
+        summary["calibration"] = {"applied": False} | asdict(calibrate(recording, result))
     if texture is not None:
         summary["image_pairs"] = texture.pairs
     estimates = {"odometry": odometry} | ({"slam": result.trajectory} if result else {})
@@ -181,6 +186,8 @@ def summarise(
 def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> str:
     """One or two lines for the user."""
     lines = [] if recording.lidar is not None else ["no LiDAR in this data set: dead reckoning only"]
+    if summary["lost"]:
+        lines.append(f"the robot seems to have been lost or moved by hand {summary['lost']} times")
     errors = [
         f"{name} {summary[name]['ate_rmse_m']:.3f} m" for name in ("odometry", "slam") if name in summary
     ]
@@ -229,17 +236,24 @@ def bench_command(arguments: argparse.Namespace) -> None:
     bench(arguments.quick, arguments.json, arguments.data)
 
 
-def not_yet(arguments: argparse.Namespace) -> None:
-    """Say in one line that a command is still to come."""
-    raise DataError(
-        "pfslam", "command", arguments.command, "simulate, run, report or bench; study is not available yet"
-    )
+def study_command(arguments: argparse.Namespace) -> None:
+    """All runs of a study that are not there yet, and its table."""
+    from pfslam.study import read_study, run_study
+    from pfslam.study.table import read_table
+
+    study = read_study(arguments.file)
+    out = arguments.out if arguments.out is not None else Path("out") / study.name
+    path = run_study(study, out, jobs=arguments.jobs, progress=progress_bar("runs"))
+    errors = read_table(path)["error"]
+    failed = int(np.count_nonzero(errors != ""))
+    words = f"{failed} of {len(errors)} runs failed, see the column error; " if failed else ""
+    print(f"{words}{len(errors)} runs are in {path}")
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
     "simulate": simulate_command,
     "run": run_command,
     "report": report_command,
-    "study": not_yet,
+    "study": study_command,
     "bench": bench_command,
 }

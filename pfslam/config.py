@@ -82,7 +82,13 @@ class PolishConfig:
 
 @dataclass(frozen=True)
 class SlamConfig:
-    """One run of the filter. Units are SI; sigmas are standard deviations."""
+    """One run of the filter. Units are SI; sigmas are standard deviations.
+
+    >>> from dataclasses import replace
+    >>> few = replace(SlamConfig.refined(), particles=20)
+    >>> few.particles, few.estimate
+    (20, 'mean')
+    """
 
     maps: str = "shared"
     """"shared": one map, drawn from the estimate. "per-particle": a map for each particle (Rao-Blackwellised)."""
@@ -125,7 +131,8 @@ class SlamConfig:
             raise DataError("SlamConfig", "every", self.every, "a whole number, at least 1")
         if not (isinstance(self.min_beams, int) and self.min_beams >= 1):
             raise DataError("SlamConfig", "min_beams", self.min_beams, "a whole number, at least 1")
-        if not 0.0 <= self.resample_below <= 1.0:
+        share = self.resample_below
+        if not (isinstance(share, (int, float)) and 0.0 <= share <= 1.0):
             raise DataError("SlamConfig", "resample_below", self.resample_below, "a share of N from 0 to 1")
 
     @classmethod

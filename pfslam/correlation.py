@@ -36,6 +36,11 @@ def map_correlation(occupied: np.ndarray, spec: GridSpec, points_w: np.ndarray) 
     """How many points ``(M, 2)`` (world, m) fall on occupied cells ``(H, W)`` bool. Implements Eq. 6, 8, 9.
 
     Points outside the grid score nothing. This is the definition; the search below is tested against it.
+
+    >>> spec = GridSpec((0.0, 0.0), 1.0, (3, 3))
+    >>> occupied = np.eye(3, dtype=bool)
+    >>> map_correlation(occupied, spec, np.array([[0.5, 0.5], [1.5, 0.5], [2.5, 2.5], [9.0, 9.0]]))
+    2
     """
     cells = spec.world_to_cell(points_w)
     ix, iy = cells[spec.contains(cells)].T

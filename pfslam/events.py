@@ -57,11 +57,22 @@ def scan_events(recording: Recording, config: SlamConfig) -> tuple[Iterator[Scan
     return _events(recording, index, tilt, clearance), dropped
 
 
+def scan_motions(recording: Recording, config: SlamConfig) -> np.ndarray:
+    """The ``motion (K, 3)`` of every event of a run, all at once and without looking at the scans."""
+    odometry, t = dead_reckoning(recording), recording.scans().t[used_scans(recording, config)[0]]
+    poses = np.vstack([odometry.poses[:1], odometry.at(t)])
+    motion = between(poses[:-1], poses[1:])
+    tilt = estimate_tilt(recording, config.tilt) if config.tilt is not None else None
+    if tilt is not None:
+        motion[:, :2] *= np.cos(np.interp(t, tilt.t, tilt.pitch))[:, None]
+    return motion
+
+
 def _events(
     recording: Recording, index: np.ndarray, tilt: Tilt | None, clearance: float
 ) -> Iterator[ScanEvent]:
     odometry, inputs, scans = dead_reckoning(recording), controls(recording), recording.scans()
-    previous_t, previous = odometry.t[0], odometry.poses[0]
+    previous_t, previous, lidar = odometry.t[0], odometry.poses[0], recording.robot.lidar
     for i in index:
         t, pose = scans.t[i], odometry.at(scans.t[i])
         motion = between(previous, pose)
@@ -69,8 +80,13 @@ def _events(
         level = np.cos(lean[0])  # wheels measure along the slope, the map is seen from above
         floor = clearance if any(lean) else -np.inf
         v, omega, dt = inputs.during(previous_t, t)
-        scan = level_scan(scans.ranges[i], recording.robot.lidar, lean, floor)
-        yield ScanEvent(t, *scan, motion * [level, level, 1.0], (level * v, omega, dt))
+        points, beams, sensor, struck = level_scan(scans.ranges[i], lidar, lean, floor)
+        if lidar.sweep > 0.0:
+            ends = np.clip([t - 0.5 * lidar.sweep, t + 0.5 * lidar.sweep], *odometry.t[[0, -1]])
+            points = unswept(points, beams, lidar, between(*odometry.at(ends)))
+        yield ScanEvent(
+            t, points, beams, sensor, struck, motion * [level, level, 1.0], (level * v, omega, dt)
+        )
         previous_t, previous = t, pose
 
 
@@ -91,3 +107,15 @@ def level_scan(
         sensor[:2],
         int(np.count_nonzero(~high)),
     )
+
+
+def unswept(points_b: np.ndarray, beams: np.ndarray, lidar: LidarModel, motion: np.ndarray) -> np.ndarray:
+    """End points ``(M, 2)`` as if all beams had been measured at the stamp.
+
+    A scanner's mirror turns while the robot does: each beam is measured from a pose of its own, and a turning robot
+    smears its walls. ``motion (3,)`` is the odometry's from first beam to last; each beam takes its share of it.
+    """
+    share = beams / max(lidar.beams - 1, 1) - 0.5
+    x, y = points_b.T
+    c, s = np.cos(share * motion[2]), np.sin(share * motion[2])
+    return np.column_stack([share * motion[0] + c * x - s * y, share * motion[1] + s * x + c * y])

@@ -66,6 +66,10 @@ def back_project(u, v, depth, K: np.ndarray) -> np.ndarray:
     """Optical points ``(M, 3)`` of pixels u, v ``(M,)`` at depth ``(M,)`` m. Implements Eq. 17 (step 2).
 
     ``K`` is ``RgbdModel.K``. The report prints its two centres swapped; they belong in (u, v) order.
+
+    >>> K = np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]])
+    >>> back_project(320.0, 240.0, 2.0, K).tolist()  # the principal point lies straight ahead
+    [[0.0, 0.0, 2.0]]
     """
     u, v, depth = np.atleast_1d(u), np.atleast_1d(v), np.atleast_1d(depth)
     pixels = np.stack([u, v, np.ones(u.shape)])
@@ -73,7 +77,11 @@ def back_project(u, v, depth, K: np.ndarray) -> np.ndarray:
 
 
 def depth_mask(depth, z_min: float, z_max: float) -> np.ndarray:
-    """Which depths to trust: Z_MIN <= Z_o <= Z_MAX, and never NaN. Implements step 3."""
+    """Which depths to trust: Z_MIN <= Z_o <= Z_MAX, and never NaN. Implements step 3.
+
+    >>> depth_mask(np.array([0.05, 2.0, np.nan]), 0.1, 10.0).tolist()
+    [False, True, False]
+    """
     return (depth >= z_min) & (depth <= z_max)
 
 
@@ -87,10 +95,13 @@ def to_world(points_o, pose_w, camera: RgbdModel, z: float = 0.0, pitch: float =
 
 
 def floor_mask(points_w, tolerance: float, tolerance_per_metre: float = 0.0, distance=0.0) -> np.ndarray:
-    """Which points ``(M, 3)`` lie on the floor: |Z_w| <= tolerance, bool ``(M,)``. Implements step 5.
+    """Which points ``(M, 3)`` lie on the floor: ``|Z_w| <= tolerance``, bool ``(M,)``. Implements step 5.
 
     With ``tolerance_per_metre`` the tolerance grows with ``distance (M,)`` (m): an error in pitch lifts a far
     point more than a near one, 17 mm per metre and degree.
+
+    >>> floor_mask(np.array([[1.0, 0.0, 0.004], [1.0, 0.0, 0.2]]), tolerance=0.01).tolist()
+    [True, False]
     """
     return np.abs(points_w[:, 2]) <= tolerance + tolerance_per_metre * np.asarray(distance)
 

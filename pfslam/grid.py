@@ -19,7 +19,14 @@ MAX_CELLS = 400_000_000
 
 @dataclass(frozen=True)
 class GridSpec:
-    """Where a grid lies: ``origin (2,)`` is the outer corner (x_min, y_min) of cell [0, 0], m; ``shape`` is (H, W)."""
+    """Where a grid lies: ``origin (2,)`` is the outer corner (x_min, y_min) of cell [0, 0], m; ``shape`` is (H, W).
+
+    >>> spec = GridSpec((-1.0, -2.0), 0.05, (80, 40))
+    >>> spec.world_to_cell([-0.97, -2.0]).tolist()
+    [0, 0]
+    >>> spec.cell_to_world([0, 0]).round(3).tolist()
+    [-0.975, -1.975]
+    """
 
     origin: tuple[float, float]
     resolution: float
@@ -126,12 +133,20 @@ def embed(values: np.ndarray, spec: GridSpec, larger: GridSpec) -> np.ndarray:
 
 
 def probability(log_odds):
-    """Probability of log-odds: 1 / (1 + exp(-lambda)). Implements Eq. 14."""
+    """Probability of log-odds: 1 / (1 + exp(-lambda)). Implements Eq. 14.
+
+    >>> round(float(probability(np.log(4.0))), 2)
+    0.8
+    """
     return 1.0 / (1.0 + np.exp(-np.asarray(log_odds, dtype=float)))
 
 
 def log_odds(probability):
-    """Log-odds of a probability: log(p / (1 - p)), natural logarithm; log_odds(0.8) = log 4. Inverse of Eq. 14."""
+    """Log-odds of a probability: log(p / (1 - p)), natural logarithm; log_odds(0.8) = log 4. Inverse of Eq. 14.
+
+    >>> round(float(log_odds(0.8)), 3)
+    1.386
+    """
     p = np.asarray(probability, dtype=float)
     return np.log(p) - np.log1p(-p)
 

@@ -88,6 +88,9 @@ def motion_model(poses: np.ndarray, v, omega, dt) -> np.ndarray:
     """Poses ``(..., 3)`` after ``dt`` s at ``v`` m/s and ``omega`` rad/s, Euler step. Implements Eq. 1, 3, 5.
 
     ``v`` and ``omega`` are scalars or one per pose. With noisy controls the result is a draw from the model's density.
+
+    >>> motion_model(np.zeros(3), v=1.0, omega=0.5, dt=0.1).round(3).tolist()
+    [0.1, 0.0, 0.05]
     """
     theta = poses[..., 2]
     x = poses[..., 0] + dt * v * np.cos(theta)
@@ -96,7 +99,11 @@ def motion_model(poses: np.ndarray, v, omega, dt) -> np.ndarray:
 
 
 def motion_model_arc(poses: np.ndarray, v, omega, dt) -> np.ndarray:
-    """The same with the exact arc that constant ``v`` and ``omega`` drive; equals the Euler step as dt goes to 0."""
+    """The same with the exact arc that constant ``v`` and ``omega`` drive; equals the Euler step as dt goes to 0.
+
+    >>> motion_model_arc(np.zeros(3), v=1.0, omega=np.pi / 2, dt=2.0).round(3).tolist()  # half a circle
+    [0.0, 1.273, 3.142]
+    """
     half = 0.5 * dt * np.asarray(omega, dtype=float)
     chord = dt * v * np.sinc(half / np.pi)  # NumPy's sinc(x) is sin(pi x) / (pi x)
     direction = poses[..., 2] + half

@@ -4,6 +4,9 @@ Given its path, a particle knows its map exactly, so each particle carries its o
 one pose, one map drawn from that pose, and a weight that says how well its scans have fitted its own map. Resampling
 copies whole histories. Copies share their arrays until they differ: no step changes an array in place, each makes a
 new one for the map that it draws into.
+
+Thirty maps fill memory, twice over while a step makes new ones from old. Score field and hit moments are zero in most
+cells, so a history at rest keeps only the others, and is laid out in full while it is worked on.
 """
 
 from __future__ import annotations
@@ -20,10 +23,68 @@ from pfslam.slam import SlamState, StepInfo, slam_step, start
 
 
 @dataclass(frozen=True, eq=False)
+class Sparse:
+    """An array kept as its cells that are not zero: ``index (n,)`` into the flat array and their ``values (n,)``."""
+
+    shape: tuple[int, ...]
+    index: np.ndarray
+    values: np.ndarray
+
+    @classmethod
+    def of(cls, array: np.ndarray) -> Sparse:
+        index = np.flatnonzero(array)
+        return cls(array.shape, index.astype(np.uint32), array.ravel()[index])
+
+    def full(self) -> np.ndarray:
+        array = np.zeros(self.shape, dtype=self.values.dtype)
+        array.ravel()[self.index] = self.values
+        return array
+
+
+NOTHING = np.zeros((0, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """One hypothesis at rest: a state of the filter with one particle, its score field and hit slots kept apart."""
+
+    state: SlamState
+    field: Sparse
+    slots: Sparse
+
+    @classmethod
+    def of(cls, state: SlamState) -> History:
+        bare = replace(state, field=NOTHING, moments=replace(state.moments, slots=NOTHING))
+        return cls(bare, Sparse.of(state.field), Sparse.of(state.moments.slots))
+
+    @property
+    def estimate(self) -> np.ndarray:
+        return self.state.estimate
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        return self.state.grid
+
+    def opened(self) -> SlamState:
+        """The state as ``slam_step`` needs it: the same numbers."""
+        moments = replace(self.state.moments, slots=self.slots.full())
+        return replace(self.state, field=self.field.full(), moments=moments)
+
+    def after(
+        self, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
+    ) -> tuple[History, StepInfo]:
+        """One scan later. If nothing was drawn, it keeps the arrays that it may share with others."""
+        state, info = slam_step(self.opened(), event, config, rng)
+        if info.drawn:
+            return History.of(state), info
+        return replace(self, state=replace(state, field=NOTHING, moments=self.state.moments)), info
+
+
+@dataclass(frozen=True, eq=False)
 class Histories:
     """N hypotheses: ``states`` with one particle and one map each, and their normalised ``log_weights (N,)``."""
 
-    states: tuple[SlamState, ...]
+    states: tuple[History, ...]
     log_weights: np.ndarray
 
     @property
@@ -32,7 +93,7 @@ class Histories:
         return Particles(np.array([state.estimate for state in self.states]), self.log_weights)
 
     @property
-    def best(self) -> SlamState:
+    def best(self) -> History:
         """The heaviest hypothesis. Maps cannot be averaged, so it speaks for all."""
         return self.states[int(np.argmax(self.log_weights))]
 
@@ -46,7 +107,9 @@ def start_histories(
 ) -> tuple[Histories, StepInfo]:
     """All hypotheses begin with the same first scan, and share its map."""
     state, info = start(event, replace(config, particles=1), rng)
-    histories = Histories((state,) * config.particles, np.full(config.particles, -np.log(config.particles)))
+    histories = Histories(
+        (History.of(state),) * config.particles, np.full(config.particles, -np.log(config.particles))
+    )
     return histories, replace(info, particles=histories.particles)
 
 
@@ -55,7 +118,7 @@ def per_particle_step(
 ) -> tuple[Histories, StepInfo]:
     """One scan for every hypothesis by itself; then weights by what each had expected, and resampling of histories."""
     alone = replace(config, particles=1)
-    steps = [slam_step(state, event, alone, rng) for state in histories.states]
+    steps = [state.after(event, alone, rng) for state in histories.states]
     states, infos = tuple(state for state, _ in steps), [info for _, info in steps]
     cloud = Particles(np.array([state.estimate for state in states]), histories.log_weights)
     cloud, evidence = reweight(cloud, np.array([info.log_evidence for info in infos]))

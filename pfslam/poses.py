@@ -15,7 +15,11 @@ from pfslam.errors import DataError
 
 
 def wrap_angle(theta):
-    """Angle(s) in radians, brought into (-pi, pi]."""
+    """Angle(s) in radians, brought into (-pi, pi].
+
+    >>> round(float(np.degrees(wrap_angle(np.radians(270.0)))))
+    -90
+    """
     wrapped = np.pi - (np.pi - np.asarray(theta, dtype=float)) % (2.0 * np.pi)
     return np.where(wrapped > -np.pi, wrapped, np.pi)[()]  # just above pi the remainder rounds to 2 pi
 
@@ -24,6 +28,9 @@ def average_angle(theta, weights=None) -> float:
     """Mean direction of angles ``(N,)`` with optional ``weights`` ``(N,)``, in radians.
 
     The mean of the unit vectors is taken, so that 179 and -179 degrees average to 180, not to 0.
+
+    >>> round(float(np.degrees(average_angle(np.radians([170.0, -170.0])))))
+    180
     """
     return float(
         np.arctan2(np.average(np.sin(theta), weights=weights), np.average(np.cos(theta), weights=weights))
@@ -38,7 +45,11 @@ def average_pose(poses, weights=None) -> np.ndarray:
 
 
 def compose(pose_ab, pose_bc) -> np.ndarray:
-    """``pose_ac``: first ``pose_ab``, then ``pose_bc`` in its frame. Shapes ``(..., 3)`` broadcast."""
+    """``pose_ac``: first ``pose_ab``, then ``pose_bc`` in its frame. Shapes ``(..., 3)`` broadcast.
+
+    >>> compose([1.0, 0.0, np.pi / 2], [2.0, 0.0, 0.0]).round(2).tolist()
+    [1.0, 2.0, 1.57]
+    """
     a, b = np.asarray(pose_ab, dtype=float), np.asarray(pose_bc, dtype=float)
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
     x = a[..., 0] + c * b[..., 0] - s * b[..., 1]
@@ -47,7 +58,11 @@ def compose(pose_ab, pose_bc) -> np.ndarray:
 
 
 def invert(pose_ab) -> np.ndarray:
-    """``pose_ba``, so that ``compose(pose_ab, pose_ba)`` is the identity. Shape ``(..., 3)``."""
+    """``pose_ba``, so that ``compose(pose_ab, pose_ba)`` is the identity. Shape ``(..., 3)``.
+
+    >>> invert([1.0, 2.0, 0.0]).tolist()
+    [-1.0, -2.0, 0.0]
+    """
     a = np.asarray(pose_ab, dtype=float)
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
     return np.stack(
@@ -56,12 +71,20 @@ def invert(pose_ab) -> np.ndarray:
 
 
 def between(pose_wa, pose_wb) -> np.ndarray:
-    """``pose_ab``: pose b seen from pose a, both given in the world. Shapes ``(..., 3)`` broadcast."""
+    """``pose_ab``: pose b seen from pose a, both given in the world. Shapes ``(..., 3)`` broadcast.
+
+    >>> between([1.0, 0.0, 0.0], [3.0, 0.0, 0.0]).tolist()
+    [2.0, 0.0, 0.0]
+    """
     return compose(invert(pose_wa), pose_wb)
 
 
 def transform_points(pose_ab, points_b) -> np.ndarray:
-    """Points ``(M, 2)`` of frame b in frame a, for one pose ``(3,)``; ``(N, M, 2)`` for poses ``(N, 3)``."""
+    """Points ``(M, 2)`` of frame b in frame a, for one pose ``(3,)``; ``(N, M, 2)`` for poses ``(N, 3)``.
+
+    >>> transform_points([1.0, 0.0, np.pi / 2], [[2.0, 0.0]]).round(2).tolist()
+    [[1.0, 2.0]]
+    """
     pose, points = np.asarray(pose_ab, dtype=float), np.asarray(points_b, dtype=float)
     c, s = np.cos(pose[..., 2, None]), np.sin(pose[..., 2, None])
     x = pose[..., 0, None] + c * points[:, 0] - s * points[:, 1]
@@ -99,7 +122,12 @@ def invert_transform(T_ab: np.ndarray) -> np.ndarray:
 
 
 def apply_transform(T_ab: np.ndarray, points_b) -> np.ndarray:
-    """Points ``(..., 3)`` of frame b, in frame a."""
+    """Points ``(..., 3)`` of frame b, in frame a.
+
+    >>> T_wb = transform(translation=(1.0, 0.0, 0.5))
+    >>> apply_transform(T_wb, [[2.0, 0.0, 0.0]]).tolist()
+    [[3.0, 0.0, 0.5]]
+    """
     return np.asarray(points_b) @ T_ab[:3, :3].T + T_ab[:3, 3]
 
 
@@ -109,7 +137,12 @@ def _cos_sin(angle: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Poses over time: ``t (K,)`` in seconds, strictly increasing, and ``poses (K, 3)``."""
+    """Poses over time: ``t (K,)`` in seconds, strictly increasing, and ``poses (K, 3)``.
+
+    >>> path = Trajectory(np.array([0.0, 1.0]), np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]))
+    >>> path.at(0.5).tolist()
+    [1.0, 0.0, 0.0]
+    """
 
     t: np.ndarray
     poses: np.ndarray

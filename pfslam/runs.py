@@ -75,7 +75,7 @@ def run_slam(
         infos.append(info if keep_particles else replace(info, particles=None))
         grid: OccupancyGrid = state.grid
     trajectory = Trajectory(np.array([info.t for info in infos]), np.array([info.estimate for info in infos]))
-    blind = sum(not info.matched for info in infos[1:])
+    blind = sum(not (info.matched or info.drawn) for info in infos[1:])
     mute = sum(info.matched and not info.scored for info in infos)
     floor = sum(info.struck_floor for info in infos)
     dropped |= {"beams that struck the floor": floor} if floor else {}

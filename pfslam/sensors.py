@@ -50,6 +50,8 @@ class LidarModel:
     range_min: float = 0.1
     range_max: float = 30.0
     position_b: tuple[float, float, float] = (0.13323, 0.0, 0.51435)
+    sweep: float = 0.0
+    """Time (s) from the first beam to the last, the stamp being the middle beam's; 0 if all at once, or unknown."""
 
     @property
     def angles(self) -> np.ndarray:

@@ -76,6 +76,8 @@ def slam_step(
     variance = state.variance + variance
     if len(event.points_b) < config.min_beams:
         return pass_by(state, event, particles, predicted, variance)
+    if state.drawn_at is None:
+        return begin_map(state, event, predicted, config)
     # Score the scan around every particle; each moves to its best pose.
     matched = match_scan(state, event, particles, variance, config, rng)
     # Reweight by how well the scan fits there.
@@ -162,6 +164,18 @@ def pass_by(
     """A scan with too few beams: the cloud is only predicted, and odometry alone moves the estimate."""
     state = replace(state, particles=particles, estimate=predicted, variance=variance)
     return state, _info(event, predicted, particles)
+
+
+def begin_map(
+    state: SlamState, event: ScanEvent, predicted: np.ndarray, config: SlamConfig
+) -> tuple[SlamState, StepInfo]:
+    """The first scan that sees anything, after blind ones: drawn where odometry says, with all particles there.
+
+    The map begins at this pose, so nobody can be wrong about its place in it, whatever happened before.
+    """
+    particles = Particles.at(predicted, len(state.particles))
+    state = draw(after_match(state, particles, predicted), event, config)
+    return state, _info(event, predicted, particles, drawn=True)
 
 
 def has_moved(state: SlamState, config: SlamConfig) -> bool:

@@ -53,7 +53,7 @@ class TextureConfig:
 
     @classmethod
     def report(cls) -> TextureConfig:
-        """The report's: |Z_w| <= 0.01 m, depths of 0.1 to 10 m, one image per state, the last view wins."""
+        """The report's: ``|Z_w| <= 0.01`` m, depths of 0.1 to 10 m, one image per state, the last view wins."""
         return cls()
 
     @classmethod

@@ -80,6 +80,20 @@ def test_the_summary_holds_what_the_contract_names(results):
         assert set(summary[name]) >= {"ate_rmse_m", "ate_max_m", "heading_rmse_deg"}
 
 
+def test_the_summary_says_what_the_drive_tells_about_its_instruments_and_applies_nothing(results):
+    """Exact wheels and gyro: scales of one, to within what the grid allows; what could not be found has no error."""
+    summary = json.loads((results / "summary.json").read_text())
+    assert summary["lost"] == 0
+    found = summary["calibration"]
+    assert found["applied"] is False
+    for name in ("wheel_scale", "gyro_scale"):
+        assert found[name] == pytest.approx(1.0, abs=0.03)
+    assert found["gyro_bias"] == pytest.approx(0.0, abs=1e-3)
+    assert {name for name, value in found.items() if value is None} <= {
+        n for n in found if n.endswith("_error")
+    }
+
+
 def test_without_noise_the_drive_is_found(results):
     """Scans and odometry are exact here: what is left is the grid of 0.05 m and Euler's step."""
     summary = json.loads((results / "summary.json").read_text())

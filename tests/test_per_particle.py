@@ -7,6 +7,7 @@ import pytest
 from rooms import CURVES, drive
 
 from pfslam.config import MotionNoise, SlamConfig
+from pfslam.correlation import score_field
 from pfslam.errors import DataError
 from pfslam.events import scan_events
 from pfslam.metrics import trajectory_error
@@ -55,6 +56,30 @@ def test_a_step_leaves_the_histories_before_it_alone():
         break
     for state, log_odds in zip(before.states, maps, strict=True):
         np.testing.assert_array_equal(state.grid.log_odds, log_odds)
+
+
+def test_histories_at_rest_lose_nothing_and_take_half_the_room():
+    config = replace(CONFIG, particles=2, draw_metres=0.0, draw_radians=0.0)
+    *_, (histories, _) = slam_steps(DRIVE, config, np.random.default_rng(0))
+    for history in histories.states:
+        whole = history.opened()
+        assert (whole.field.dtype, whole.moments.slots.dtype) == (np.float32, np.int32)
+        np.testing.assert_array_equal(whole.field, score_field(history.grid.occupied, config.search.field))
+        # Every slot is used by one cell, and row 0 by all the others.
+        slots, cells = np.unique(whole.moments.slots, return_counts=True)
+        np.testing.assert_array_equal(slots, np.arange(len(whole.moments.sums)))
+        assert (cells[1:] == 1).all()
+        kept = [a for s in (history.field, history.slots) for a in (s.index, s.values)]
+        assert sum(a.nbytes for a in kept) < 0.5 * (whole.field.nbytes + whole.moments.slots.nbytes)
+
+
+def test_histories_that_draw_nothing_go_on_sharing_everything():
+    config = replace(CONFIG, draw_metres=np.inf, draw_radians=np.inf, resample_below=0.0)
+    *_, (histories, _) = slam_steps(drive([(0.5, 10, 0.4)]), config, np.random.default_rng(0))
+    for arrays in zip(
+        *((h.grid.log_odds, h.field, h.slots, h.state.moments) for h in histories.states), strict=True
+    ):
+        assert len({id(array) for array in arrays}) == 1
 
 
 def test_the_heaviest_history_speaks_for_all():

@@ -1,0 +1,204 @@
+"""Self-calibration: what the instruments' errors are, from the drive itself.
+
+A gyro that turns while the robot stands shows its bias. Afterwards the matched motion, which the walls hold to
+centimetres, tells what a metre of the wheels and a radian of the gyro are worth: straight stretches give the scale of
+the wheels, all turning together scale and drift of the gyro. Nothing is applied unless ``apply_calibration`` is called.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from pfslam.errors import DataError
+from pfslam.events import scan_motions
+from pfslam.poses import between, compose
+from pfslam.recording import Recording
+from pfslam.runs import SlamResult
+
+WINDOW = 1.0
+"""Length (s) of the pieces in which stillness is checked: long against the gyro's memory of a few samples."""
+MARGIN = 0.25
+"""The wheels must also have stood for so long (s) before and after a piece."""
+WARM_UP = 1.0
+"""The first second of a gyro is left out: real ones, and the simulated, start up to 0.002 rad/s off."""
+LEAST_WINDOWS = 3
+LEAST_SAMPLES = 10
+LARGEST_BIAS = 0.05
+"""A steady rate above this (rad/s) is somebody turning the robot, not a gyro's bias."""
+SHAKEN = 3.0
+"""A piece counts as shaken if the gyro spreads this many times more than in the quietest piece."""
+SPREAD_FLOOR = 1e-4
+"""Spread (rad/s) below which every gyro is quiet."""
+BLOCK = 1.0
+"""Seconds of matched motion compared at a time: a metre of driving against centimetres of error."""
+STRAIGHT = 0.1
+"""A block that turned by less (rad) is straight."""
+DROVE = 0.2
+"""Least way (m) of a straight block that says something about the wheels."""
+TURNED = 1.0
+"""The drive must have turned by so much (rad) in all to say something about the gyro."""
+LEAST_BLOCKS = 5
+INSEPARABLE = 30.0
+"""Condition number above which turning and time run too much in step for two numbers to be found."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What a drive says about its own instruments, each value with its standard error and the data behind it.
+
+    ``gyro_bias`` (rad/s) is what the gyro shows at rest, ``drive_bias`` what it shows too much over the whole drive: a
+    real gyro's bias moves when the robot does. ``wheel_scale`` is the true way over the way of the wheels,
+    ``gyro_scale`` the true angle over the gyro's, bias taken off: both relative to the recording's own robot. What
+    could not be estimated keeps the robot's value with an infinite error.
+    """
+
+    gyro_bias: float
+    gyro_bias_error: float
+    still_seconds: float
+    drive_bias: float
+    drive_bias_error: float
+    gyro_scale: float
+    gyro_scale_error: float
+    turned_radians: float
+    matched_seconds: float
+    wheel_scale: float
+    wheel_scale_error: float
+    straight_metres: float
+
+
+def calibrate(recording: Recording, result: SlamResult | None = None) -> Calibration:
+    """Bias from the still stretches; with the ``result`` of a run also drift and scales, from its matched motion."""
+    at_rest = gyro_bias(recording)
+    own = recording.robot.imu.gyro_bias
+    if result is None:
+        return Calibration(*at_rest, own, np.inf, 1.0, np.inf, 0.0, 0.0, 1.0, np.inf, 0.0)
+    odometry, matched, seconds = matched_motion(recording, result)
+    way, turn = odometry[:, 0], odometry[:, 2]
+    straight = (np.abs(turn) < STRAIGHT) & (np.abs(way) > DROVE)
+    wheels = scale(way[straight], matched[straight, 0])
+    turned = float(np.abs(turn[np.abs(turn) > STRAIGHT]).sum())
+    drift, gyro = (own, np.inf), (1.0, np.inf)
+    if turned > TURNED:
+        drift, gyro = drift_and_scale(turn, seconds, matched[:, 2])
+        shown = recording.robot.imu.gyro_scale * gyro[0]
+        drift = (own - drift[0] / shown, drift[1] / shown)
+    metres = float(np.abs(way[straight]).sum())
+    return Calibration(*at_rest, *drift, *gyro, turned, float(seconds.sum()), *wheels, metres)
+
+
+def apply_calibration(recording: Recording, calibration: Calibration) -> Recording:
+    """The same readings, with a robot whose wheels and gyro are as the calibration says.
+
+    The bias over the drive is taken where it is known, else that at rest.
+    """
+    wheels, gyro = recording.robot.encoders, recording.robot.imu
+    wheels = replace(wheels, metres_per_count=wheels.metres_per_count * calibration.wheel_scale)
+    known = np.isfinite(calibration.drive_bias_error)
+    bias = calibration.drive_bias if known else calibration.gyro_bias
+    gyro = replace(gyro, gyro_bias=bias, gyro_scale=gyro.gyro_scale * calibration.gyro_scale)
+    return replace(recording, robot=replace(recording.robot, encoders=wheels, imu=gyro))
+
+
+def gyro_bias(recording: Recording) -> tuple[float, float, float]:
+    """Yaw rate at rest (rad/s), its standard error, and the seconds of stillness behind it.
+
+    The mean over pieces of a second; their own spread gives the error, so the gyro's coloured noise counts in full.
+    """
+    _, imu = recording.wheels_and_gyro()
+    shown = imu.angular_velocity[:, recording.robot.imu.yaw_axis]
+    rates = np.array([shown[piece].mean() for piece in still_pieces(recording)])
+    if len(rates) < LEAST_WINDOWS:
+        return recording.robot.imu.gyro_bias, np.inf, len(rates) * WINDOW
+    return float(rates.mean()), float(rates.std(ddof=1) / np.sqrt(len(rates))), len(rates) * WINDOW
+
+
+def still_pieces(recording: Recording) -> list[slice]:
+    """Gyro samples, as slices of one second each, during which the robot stood.
+
+    No wheel counts then, nor just before or after; the gyro shows no steady turning; and it spreads, about each axis,
+    hardly more than in the quietest such piece. So a robot that is pushed, carried or shaken does not count.
+    """
+    encoders, imu = recording.wheels_and_gyro()
+    begin = max(encoders.t[0], imu.t[0] + WARM_UP - MARGIN)
+    moved = encoders.t[encoders.counts.any(axis=1)]
+    moved = np.concatenate([[begin], moved[moved > begin], encoders.t[-1:]])
+    candidates = []
+    for k in np.flatnonzero(np.diff(moved) > WINDOW + 2 * MARGIN):
+        first, last = np.searchsorted(imu.t, [moved[k] + MARGIN, moved[k + 1] - MARGIN])
+        candidates += [slice(first + i, first + j) for i, j in _whole_pieces(imu.t[first:last], WINDOW)]
+    pieces = [piece for piece in candidates if piece.stop - piece.start >= LEAST_SAMPLES]
+    spread = np.array([imu.angular_velocity[piece].std(axis=0) for piece in pieces]).reshape(-1, 3)
+    if not len(pieces):
+        return []
+    quiet = (spread <= SHAKEN * np.maximum(spread.min(axis=0), SPREAD_FLOOR)).all(axis=1)
+    rate = np.array([imu.angular_velocity[piece, recording.robot.imu.yaw_axis].mean() for piece in pieces])
+    return [piece for piece, ok in zip(pieces, quiet & (np.abs(rate) < LARGEST_BIAS), strict=True) if ok]
+
+
+def _whole_pieces(t: np.ndarray, length: float) -> list[tuple[int, int]]:
+    """Index pairs (i, j) that part times ``t (K,)`` into pieces of ``length`` s; the last, cut short, is left out."""
+    if not len(t):
+        return []
+    edges = np.flatnonzero(np.diff(np.floor((t - t[0]) / length))) + 1
+    return list(pairwise([0, *edges.tolist()]))
+
+
+def matched_motion(recording: Recording, result: SlamResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Motion of the odometry and of the estimate ``(B, 3)`` in blocks of a second, and each block's length (s).
+
+    Only blocks count in which every scan was matched and no direction was left to odometry: where the map says
+    nothing, the estimate is the odometry, and comparing the two would prove whatever one likes.
+    """
+    motions = scan_motions(recording, result.config)
+    trajectory, infos = result.trajectory, result.infos
+    if len(motions) != len(infos):
+        raise DataError(
+            "calibrate", "result", f"{len(infos)} scans", f"the run of this recording: {len(motions)}"
+        )
+    told = np.array([info.matched and info.free_direction is None for info in infos])
+    odometry, matched, seconds = [], [], []
+    for i, j in _whole_pieces(trajectory.t, BLOCK):
+        if told[i + 1 : j + 1].all():
+            pose = np.zeros(3)
+            for motion in motions[i + 1 : j + 1]:
+                pose = compose(pose, motion)
+            odometry.append(pose)
+            matched.append(between(trajectory.poses[i], trajectory.poses[j]))
+            seconds.append(trajectory.t[j] - trajectory.t[i])
+    return np.reshape(odometry, (-1, 3)), np.reshape(matched, (-1, 3)), np.array(seconds)
+
+
+def scale(shown: np.ndarray, true: np.ndarray) -> tuple[float, float]:
+    """The factor from ``shown (B,)`` to ``true (B,)`` by least squares through zero, and its standard error.
+
+    (1, inf) for too few blocks.
+    """
+    if len(shown) < LEAST_BLOCKS:
+        return 1.0, np.inf
+    value, error = _least_squares(shown[:, None], true)
+    return float(value[0]), float(error[0])
+
+
+def drift_and_scale(
+    shown: np.ndarray, seconds: np.ndarray, true: np.ndarray
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Rate (rad/s) and factor with ``true = rate * seconds + factor * shown``, each with its standard error.
+
+    (0, inf) and (1, inf) for a drive that turns all the time at one rate: there, nobody can tell drift from scale.
+    """
+    A = np.column_stack([seconds, shown])
+    if len(true) < LEAST_BLOCKS or np.linalg.cond(A / np.linalg.norm(A, axis=0)) > INSEPARABLE:
+        return (0.0, np.inf), (1.0, np.inf)
+    value, error = _least_squares(A, true)
+    return (float(value[0]), float(error[0])), (float(value[1]), float(error[1]))
+
+
+def _least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Solution and standard errors; these from what each block leaves over, so slip counts with its real size."""
+    inverse = np.linalg.inv(A.T @ A)
+    value = inverse @ (A.T @ b)
+    left = b - A @ value
+    return value, np.sqrt(np.diag(inverse @ ((A * left[:, None] ** 2).T @ A) @ inverse))

@@ -1,0 +1,125 @@
+"""Does the truth lie inside the cloud as often as the cloud claims?
+
+A cloud is a claim: here is the robot, and so unsure am I. Its mean and covariance draw ellipsoids that should hold the
+truth half of the time, nine times out of ten, and so on. If the truth lies outside more often, the cloud is
+overconfident, and whoever plans with it will be surprised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import erf, exp, log, pi, sqrt
+
+import numpy as np
+
+from pfslam.errors import DataError
+from pfslam.particles import Particles
+from pfslam.poses import Trajectory, average_pose, compose, invert, wrap_angle
+from pfslam.slam import StepInfo
+
+CLAIMS = (0.5, 0.9, 0.99)
+"""Probabilities whose ellipsoids are checked."""
+LEAST_SPREAD = 1e-9
+"""A cloud that spreads by less (m, or rad) along some direction claims to be certain there."""
+
+
+@dataclass(frozen=True, eq=False)
+class CloudCalibration:
+    """How honest the clouds of a run are.
+
+    ``nees (K,)`` is the squared Mahalanobis distance of the truth from each cloud (infinite if the cloud is certain
+    and wrong); ``inside`` maps each probability of ``CLAIMS`` to the share of clouds whose ellipsoid holds the truth.
+    ``claimed_m`` and ``actual_m``, ``claimed_deg`` and ``actual_deg`` are root mean squares of the clouds' spread and
+    of the truth's distance from their means; ``certain`` counts clouds without spread in some direction.
+    """
+
+    nees: np.ndarray
+    inside: dict[float, float]
+    claimed_m: float
+    actual_m: float
+    claimed_deg: float
+    actual_deg: float
+    certain: int
+
+    @property
+    def ratio(self) -> float:
+        """Claimed over actual spread of the position: 1 is honest, less is overconfident, more is timid."""
+        return self.claimed_m / self.actual_m if self.actual_m > 0 else float("inf")
+
+
+def chi_square(x: float, dof: int) -> float:
+    """Probability that a sum of 2 or 3 squared standard normals is at most ``x``."""
+    if x <= 0.0:
+        return 0.0
+    below = 1.0 - exp(-0.5 * x)
+    return below if dof == 2 else erf(sqrt(0.5 * x)) - sqrt(2.0 * x / pi) * exp(-0.5 * x)
+
+
+def chi_square_quantile(share: float, dof: int) -> float:
+    """The value that a sum of 2 or 3 squared standard normals stays below with probability ``share``, by bisection.
+
+    >>> round(chi_square_quantile(0.9, 3), 3)
+    6.251
+    """
+    if dof not in (2, 3):
+        raise DataError("chi_square_quantile", "dof", dof, "2 (position) or 3 (position and heading)")
+    if not 0.0 <= share < 1.0:
+        raise DataError("chi_square_quantile", "share", share, "a probability from 0 to below 1")
+    low, high = 0.0, -2.0 * log(1.0 - share) + 30.0
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if chi_square(middle, dof) < share else (low, middle)
+    return 0.5 * (low + high)
+
+
+def cloud_moments(particles: Particles) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted mean pose ``(3,)`` and covariance ``(3, 3)`` (m, m, rad) of a cloud, headings on the circle."""
+    mean = average_pose(particles.poses, particles.weights)
+    away = _less(particles.poses, mean)
+    return mean, away.T @ (particles.weights[:, None] * away)
+
+
+def squared_mahalanobis(error: np.ndarray, covariance: np.ndarray) -> float:
+    """e' P^-1 e of an error ``(n,)`` under a covariance ``(n, n)``; infinite where P has no spread at all."""
+    if np.linalg.eigvalsh(covariance)[0] < LEAST_SPREAD**2:
+        return np.inf
+    return float(error @ np.linalg.solve(covariance, error))
+
+
+def cloud_calibration(infos: Iterable[StepInfo], truth: Trajectory, dof: int = 3) -> CloudCalibration:
+    """The clouds of a run against the truth; ``dof`` 2 asks for the position alone, 3 for the heading too.
+
+    The run is moved as a whole so that its first estimate is true, as for the trajectory error; that first cloud,
+    which knows its place by definition, is not counted. Clouds count as they gave the estimate, before resampling.
+    """
+    told = [(info, info.particles) for info in infos if info.particles is not None and truth.covers(info.t)]
+    if len(told) < 2:
+        raise DataError("cloud_calibration", "infos", f"{len(told)} clouds with known truth", "2 or more")
+    first = compose(told[0][0].estimate, invert(truth.at(told[0][0].t)))
+    true_poses = compose(first, truth.at(np.array([info.t for info, _ in told[1:]])))
+    moments = [cloud_moments(particles) for _, particles in told[1:]]
+    error = _less(true_poses, np.array([mean for mean, _ in moments]))
+    nees = np.array(
+        [squared_mahalanobis(e[:dof], P[:dof, :dof]) for e, (_, P) in zip(error, moments, strict=True)]
+    )
+    variance = np.array([np.diag(P) for _, P in moments])
+    return CloudCalibration(
+        nees=nees,
+        inside={share: float(np.mean(nees <= chi_square_quantile(share, dof))) for share in CLAIMS},
+        claimed_m=_root(variance[:, 0] + variance[:, 1]),
+        actual_m=_root(error[:, 0] ** 2 + error[:, 1] ** 2),
+        claimed_deg=float(np.rad2deg(_root(variance[:, 2]))),
+        actual_deg=float(np.rad2deg(_root(error[:, 2] ** 2))),
+        certain=int(np.count_nonzero(np.isinf(nees))),
+    )
+
+
+def _less(poses: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    away = poses - reference
+    away[..., 2] = wrap_angle(away[..., 2])
+    return away
+
+
+def _root(squares: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(squares)))

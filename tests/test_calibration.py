@@ -1,0 +1,288 @@
+"""Self-calibration against instruments whose errors are known because they were made."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rooms import CURVES, drive
+
+import pfslam
+from pfslam.calibration import (
+    WINDOW,
+    apply_calibration,
+    calibrate,
+    drift_and_scale,
+    gyro_bias,
+    matched_motion,
+    scale,
+    still_pieces,
+)
+from pfslam.config import SlamConfig
+from pfslam.disturb import first_seconds
+from pfslam.errors import DataError
+from pfslam.events import scan_events, scan_motions
+from pfslam.metrics import trajectory_error
+from pfslam.motion import dead_reckoning
+from pfslam.recording import Encoders, Imu, Recording
+from pfslam.runs import run_slam
+from pfslam.sensors import EncoderModel, ImuModel, RobotModel
+from pfslam.simulator import HALL
+
+CONFIG = replace(SlamConfig.refined(), particles=1)
+TRUE_SCALE_HALL = 1.03
+TRUE_WHEELS_HALL = HALL.slip.true_metres_per_count / 0.0022 / (1.0 + HALL.slip.straight)
+
+
+def standing(seconds, bias=0.0, noise=0.004, move=(), seed=0):
+    """A robot that stands, but for the intervals ``move`` (from, to, counts, yaw rate); gyro at 100 Hz, white noise."""
+    rng = np.random.default_rng(seed)
+    t_wheels, t_gyro = np.arange(0.0, seconds, 0.025), np.arange(0.0, seconds, 0.01)
+    counts, rates = np.zeros((len(t_wheels), 4), int), noise * rng.standard_normal((len(t_gyro), 3))
+    rates[:, 2] += bias
+    for begin, end, count, omega in move:
+        counts[(t_wheels >= begin) & (t_wheels < end)] = count
+        rates[(t_gyro >= begin) & (t_gyro < end), 2] += omega
+    gravity = np.tile([0.0, 0.0, 1.0], (len(t_gyro), 1))
+    return Recording("still", RobotModel(), Encoders(t_wheels, counts), Imu(t_gyro, rates, gravity))
+
+
+# Bias
+# ------------------------------------------------------------------------------------------------
+
+
+def test_bias_of_a_standing_robot_to_within_its_own_error():
+    away = []
+    for seed in range(60):
+        bias, error, seconds = gyro_bias(standing(12.0, bias=0.003, seed=seed))
+        assert 9.0 <= seconds <= 11.0
+        # White noise of 0.004 at 100 Hz over ten seconds: 0.004 / sqrt(1000).
+        assert error == pytest.approx(0.004 / np.sqrt(100 * seconds), rel=0.9)
+        away.append((bias - 0.003) / error)
+    # The error is claimed honestly: Student's t of nine degrees of freedom has variance 9 / 7.
+    assert 0.7 < np.std(away) < 1.7
+    assert abs(np.mean(away)) < 4 * np.std(away) / np.sqrt(60)
+
+
+def test_turning_and_driving_never_count_as_standing():
+    quiet = standing(30.0)
+    moving = standing(30.0, move=[(10.0, 20.0, 5, 0.8)])
+    assert len(still_pieces(quiet)) > len(still_pieces(moving)) > 0
+    t = moving.imu.t
+    for piece in still_pieces(moving):
+        assert t[piece][-1] < 10.0 or t[piece][0] > 20.0
+    assert abs(gyro_bias(moving)[0]) < 0.002
+
+
+@pytest.mark.parametrize("omega", [0.3, -1.0])
+def test_a_robot_that_is_turned_with_its_wheels_at_rest_is_not_still(omega):
+    """The encoders see nothing, the gyro does: on a lift, or carried."""
+    carried = standing(30.0, bias=0.002, move=[(10.0, 20.0, 0, omega)])
+    bias, error, _ = gyro_bias(carried)
+    assert abs(bias - 0.002) < 5 * error < 0.002
+    for piece in still_pieces(carried):
+        assert not ((carried.imu.t[piece] > 10.0) & (carried.imu.t[piece] < 20.0)).any()
+
+
+def test_a_robot_that_is_shaken_is_not_still():
+    shaken = standing(30.0)
+    rates = shaken.imu.angular_velocity.copy()
+    rates[1000:2000, 0] += 0.05 * np.sin(20.0 * shaken.imu.t[1000:2000])
+    shaken = replace(shaken, imu=Imu(shaken.imu.t, rates, shaken.imu.acceleration_g))
+    for piece in still_pieces(shaken):
+        assert piece.stop <= 1001 or piece.start >= 1999
+
+
+def test_without_stillness_the_robots_own_bias_stays():
+    restless = standing(20.0, bias=0.01, move=[(0.0, 20.0, 4, 0.0)])
+    restless = replace(restless, robot=RobotModel(imu=ImuModel(gyro_bias=0.007)))
+    found = calibrate(restless)
+    assert (found.gyro_bias, found.gyro_bias_error, found.still_seconds) == (0.007, np.inf, 0.0)
+    assert (found.wheel_scale, found.gyro_scale) == (1.0, 1.0)
+    assert found.wheel_scale_error == found.gyro_scale_error == np.inf
+
+
+def test_a_warming_gyros_first_second_is_left_out():
+    warm = standing(10.0, noise=0.0)
+    rates = warm.imu.angular_velocity.copy()
+    rates[:100, 2] = 0.02
+    warm = replace(warm, imu=Imu(warm.imu.t, rates, warm.imu.acceleration_g))
+    assert gyro_bias(warm)[0] == 0.0
+    assert all(piece.stop - piece.start == pytest.approx(100 * WINDOW, abs=1) for piece in still_pieces(warm))
+
+
+def test_a_log_without_gyro_is_refused():
+    log = replace(standing(5.0), odometry=dead_reckoning(standing(5.0)), imu=None)
+    with pytest.raises(DataError, match="imu"):
+        calibrate(log)
+
+
+# Scales
+# ----------------------------------------------------------------------------------------------
+
+
+def test_scale_by_hand_and_its_error():
+    factor, error = scale(np.array([1.0, 2.0, 3.0, 2.0, 1.0]), 1.1 * np.array([1.0, 2.0, 3.0, 2.0, 1.0]))
+    assert factor == pytest.approx(1.1)
+    assert error == pytest.approx(0.0, abs=1e-15)
+    assert scale(np.ones(4), np.ones(4)) == (1.0, np.inf)
+    rng = np.random.default_rng(0)
+    shown = rng.uniform(0.5, 1.5, 50)
+    found = [scale(shown, 0.97 * shown + 0.02 * rng.standard_normal(50)) for _ in range(400)]
+    factors, errors = np.array(found).T
+    assert factors.mean() == pytest.approx(0.97, abs=4 * factors.std() / 20)
+    assert errors.mean() == pytest.approx(factors.std(), rel=0.15)
+
+
+LEGS = [(4.0, 12, 0.0), (2.0, 0, 0.7), (2.0, 12, 0.0), (3.0, 0, -0.7), (4.0, 12, 0.0), (3.0, 0, 0.6)]
+
+
+def test_wheels_and_gyro_of_a_noiseless_room_get_their_scales_back():
+    """Perfect readings taken for those of a robot whose sheet is 4 % and 6 % wrong; the walls say the truth."""
+    recording = drive(LEGS)
+    right = recording.robot
+    wrong = replace(
+        right,
+        encoders=EncoderModel(metres_per_count=1.04 * right.encoders.metres_per_count),
+        imu=ImuModel(gyro_scale=0.94),
+    )
+    recording = replace(recording, robot=wrong)
+    found = calibrate(recording, run_slam(recording, CONFIG))
+    assert found.wheel_scale == pytest.approx(1 / 1.04, abs=0.005)
+    assert found.gyro_scale == pytest.approx(1 / 0.94, abs=0.005)
+    assert found.straight_metres > 3.0
+    assert found.turned_radians > 4.0
+    mended = apply_calibration(recording, found)
+    assert mended.robot.encoders.metres_per_count == pytest.approx(0.001, rel=0.005)
+    assert mended.robot.imu.gyro_scale == pytest.approx(1.0, abs=0.005)
+    before, after = (trajectory_error(dead_reckoning(r), r.truth).ate_rmse_m for r in (recording, mended))
+    assert after < 0.2 * before
+
+
+def test_blocks_are_as_long_as_they_say_and_the_run_must_fit():
+    recording = drive(CURVES)
+    result = run_slam(recording, CONFIG)
+    odometry, matched, seconds = matched_motion(recording, result)
+    assert odometry.shape == matched.shape == (len(seconds), 3)
+    np.testing.assert_allclose(seconds, 1.0)
+    np.testing.assert_allclose(odometry, matched, atol=0.05)
+    with pytest.raises(DataError, match="the run of this recording"):
+        matched_motion(drive(CURVES[:2]), result)
+
+
+def test_a_drive_that_only_turns_at_one_rate_cannot_tell_drift_from_scale():
+    steady = np.full(20, 0.4)
+    (drift, gyro) = drift_and_scale(steady, np.ones(20), 1.03 * steady)
+    assert (drift, gyro) == ((0.0, np.inf), (1.0, np.inf))
+    uneven = steady + 0.3 * np.sin(np.arange(20.0))
+    drift, gyro = drift_and_scale(uneven, np.ones(20), 1.03 * uneven - 0.01)
+    np.testing.assert_allclose([drift[0], gyro[0]], [-0.01, 1.03])
+
+
+def test_motions_are_those_of_the_events():
+    """On slopes too: wheels measure along the slope, the map is seen from above."""
+    recording = first_seconds(pfslam.load("ramp"), 60.0)
+    config = replace(CONFIG, every=20)
+    events = list(scan_events(recording, config)[0])
+    motions = scan_motions(recording, config)
+    np.testing.assert_allclose(motions, [event.motion for event in events], atol=1e-12)
+    assert any(event.struck_floor for event in events)
+
+
+def test_clocks_that_jump_by_years_cost_neither_memory_nor_time():
+    recording = standing(20.0)
+    late = 1e9 * (recording.encoders.t > 10.0), 1e9 * (recording.imu.t > 10.0)
+    jumped = replace(
+        recording,
+        encoders=Encoders(recording.encoders.t + late[0], recording.encoders.counts),
+        imu=Imu(recording.imu.t + late[1], recording.imu.angular_velocity, recording.imu.acceleration_g),
+    )
+    assert 12 <= len(still_pieces(jumped)) <= 19
+    assert abs(gyro_bias(jumped)[0]) < 0.001
+
+
+def test_where_only_odometry_speaks_nothing_is_learned_from_it():
+    recording = drive(LEGS)
+    result = run_slam(recording, CONFIG)
+    silent = tuple(replace(info, free_direction=np.array([1.0, 0.0])) for info in result.infos)
+    found = calibrate(recording, replace(result, infos=silent))
+    assert (found.wheel_scale, found.wheel_scale_error, found.straight_metres) == (1.0, np.inf, 0.0)
+
+
+def test_a_gyro_that_drifts_while_it_turns_gives_both_back():
+    """The readings show 0.02 rad/s too much and 5 % too little of the turning that the walls tell."""
+    recording = drive(LEGS)
+    rates = recording.imu.angular_velocity.copy()
+    rates[:, 2] = rates[:, 2] / 1.05 + 0.02
+    recording = replace(recording, imu=Imu(recording.imu.t, rates, recording.imu.acceleration_g))
+    found = calibrate(recording, run_slam(recording, CONFIG))
+    assert found.drive_bias == pytest.approx(0.02, abs=0.001)
+    assert found.gyro_scale == pytest.approx(1.05, abs=0.005)
+    mended = apply_calibration(recording, found)
+    before, after = (trajectory_error(dead_reckoning(r), r.truth).ate_rmse_m for r in (recording, mended))
+    assert after < 0.1 * before
+    # A second pass over the mended robot has nothing left to mend.
+    again = calibrate(mended, run_slam(mended, CONFIG))
+    assert again.drive_bias == pytest.approx(found.drive_bias, abs=0.001)
+    assert again.gyro_scale == pytest.approx(1.0, abs=0.005)
+
+
+# Whole drives
+# ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def hall():
+    recording = pfslam.load("hall")
+    return recording, calibrate(recording, run_slam(recording, CONFIG, keep_particles=False))
+
+
+def test_hall_finds_what_the_simulator_was_told(hall):
+    _, found = hall
+    assert abs(found.gyro_bias - HALL.gyro.bias[2]) < 4 * found.gyro_bias_error < 0.002
+    assert abs(found.drive_bias - HALL.gyro.bias[2]) < 4 * found.drive_bias_error < 0.001
+    assert abs(found.gyro_scale - TRUE_SCALE_HALL) < 4 * found.gyro_scale_error < 0.003
+    # Beside the standard error, 0.6 % of slow changes of the slip over the drive.
+    assert found.wheel_scale == pytest.approx(TRUE_WHEELS_HALL, abs=0.002)
+    assert found.still_seconds > 8.0
+
+
+def test_dead_reckoning_of_hall_is_ten_times_better_with_it(hall):
+    recording, found = hall
+    before, after = (
+        trajectory_error(dead_reckoning(r), r.truth).ate_rmse_m
+        for r in (recording, apply_calibration(recording, found))
+    )
+    assert after < before / 10
+
+
+def test_other_errors_are_found_as_well():
+    config = replace(
+        HALL,
+        path_length=40.0,
+        gyro=replace(HALL.gyro, bias=(0.0, 0.0, -0.006), scale=0.95),
+        slip=replace(HALL.slip, straight=0.04),
+    )
+    recording = pfslam.simulate(config, seed=3).recording
+    found = calibrate(recording, run_slam(recording, CONFIG, keep_particles=False))
+    assert abs(found.gyro_bias + 0.006) < 4 * found.gyro_bias_error < 0.002
+    assert abs(found.drive_bias + 0.006) < 4 * found.drive_bias_error < 0.002
+    assert found.gyro_scale == pytest.approx(0.95, abs=0.003)
+    wheels = HALL.slip.true_metres_per_count / 0.0022 / 1.04
+    assert found.wheel_scale == pytest.approx(wheels, abs=0.003)
+
+
+def test_real_wheels_and_gyro(real_data):
+    """Set 20. Its gyro drifts thrice as fast while driving as at rest: only the matched motion finds that."""
+    recording = pfslam.load(20, real_data / "corridor20")
+    found = calibrate(recording, run_slam(recording, CONFIG, keep_particles=False))
+    assert found.gyro_scale == pytest.approx(1.03, abs=0.005)
+    assert abs(found.gyro_bias - 0.0005) < 3 * found.gyro_bias_error < 0.002
+    # Against the reference path: turning per second that the gyro shows too much, scale taken out.
+    t = np.arange(np.ceil(recording.truth.t[0]), recording.imu.t[-1] - 1.0, 1.0)
+    shown, true = (np.diff(np.unwrap(p.at(t)[:, 2])) for p in (dead_reckoning(recording), recording.truth))
+    assert found.drive_bias == pytest.approx(np.mean(shown - true / found.gyro_scale), abs=2e-4)
+    before, after = (
+        trajectory_error(dead_reckoning(r), r.truth) for r in (recording, apply_calibration(recording, found))
+    )
+    assert after.heading_rmse_deg < 0.5 * before.heading_rmse_deg
+    assert after.ate_rmse_m < before.ate_rmse_m

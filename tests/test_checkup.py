@@ -1,0 +1,87 @@
+"""The check-up: nothing to complain about on good drives, and each fault found by the question meant for it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from box_recording import TURN_RATE, box_recording, room_ranges
+
+import pfslam
+from pfslam.checkup import check_up, effective_track, scan_turn_fit, scan_turns
+from pfslam.disturb import first_seconds
+from pfslam.recording import LidarScans
+from pfslam.teaching.ch10 import FAULTS, HEALTHY
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return first_seconds(pfslam.load("hall"), 60.0)
+
+
+def complaints(recording):
+    return {finding.question for finding in check_up(recording) if finding.ok is False}
+
+
+@pytest.mark.parametrize("name", ["hall", "ramp"])
+def test_good_drives_give_nothing_to_complain_about(name):
+    findings = check_up(pfslam.load(name))
+    assert [finding.ok for finding in findings] == [True] * len(findings)
+
+
+@pytest.mark.parametrize("folder", ["corridor20", "ece276a"])
+def test_real_wheels_and_gyro_pass(real_data, folder):
+    assert complaints(pfslam.load(20, real_data / folder)) == set()
+
+
+def test_a_log_of_odometry_poses_is_checked_as_far_as_it_goes(real_data):
+    findings = {f.question: f for f in check_up(pfslam.load(real_data / "intel" / "intel.log"))}
+    assert findings["How many beams return?"].ok
+    assert findings["What does the gyro show at rest?"].ok is None
+
+
+EXPECTED = {
+    "running totals": {"How fast was a wheel at most?"},
+    "8-bit counter": {"How fast was a wheel at most?"},
+    "gyro in degrees": {"Do wheels and gyro turn the same way?", "Do scans turn as the gyro does?"},
+    "gyro flipped": {"Do wheels and gyro turn the same way?", "Do scans turn as the gyro does?"},
+    "beams backwards": {"Do scans turn as the gyro does?"},
+    "both mirrored": {"Do wheels and gyro turn the same way?"},
+    "scans 150 ms late": {"Do scans and gyro share a clock?"},
+    "gyro silent for 3 s": {"How long is the longest gap?"},
+    "60 % of beams lost": {"How many beams return?"},
+}
+
+
+def test_every_fault_of_the_chapter_has_its_question():
+    assert set(EXPECTED) == set(FAULTS) - {HEALTHY}
+
+
+@pytest.mark.parametrize("fault", EXPECTED)
+def test_each_fault_is_found(drive, fault):
+    assert complaints(drive) == set()
+    assert EXPECTED[fault] <= complaints(FAULTS[fault](drive))
+
+
+def test_the_clock_offset_comes_out_in_milliseconds(drive):
+    for late in (-0.1, 0.06, 0.2):
+        shifted = replace(drive, lidar=LidarScans(drive.lidar.t + late, drive.lidar.ranges))
+        assert scan_turn_fit(shifted)[1] == pytest.approx(scan_turn_fit(drive)[1] + late, abs=0.011)
+
+
+def test_scans_of_a_turning_robot_turn():
+    box = box_recording(seconds=6.0, images=0)
+    step = 12 * box.robot.lidar.increment
+    poses = np.stack([np.zeros(10), np.zeros(10), step * np.arange(10)], axis=1)
+    ranges = np.stack([room_ranges(pose, box.robot.lidar) for pose in poses])
+    spinning = replace(box, lidar=LidarScans(box.lidar.t[:10], ranges))
+    turns = scan_turns(spinning, np.arange(9), np.arange(1, 10))
+    # The LiDAR sits 0.13 m ahead of the axis, so the walls move a little too.
+    assert turns == pytest.approx(np.full(9, step), abs=1.5 * box.robot.lidar.increment)
+
+
+def test_effective_track_is_the_ratio_of_apart_to_turned():
+    box = box_recording(seconds=6.0, images=0)
+    counts = np.tile([7, 3, 7, 3], (len(box.encoders.t), 1))
+    skidding = replace(box, encoders=replace(box.encoders, counts=counts))
+    per_second = 40 * 4 * box.robot.encoders.metres_per_count
+    assert effective_track(skidding) == pytest.approx(per_second / TURN_RATE, rel=0.02)

@@ -1,0 +1,117 @@
+"""Calibration of the cloud: closed forms against SciPy, and clouds whose honesty is known because it was made."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pfslam.errors import DataError
+from pfslam.metrics_cloud import (
+    CLAIMS,
+    chi_square,
+    chi_square_quantile,
+    cloud_calibration,
+    cloud_moments,
+    squared_mahalanobis,
+)
+from pfslam.particles import Particles
+from pfslam.poses import Trajectory, compose, wrap_angle
+from pfslam.slam import StepInfo
+
+SPREAD = np.array([[0.04, 0.01, 0.002], [0.01, 0.02, 0.001], [0.002, 0.001, 0.0025]])
+ROOT = np.linalg.cholesky(SPREAD)
+CLOUDS = 600
+
+
+@pytest.mark.parametrize("dof", [2, 3])
+def test_chi_square_is_scipys(dof):
+    for x in (0.0, 1e-3, 0.5, 2.0, 7.8, 30.0):
+        assert chi_square(x, dof) == pytest.approx(stats.chi2.cdf(x, dof), abs=1e-12)
+    for share in (0.0, 0.01, *CLAIMS, 0.9999):
+        assert chi_square_quantile(share, dof) == pytest.approx(stats.chi2.ppf(share, dof), abs=1e-9)
+
+
+def test_what_is_no_probability_is_refused():
+    with pytest.raises(DataError, match="share"):
+        chi_square_quantile(1.0, 3)
+    with pytest.raises(DataError, match="dof"):
+        chi_square_quantile(0.5, 4)
+
+
+def test_moments_of_a_weighted_cloud_across_the_cut_at_pi():
+    """Two particles by hand: weights 1/4 and 3/4, headings either side of pi, 0.2 rad apart."""
+    particles = Particles(np.array([[0.0, 0, np.pi - 0.15], [4.0, 2, -np.pi + 0.05]]), np.log([1.0, 3.0]))
+    mean, P = cloud_moments(particles)
+    np.testing.assert_allclose(mean[:2], [3.0, 1.5])
+    assert wrap_angle(mean[2] - np.pi) == pytest.approx(0.0, abs=1e-3)
+    np.testing.assert_allclose(np.diag(P)[:2], [3.0, 0.75])
+    np.testing.assert_allclose(P[0, 1], 1.5)
+    assert P[2, 2] == pytest.approx(0.0075, rel=0.01)  # 1/4 of 0.15^2 and 3/4 of 0.05^2
+
+
+def test_mahalanobis_distance_by_hand():
+    assert squared_mahalanobis(np.array([2.0, 3.0]), np.diag([4.0, 9.0])) == pytest.approx(2.0)
+    assert squared_mahalanobis(np.array([0.1, 0.0]), np.diag([0.0, 1.0])) == np.inf
+
+
+def made_run(claimed, seed=0, particles=2000, weighted=False):
+    """Clouds of spread ``claimed`` times the true one around estimates whose error is SPREAD; truth all over."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(CLOUDS + 1.0)
+    true_poses = np.column_stack([np.cos(t), 0.1 * t, wrap_angle(0.7 * t)])
+    infos = [StepInfo(0.0, true_poses[0], Particles.at(true_poses[0], 3), 3.0, 0, 0)]
+    for k in range(1, CLOUDS + 1):
+        mean = true_poses[k] + ROOT @ rng.standard_normal(3)
+        wide = 1.5 if weighted else 1.0
+        z = wide * rng.standard_normal((particles, 3))
+        # Drawn 1.5 times too wide, the weights p(z) / q(z) make up for it.
+        log_weights = -0.5 * np.sum(z**2, axis=1) * (1.0 - 1.0 / wide**2)
+        poses = mean + claimed * z @ ROOT.T
+        infos.append(StepInfo(t[k], mean, Particles(poses, log_weights), 1.0, 0, 0, matched=True))
+    return infos, Trajectory(t, true_poses)
+
+
+def binomial(share):
+    """Four standard errors of a share over the clouds of a run."""
+    return 4 * np.sqrt(share * (1 - share) / CLOUDS)
+
+
+@pytest.mark.parametrize("dof", [2, 3])
+@pytest.mark.parametrize("weighted", [False, True])
+def test_honest_clouds_hold_the_truth_as_often_as_they_claim(dof, weighted):
+    found = cloud_calibration(*made_run(1.0, weighted=weighted), dof=dof)
+    assert len(found.nees) == CLOUDS
+    assert found.certain == 0
+    for share in CLAIMS:
+        assert found.inside[share] == pytest.approx(share, abs=binomial(share))
+    assert found.nees.mean() == pytest.approx(dof, abs=4 * np.sqrt(2 * dof / CLOUDS))
+    assert found.ratio == pytest.approx(1.0, abs=0.1)
+    assert found.claimed_m == pytest.approx(np.sqrt(0.06), rel=0.02)
+    assert found.claimed_deg == pytest.approx(np.rad2deg(0.05), rel=0.02)
+
+
+def test_clouds_half_as_wide_as_they_should_be_are_found_out():
+    found = cloud_calibration(*made_run(0.5))
+    for share in CLAIMS:
+        expected = stats.chi2.cdf(0.25 * stats.chi2.ppf(share, 3), 3)
+        assert found.inside[share] == pytest.approx(expected, abs=binomial(expected))
+    assert found.ratio == pytest.approx(0.5, abs=0.05)
+
+
+def test_the_run_may_start_anywhere():
+    infos, truth = made_run(1.0)
+    moved = Trajectory(truth.t, compose([5.0, -3.0, 2.0], truth.poses))
+    np.testing.assert_allclose(cloud_calibration(infos, moved).nees, cloud_calibration(infos, truth).nees)
+
+
+def test_one_particle_claims_to_be_certain():
+    infos, truth = made_run(1.0, particles=1)
+    found = cloud_calibration(infos, truth)
+    assert found.certain == CLOUDS
+    assert found.inside == dict.fromkeys(CLAIMS, 0.0)
+    assert found.claimed_m == 0.0
+
+
+def test_without_clouds_or_truth_there_is_nothing_to_say():
+    infos, truth = made_run(1.0)
+    with pytest.raises(DataError, match="cloud_calibration"):
+        cloud_calibration(infos, Trajectory(truth.t + 1e6, truth.poses))

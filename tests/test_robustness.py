@@ -1,0 +1,210 @@
+"""Where filters die: nothing to see, too little to see, wrong things to see, too few particles, nothing to do at all.
+
+Drives of half a minute through the built-in building, in pieces cut from ``hall``; limits are the project's targets.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pfslam
+from pfslam.config import SlamConfig
+from pfslam.consistency import alarms
+from pfslam.disturb import blind, first_seconds, missing_beams, random_ranges
+from pfslam.metrics import trajectory_error
+from pfslam.motion import dead_reckoning
+from pfslam.poses import Trajectory, between
+from pfslam.recording import Encoders, Imu, LidarScans
+from pfslam.runs import run_slam
+
+REFINED = SlamConfig.refined()
+FEW = replace(REFINED, particles=20)
+STILL = 9.7
+"""Hall stands for so long (s) before it drives."""
+
+
+@pytest.fixture(scope="module")
+def hall():
+    return pfslam.load("hall")
+
+
+@pytest.fixture(scope="module")
+def drive(hall):
+    """The first 33 s: standing, then 20 m of corridor with a turn."""
+    return first_seconds(hall, 33.0)
+
+
+def run(recording, config=FEW, seed=0):
+    return run_slam(recording, config, rng=np.random.default_rng(seed))
+
+
+def away(result, truth):
+    """Distance (m) of each estimate from the truth, NaN outside the truth's time."""
+    known = truth.covers(result.trajectory.t)
+    found = np.full(len(known), np.nan)
+    found[known] = np.hypot(*(result.trajectory.poses[known] - truth.at(result.trajectory.t[known]))[:, :2].T)
+    return found
+
+
+# Few particles, bad beams
+# ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("particles", [1, 5])
+def test_few_particles_are_enough(drive, particles):
+    found = trajectory_error(run(drive, replace(REFINED, particles=particles)).trajectory, drive.truth)
+    assert found.ate_rmse_m <= 0.03
+    assert found.heading_rmse_deg <= 0.2
+
+
+def test_half_of_the_beams_missing(drive):
+    half = missing_beams(drive, 0.5, np.random.default_rng(1))
+    valid = [drive.robot.lidar.valid(r.lidar.ranges).mean() for r in (drive, half)]
+    assert valid[1] == pytest.approx(0.5 * valid[0], rel=0.01)
+    found = trajectory_error(run(half).trajectory, drive.truth)
+    assert found.ate_rmse_m <= 0.03
+    assert found.heading_rmse_deg <= 0.2
+
+
+def test_one_beam_in_ten_reads_anything(drive):
+    wild = random_ranges(drive, 0.1, np.random.default_rng(2))
+    changed = np.abs(wild.lidar.ranges - drive.lidar.ranges) > 0.2
+    assert 0.08 < changed.mean() < 0.11
+    found = trajectory_error(run(wild).trajectory, drive.truth)
+    assert found.ate_rmse_m <= 0.05
+    assert found.heading_rmse_deg <= 0.3
+
+
+# Seconds without a return
+# ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seconds", [2.0, 5.0])
+def test_seconds_without_a_return(drive, seconds):
+    """At most 0.15 m off afterwards; while blind, the cloud grows as odometry's own uncertainty does."""
+    result = run(blind(drive, 18.0, 18.0 + seconds))
+    t = result.trajectory.t - drive.encoders.t[0]
+    assert np.nanmax(away(result, drive.truth)[t > 18.5 + seconds]) <= 0.15
+    dark = (t > 18.1) & (t < 17.9 + seconds)
+    assert not any(info.matched for info, it in zip(result.infos, dark, strict=True) if it)
+    spread = np.array([np.hypot(*info.particles.poses[:, :2].std(axis=0)) for info in result.infos])
+    assert spread[dark][-1] > 2.0 * spread[dark][0]
+    assert len(alarms(result.infos)) == 0  # blind is not lost
+
+
+@pytest.mark.parametrize("particles", [1, 20])
+def test_the_very_first_scans_may_be_blind(drive, particles):
+    """The map begins with the first scan that sees anything."""
+    result = run(blind(drive, 0.0, 3.0), replace(REFINED, particles=particles))
+    first = next(k for k, info in enumerate(result.infos) if info.drawn)
+    assert first > 20
+    assert not any(info.matched for info in result.infos[: first + 1])
+    # Where odometry says, and all particles there: the map begins at this pose, so nobody is wrong about it.
+    began, saw = dead_reckoning(drive).at(result.trajectory.t[[0, first]])
+    np.testing.assert_allclose(result.infos[first].estimate, between(began, saw), atol=1e-9)
+    assert np.ptp(result.infos[first].particles.poses, axis=0).max() == 0.0
+    assert result.dropped["scans with too few valid beams"] == first - 1
+    assert trajectory_error(result.trajectory, drive.truth).ate_rmse_m <= 0.03
+
+
+def test_the_first_scan_meets_an_empty_map(drive):
+    result = run(drive)
+    np.testing.assert_array_equal(result.infos[0].estimate, [0.0, 0.0, 0.0])
+    assert result.infos[0].drawn
+    assert not result.infos[0].matched
+    assert all(info.scored for info in result.infos[1:])
+
+
+# Standing still
+# ---------------------------------------------------------------------------------------------
+
+
+def standing(recording, at, seconds, seed=0):
+    """The robot stops for so long: its scans come again with fresh noise, its wheels rest, its gyro drifts and hums.
+
+    ``at`` (s) must lie in a time when it stands anyway. Scans, wheels and gyro of the second before are repeated.
+    """
+    rng = np.random.default_rng(seed)
+    start = recording.encoders.t[0] + at
+
+    def insert(t):
+        last = (t >= start - 1.0) & (t < start)
+        copies = int(seconds)
+        extra = (t[last] + np.arange(1, copies + 1)[:, None]).ravel()
+        before, after = t < start, t >= start
+        rows = np.concatenate(
+            [np.flatnonzero(before), np.tile(np.flatnonzero(last), copies), np.flatnonzero(after)]
+        )
+        return (
+            rows,
+            np.concatenate([t[before], extra, t[after] + copies]),
+            slice(before.sum(), before.sum() + len(extra)),
+        )
+
+    rows, t, _ = insert(recording.encoders.t)
+    encoders = Encoders(t, recording.encoders.counts[rows])
+    rows, t, new = insert(recording.imu.t)
+    rates = recording.imu.angular_velocity[rows].copy()
+    rates[new, 2] = 0.0005 + 0.0039 * np.convolve(
+        rng.standard_normal(new.stop - new.start + 4), np.ones(5) / 5**0.5, "valid"
+    )
+    imu = Imu(t, rates, recording.imu.acceleration_g[rows])
+    rows, t, new = insert(recording.lidar.t)
+    ranges = recording.lidar.ranges[rows].copy()
+    # What is repeated has noise already: averaged over the second, then made fresh.
+    mean = np.median(ranges[new.start - 10 : new.start], axis=0)
+    fresh = mean + 0.01 * rng.standard_normal(ranges[new].shape)
+    ranges[new] = np.where(recording.robot.lidar.valid(mean), fresh, mean).astype(ranges.dtype)
+    rows, t_truth, _ = insert(recording.truth.t)
+    truth = Trajectory(t_truth, recording.truth.poses[rows])
+    return replace(
+        recording, encoders=encoders, imu=imu, lidar=LidarScans(t, ranges), truth=truth, camera=None
+    )
+
+
+@pytest.fixture(scope="module")
+def long_stop(hall):
+    """Three minutes at the end of the standing start, then 15 m of driving."""
+    return standing(first_seconds(hall, 25.0), 9.0, 180.0)
+
+
+@pytest.fixture(scope="module")
+def waited(long_stop):
+    return run(long_stop, replace(FEW, every=20))
+
+
+def test_standing_for_minutes_moves_nothing(long_stop, waited):
+    t = waited.trajectory.t - long_stop.encoders.t[0]
+    still = (t > 9.0) & (t < 189.0)
+    assert still.sum() > 300
+    assert away(waited, long_stop.truth)[still].max() < 0.01
+    assert np.abs(np.rad2deg(waited.trajectory.poses[still, 2])).max() < 0.1
+    # Dead reckoning alone has turned by the gyro's bias meanwhile.
+    assert trajectory_error(waited.trajectory, long_stop.truth).ate_rmse_m < 0.03
+
+
+def test_standing_for_minutes_adds_nothing_to_the_map(waited):
+    drawn = [info.drawn for info in waited.infos]
+    t = waited.trajectory.t - waited.trajectory.t[0]
+    assert sum(d for d, when in zip(drawn, t, strict=True) if 1.0 < when < 187.0) == 0
+    assert sum(drawn) > 20
+
+
+def test_standing_for_minutes_neither_bursts_nor_collapses_the_cloud(waited):
+    t = waited.trajectory.t - waited.trajectory.t[0]
+    spread = np.array([np.hypot(*info.particles.poses[:, :2].std(axis=0)) for info in waited.infos])
+    still = (t > 5.0) & (t < 187.0)
+    first, last = spread[(t > 5.0) & (t < 30.0)], spread[(t > 160.0) & (t < 187.0)]
+    assert 0.5 < np.median(last) / np.median(first) < 2.0
+    assert spread[still].max() < 0.1
+    assert spread[still].min() > 1e-4
+    assert all(info.effective_sample_size > 2.0 for info, it in zip(waited.infos, still, strict=True) if it)
+
+
+def test_the_drive_goes_on_after_the_stop(long_stop, waited):
+    t = waited.trajectory.t - long_stop.encoders.t[0]
+    driving = t > 195.0
+    assert np.hypot(*np.ptp(waited.trajectory.poses[driving, :2], axis=0)) > 5.0
+    assert np.nanmax(away(waited, long_stop.truth)[driving]) < 0.05
+    assert len(alarms(waited.infos)) == 0
