@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from headless import running_chromium
 from hypothesis import settings
 
 # The same examples on every run, and no clock: a busy machine is no reason to fail.
@@ -19,3 +20,9 @@ def real_data() -> Path:
     if not REAL_DATA.is_dir():
         pytest.skip("no real recordings beside the checkout (../shared/data)")
     return REAL_DATA
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """A headless Chromium that reaches nothing but this machine."""
+    yield from running_chromium()

@@ -1,0 +1,162 @@
+"""One case from settings to figures. Everything follows from the case: no state, no clock, no order of runs."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pfslam.cache import cached_simulation
+from pfslam.config import SlamConfig
+from pfslam.datasets import data_folder, load
+from pfslam.disturb import disturb
+from pfslam.events import used_scans
+from pfslam.formats import read_relations
+from pfslam.metrics import aligned_at_first, map_agreement, relations_error, trajectory_error
+from pfslam.motion import dead_reckoning
+from pfslam.poses import Trajectory
+from pfslam.recording import Recording
+from pfslam.runs import SlamResult, run_slam
+from pfslam.simulator import PRESETS as BUILDINGS
+from pfslam.simulator import Simulation, simulate
+from pfslam.study.cost import Meter
+from pfslam.study.definition import Case
+from pfslam.study.settings import with_settings
+
+COSTS = ("cpu_seconds", "peak_mb")
+"""Columns that say what a run cost; they differ from run to run and are never compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A recording and what is known beside it: the simulation that made it, or the file of its relations."""
+
+    recording: Recording
+    simulation: Simulation | None = None
+    relations: Path | None = None
+
+
+def run_case(case: Case) -> dict[str, Any]:
+    """One row: the case, the figures of its run, an empty ``error`` or what went wrong, and the cost.
+
+    Errors become rows so that they do not stop a study. Only what the machine refuses (memory, files) is raised,
+    because another try may do better.
+    """
+    row: dict[str, Any] = {"label": case.label} | dict(case.settings)
+    meter = Meter()
+    try:
+        row |= figures(case) | {"error": ""}
+    except (MemoryError, OSError):
+        raise
+    except Exception as error:
+        row["error"] = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+    return row | meter.read()
+
+
+def figures(case: Case) -> dict[str, Any]:
+    """The figures of one run."""
+    source, config = recording_of(case), case.config()
+    recording = disturb(source.recording, case.group("disturb."), case.get("seed"))
+    odometry = dead_reckoning(recording)
+    if case.get("method") == "dead-reckoning":
+        scans, _ = used_scans(recording, config)
+        t = recording.scans().t[scans]
+        return {"scans": len(t)} | errors(
+            Trajectory(t, odometry.at(t)), odometry, recording, source.relations
+        )
+    rng = np.random.default_rng(case.get("seed"))
+    result = run_slam(recording, config, rng=rng, keep_particles=False)
+    found = counts(result, config) | errors(result.trajectory, odometry, recording, source.relations)
+    return found | (agreement(result, source.simulation) if source.simulation else {})
+
+
+def counts(result: SlamResult, config: SlamConfig) -> dict[str, Any]:
+    """What happened in a run: numbers of steps, medians of N_eff and of the mean score over matched scans."""
+    matched = [info for info in result.infos if info.matched]
+    row: dict[str, Any] = {
+        "scans": len(result.trajectory),
+        "updates": result.updates,
+        "resamplings": result.resamplings,
+    }
+    if matched:
+        share = np.median([info.effective_sample_size for info in matched]) / config.particles
+        row |= {"n_eff_median": float(share), "score_median": float(np.median([i.score for i in matched]))}
+    return row
+
+
+def errors(
+    estimate: Trajectory, odometry: Trajectory, recording: Recording, relations: Path | None
+) -> dict[str, float]:
+    """Errors of an estimate against the truth and against known relations, where there are any."""
+    row: dict[str, float] = {}
+    truth = recording.truth
+    if truth is not None and truth.covers(estimate.t).any():
+        error = asdict(trajectory_error(estimate, truth))
+        row |= {name: error[name] for name in ("ate_rmse_m", "ate_max_m", "heading_rmse_deg")}
+        odometry_there = Trajectory(estimate.t, odometry.at(estimate.t))
+        row["odometry_ate_rmse_m"] = trajectory_error(odometry_there, truth).ate_rmse_m
+        row["end_error_m"] = end_error(estimate, truth)
+    if relations is not None:
+        known = read_relations(relations).at_stamps(estimate.t)
+        if len(known.t1):
+            metres, radians = relations_error(estimate, known.t1, known.t2, known.poses)
+            row |= {"relation_xy_m": float(metres.mean()), "relation_deg": float(np.rad2deg(radians.mean()))}
+    return row
+
+
+def end_error(estimate: Trajectory, truth: Trajectory) -> float:
+    """Distance (m) of the last pose from the truth, both seen from the first."""
+    poses, true_poses = aligned_at_first(estimate, truth)
+    return float(np.hypot(*(poses[-1] - true_poses[-1])[:2]))
+
+
+def agreement(result: SlamResult, simulation: Simulation) -> dict[str, float]:
+    """How far the map agrees with the simulated building."""
+    spec = result.grid.spec
+    walls = simulation.true_grid(spec)
+    found = map_agreement(result.grid, walls, simulation.floor_area(spec) & ~walls)
+    return {"map_iou_occupied": found.occupied_iou, "map_iou_free": found.free_iou}
+
+
+def recording_key(case: Case) -> tuple:
+    """What the recording of a case depends on, before it is disturbed: cases that agree in it share one."""
+    building = sorted(case.group("simulator.").items())
+    return case.get("dataset"), case.get("data_dir"), tuple(building)
+
+
+def recording_of(case: Case) -> Source:
+    """The recording of a case. Each process keeps the last two."""
+    return _source(*recording_key(case))
+
+
+@lru_cache(maxsize=2)
+def _source(dataset: str, data_dir: str | None, building: tuple) -> Source:
+    if dataset not in BUILDINGS:
+        name = located(dataset, data_dir)
+        relations = Path(name).with_suffix(".relations")
+        recording = load(name, found_folder(data_dir))
+        return Source(recording, relations=relations if relations.is_file() else None)
+    settings = dict(building)
+    if settings:
+        seed = settings.pop("seed", None)
+        simulation = simulate(with_settings(BUILDINGS[dataset], settings, dataset), seed)
+    else:
+        simulation = cached_simulation(dataset)
+    return Source(replace(simulation.recording, camera=None), simulation)
+
+
+def found_folder(data_dir: str | None) -> str | None:
+    """A relative ``data_dir`` that is not here is looked for in the data folder."""
+    if data_dir is None or Path(data_dir).is_dir():
+        return data_dir
+    inside = data_folder() / data_dir
+    return str(inside) if inside.is_dir() else data_dir
+
+
+def located(dataset: str, data_dir: str | None) -> str:
+    """The path of a log: as it is written, else in the data folder."""
+    inside = data_folder(found_folder(data_dir)) / dataset
+    return dataset if Path(dataset).is_file() or not inside.is_file() else str(inside)

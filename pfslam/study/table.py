@@ -1,0 +1,89 @@
+"""One tidy table: a row for each run, in the order of the cases; CSV always, Parquet where its library is there.
+
+Numbers are written so that they read back to the last bit. A cell without a value is empty.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pfslam.errors import DataError
+from pfslam.files import atomic_write, read_text, write_text
+
+TEXT_COLUMNS = ("label", "dataset", "data_dir", "method", "error")
+RESULTS = (
+    *("scans", "updates", "resamplings", "ate_rmse_m", "ate_max_m", "heading_rmse_deg"),
+    *("odometry_ate_rmse_m", "n_eff_median", "score_median", "end_error_m", "relation_xy_m", "relation_deg"),
+    *("map_iou_occupied", "map_iou_free", "error", "cpu_seconds", "peak_mb"),
+)
+Table = dict[str, np.ndarray]
+
+
+def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
+    """Settings in the order in which they turn up, then results in their usual order, as far as they occur."""
+    found = dict.fromkeys(key for row in rows for key in row)
+    return [key for key in found if key not in RESULTS] + [key for key in RESULTS if key in found]
+
+
+def write_table(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Write the rows as CSV, and beside it as Parquet if pyarrow is installed."""
+    columns = columns_of(rows)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([_cell(row.get(column)) for column in columns] for row in rows)
+    write_text(path, text.getvalue())
+    _write_parquet(path.with_suffix(".parquet"), {c: [_plain(row.get(c)) for row in rows] for c in columns})
+
+
+def _cell(value: Any) -> str:
+    """A value as text: nothing for None and NaN, true and false, lists as in JSON."""
+    if value is None or value != value:
+        return ""
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _plain(value: Any) -> Any:
+    return json.dumps(value) if isinstance(value, (list, tuple)) else value
+
+
+def _write_parquet(path: Path, columns: dict[str, list]) -> None:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        return
+    arrays = {}
+    for name, values in columns.items():
+        mixed = len({type(v) for v in values if v is not None} - {int, float}) > 0
+        arrays[name] = [None if v is None else _cell(v) for v in values] if mixed else values
+    with atomic_write(path) as file:
+        parquet.write_table(pyarrow.table(arrays), file)
+
+
+def read_table(path: str | Path) -> Table:
+    """The columns of a table: numbers as float (NaN where empty, true as 1), everything else as text."""
+    rows = list(csv.reader(io.StringIO(read_text(path))))
+    if not rows or not rows[0]:
+        raise DataError(path, "table", "nothing", "a first line with the names of the columns")
+    head, body = rows[0], rows[1:]
+    for number, row in enumerate(body, start=2):
+        if len(row) != len(head):
+            raise DataError(path, f"line {number}", f"{len(row)} cells", f"{len(head)} cells")
+    return {name: _column(name, [row[i] for row in body]) for i, name in enumerate(head)}
+
+
+def _column(name: str, cells: list[str]) -> np.ndarray:
+    words = {"": np.nan, "true": 1.0, "false": 0.0}
+    if name not in TEXT_COLUMNS and any(cells):
+        with suppress(ValueError):  # a column with a word in it is a column of words
+            return np.array([words[cell] if cell in words else float(cell) for cell in cells])
+    return np.array(cells, dtype=str)

@@ -1,0 +1,39 @@
+"""A study of very cheap runs, on a drive of six seconds that is written to a folder of its own."""
+
+from box_recording import box_recording
+
+from pfslam import save_course
+from pfslam.study import make_study
+
+
+def write_box(folder):
+    """Put the box's drive into ``folder`` as set 90."""
+    save_course(box_recording(images=0), 90, folder)
+    return folder
+
+
+def box_study(folder, seeds=20, **common):
+    """Three variants with so many seeds each: a filter of three particles, one pose matched, dead reckoning."""
+    return make_study(
+        {
+            "name": "box",
+            "common": {"dataset": 90, "data_dir": str(folder), "seed": {"count": seeds}} | common,
+            "variant": [
+                {"label": "filter", "particles": 3, "search.cells": [1, 2], "search.yaws": [1, 2]},
+                {"label": "matching", "method": "matching", "every": [5, 10]},
+                {"label": "odometry", "method": "dead-reckoning"},
+            ],
+        }
+    )
+
+
+def deadly(case, path, owner=None):
+    """As ``run_and_keep``, but the run with seed 1 of the odometry takes its worker down, every time."""
+    import os
+    import signal
+
+    from pfslam.study.runner import run_and_keep
+
+    if case.label == "odometry" and case.get("seed") == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return run_and_keep(case, path, owner)

@@ -1,0 +1,300 @@
+"""Studies: what a file means, what a run gives, what is kept, and what is said about bad files."""
+
+import csv
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+from study_cases import box_study, write_box
+
+from pfslam import DataError, SlamConfig, load, run_slam, trajectory_error
+from pfslam.__main__ import main
+from pfslam.disturb import disturb
+from pfslam.particles import ControlNoise
+from pfslam.study import make_study, read_study, read_table, run_case, run_study
+from pfslam.study.run import COSTS
+from pfslam.teaching.tables import select
+
+
+@pytest.fixture(scope="module")
+def box(tmp_path_factory):
+    return write_box(tmp_path_factory.mktemp("box"))
+
+
+def rows(path):
+    """The rows of a table without their cost, which differs from run to run."""
+    with open(path, newline="", encoding="utf-8") as file:
+        return [{k: v for k, v in row.items() if k not in COSTS} for row in csv.DictReader(file)]
+
+
+def test_lists_make_a_grid_and_variants_change_it():
+    study = make_study(
+        {
+            "name": "x",
+            "common": {"dataset": ["hall", "ramp"], "seed": {"count": 3, "from": 5}, "particles": 10},
+            "variant": [
+                {"label": "a", "method": "report", "map": {"free": [0.1, 0.2]}},
+                {"label": "b", "particles": [20, 30], "search.cells": [2, 4]},
+            ],
+        }
+    )
+    assert len(study.cases) == 2 * 3 * 2 + 2 * 3 * 2
+    first, last = study.cases[0], study.cases[-1]
+    assert dict(first.settings) == {
+        "dataset": "hall",
+        "method": "report",
+        "seed": 5,
+        "particles": 10,
+        "map.free": 0.1,
+    }
+    assert (last.label, last.get("dataset"), last.get("seed"), last.get("particles")) == ("b", "ramp", 7, 30)
+    assert last.get("search.cells") == (2, 4)  # a pair is one value, not a grid
+    assert [c.get("map.free") for c in study.cases[:2]] == [0.1, 0.2]  # the last key changes fastest
+    assert len({case.key for case in study.cases}) == 24
+
+
+def test_a_list_of_pairs_is_a_grid_of_pairs():
+    study = make_study({"name": "x", "common": {"disturb.blind": [[20, 22], [20, 25]]}})
+    assert [case.get("disturb.blind") for case in study.cases] == [(20.0, 22.0), (20.0, 25.0)]
+
+
+def test_settings_reach_the_configuration():
+    def config(**settings):
+        return make_study({"name": "x", "common": settings}).cases[0].config()
+
+    assert config() == SlamConfig.refined()
+    assert config(method="report") == SlamConfig.report()
+    changed = config(method="report", **{"noise.sigma_omega": 0.2, "search.prior": True, "particles": 7})
+    assert (changed.noise.sigma_omega, changed.search.prior, changed.particles) == (0.2, True, 7)
+    assert config(polish=False).polish is None
+    assert config(method="report", polish=True).polish == SlamConfig.refined().polish
+    assert config(noise="ControlNoise", **{"noise.sigma_v": 1}).noise == ControlNoise(1.0, math.sqrt(0.02))
+    assert config(tilt=False, every=3).every == 3
+
+
+def test_a_row_says_what_the_same_run_by_hand_gives(box):
+    study = make_study(
+        {
+            "name": "x",
+            "common": {
+                "dataset": 90,
+                "data_dir": str(box),
+                "seed": 4,
+                "particles": 20,
+                "disturb.missing_beams": 0.2,
+            },
+        }
+    )
+    row = run_case(study.cases[0])
+    recording = disturb(load(90, box), {"missing_beams": 0.2}, 4)
+    config = SlamConfig.refined().__class__(**(vars(SlamConfig.refined()) | {"particles": 20}))
+    result = run_slam(recording, config, rng=np.random.default_rng(4))
+    error = trajectory_error(result.trajectory, recording.truth)
+    assert row["ate_rmse_m"] == error.ate_rmse_m
+    assert row["heading_rmse_deg"] == error.heading_rmse_deg
+    assert (row["scans"], row["updates"]) == (len(result.trajectory), result.updates)
+    assert row["error"] == ""
+    assert row["cpu_seconds"] > 0
+    assert row["peak_mb"] is None or row["peak_mb"] > 20
+
+
+def test_the_built_in_hall_has_its_map_compared():
+    case = make_study({"name": "x", "common": {"disturb.seconds": 11, "particles": 20}}).cases[0]
+    row = run_case(case)
+    assert row["error"] == ""
+    assert 0 < row["ate_rmse_m"] < 0.02
+    assert 0.1 < row["map_iou_occupied"] <= 1  # one second of motion shows few walls
+    assert row["end_error_m"] <= row["ate_max_m"]
+
+
+def test_intel_has_relations(real_data, monkeypatch):
+    monkeypatch.setenv("PFSLAM_DATA", str(real_data))
+    common = {"dataset": "intel/intel.log", "method": "dead-reckoning"}
+    row = run_case(make_study({"name": "x", "common": common}).cases[0])
+    assert row["error"] == ""
+    assert row["scans"] == 910
+    assert row["relation_xy_m"] > 0.1  # raw odometry is far off
+    assert "ate_rmse_m" not in row
+
+
+def test_another_building_is_not_the_built_in_one():
+    common = {"simulator.seed": [1, 2], "simulator.path_length": 30.0, "method": "dead-reckoning"}
+    one, two = (run_case(case) for case in make_study({"name": "x", "common": common}).cases)
+    assert one["error"] == two["error"] == ""
+    assert one["ate_rmse_m"] != two["ate_rmse_m"]
+
+
+def test_a_table_reads_back_to_the_last_bit(box, tmp_path):
+    study = box_study(box, seeds=3)
+    path = run_study(study, tmp_path, jobs=1)
+    table = read_table(path)
+    assert [c.label for c in study.cases] == list(table["label"])
+    fresh = run_case(study.cases[0])
+    assert table["ate_rmse_m"][0] == fresh["ate_rmse_m"]
+    assert set(table["error"]) == {""}
+    assert np.isnan(table["particles"][-1])
+    some = select(table, label="matching", every=10)
+    assert len(some["seed"]) == 3
+    assert set(some["every"]) == {10.0}
+    about = json.loads(path.with_suffix(".json").read_text())
+    assert (about["runs"], about["failed"]) == (len(study.cases), 0)
+    assert {"numpy", "opencv", "python", "pfslam"} <= set(about["versions"])
+
+
+def test_parquet_holds_the_same_table(box, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = run_study(box_study(box, seeds=2), tmp_path, jobs=1)
+    table, columns = read_table(path), parquet.read_table(path.with_suffix(".parquet")).to_pydict()
+    assert list(columns) == list(table)
+    np.testing.assert_array_equal(np.array(columns["ate_rmse_m"], dtype=float), table["ate_rmse_m"])
+    assert columns["label"] == list(table["label"])
+
+
+def test_failures_are_rows_and_the_others_go_on(box, tmp_path):
+    study = make_study(
+        {
+            "name": "x",
+            "common": {"data_dir": str(box), "method": "dead-reckoning"},
+            "variant": [
+                {"label": "missing", "dataset": 77},
+                {"label": "there", "dataset": 90},
+                {"label": "too short", "dataset": 90, "disturb.seconds": 0.01},
+            ],
+        }
+    )
+    missing, there, short = rows(run_study(study, tmp_path, jobs=1))
+    assert "Encoders77" in missing["error"]
+    assert "disturb.seconds" in short["error"]
+    assert there["error"] == ""
+    assert float(there["ate_rmse_m"]) < 0.1
+
+
+def test_an_endless_setting_is_kept_and_read_back(box, tmp_path):
+    common = {"dataset": 90, "data_dir": str(box), "particles": 2, "map.clamp": math.inf}
+    study = make_study({"name": "x", "common": common})
+    table = read_table(run_study(study, tmp_path, jobs=1))
+    assert table["error"][0] == ""
+    assert table["map.clamp"][0] == math.inf
+
+
+def test_what_failed_is_tried_again(tmp_path):
+    study = make_study({"name": "x", "common": {"dataset": 90, "data_dir": str(tmp_path / "data")}})
+    (failed,) = rows(run_study(study, tmp_path, jobs=1))
+    assert "Encoders90" in failed["error"]
+    write_box(tmp_path / "data")
+    (done,) = rows(run_study(study, tmp_path, jobs=1))
+    assert done["error"] == ""
+
+
+def test_what_is_done_is_not_run_again(box, tmp_path):
+    run_study(box_study(box, seeds=2), tmp_path, jobs=1)
+    first = {p: p.read_bytes() for p in (tmp_path / "runs").rglob("*.json")}
+    assert len(first) == 8
+    table = run_study(box_study(box, seeds=3), tmp_path, jobs=1)
+    assert {p: p.read_bytes() for p in first} == first  # the cost is in there: another run would differ
+    assert len(rows(table)) == len(list((tmp_path / "runs").rglob("*.json"))) == 12
+
+
+def test_a_damaged_result_is_made_anew(box, tmp_path):
+    before = rows(run_study(box_study(box, seeds=1), tmp_path, jobs=1))
+    damaged, *_ = (tmp_path / "runs").rglob("*.json")
+    damaged.write_text('{"ate_rmse_m": 0.0')
+    assert rows(run_study(box_study(box, seeds=1), tmp_path, jobs=1)) == before
+
+
+def test_results_of_other_code_are_not_taken(box, tmp_path, monkeypatch):
+    run_study(box_study(box, seeds=1), tmp_path, jobs=1)
+    number = len(list((tmp_path / "runs").rglob("*.json")))
+    monkeypatch.setattr("pfslam.study.runner.version_key", lambda: "another")
+    run_study(box_study(box, seeds=1), tmp_path, jobs=1)
+    assert len(list((tmp_path / "runs").rglob("*.json"))) == 2 * number
+
+
+def test_the_same_settings_under_two_labels_run_once(box, tmp_path):
+    twice = make_study(
+        {
+            "name": "x",
+            "common": {"dataset": 90, "data_dir": str(box), "method": "dead-reckoning"},
+            "variant": [{"label": "a"}, {"label": "b"}],
+        }
+    )
+    a, b = rows(run_study(twice, tmp_path, jobs=1))
+    assert a.pop("label") != b.pop("label")
+    assert a == b
+    assert len(list((tmp_path / "runs").rglob("*.json"))) == 1
+
+
+BAD = {
+    'colour = "red"': "key: found 'colour'",
+    'name = "a b"': "name: found 'a b'",
+    "name = 3": "name: found 3",
+    "[common]\nparticle = 3": "key: found 'particle', expected a field of SlamConfig",
+    "[common]\n'search.speed' = 3": "found 'search.speed', expected a field of SearchConfig",
+    "[common]\n'simulator.fog' = 3": "a field of SimulatorConfig",
+    "[common]\n'disturb.fog' = 3": "one of disturb.seconds",
+    "[common]\nparticles = 2.5": "particles: found 2.5, expected a whole number",
+    "[common]\nparticles = true": "particles: found True",
+    "[common]\nparticles = 0": "particles: found 0",
+    "[common]\nparticles = 1000000000": "particles: found 1000000000, expected a whole number from 1 to 100000",
+    "[common]\nseed = []": "seed: found an empty list",
+    "[common]\nseed = -1": "seed: found -1",
+    "[common]\nseed = [[1]]": "seed: found [1]",
+    "[common]\nseed = { count = 0 }": "seed: found",
+    "[common]\nseed = { count = 99999999999 }": "a count from 1 to",
+    "[common]\n'map.free' = { count = 3 }": "for a key of whole numbers",
+    "[common]\n'map.free' = nan": "map.free: found nan, expected a number",
+    "[common]\n'disturb.blind' = 3": "disturb.blind: found 3, expected a list",
+    "[common]\n'disturb.blind' = [1, 2, 3]": "disturb.blind",
+    '[common]\nmethod = "magic"': "method: found 'magic', expected one of report",
+    "[common]\nmethod = 'matching'\nparticles = 5": "1 with matching",
+    "[common]\nmethod = 'report'\n'polish.rho' = 0.1": "polish.rho: found is off",
+    "[common]\n'noise.sigma_v' = 0.1": "noise.sigma_v: found no field",
+    "[common]\ndataset = '7'\n'simulator.seed' = 1": "hall or ramp",
+    "[common]\nseed = { count = 5000 }\nparticles = [1, 2, 3]\n'map.free' = ["
+    + "0.1, " * 99
+    + "]": "at most 1000000",
+    "[[variant]]\nparticles = 3": "variant 1: found no label",
+    "[[variant]]\nlabel = 'a'\n[[variant]]\nlabel = 'a'": "variant 2: found 'a', expected a label of its own",
+    "variant = 3": "variant: found 3",
+    "variant = [3]": "variant 1: found no label",
+    "common = [": "a study in TOML",
+    "tolerance = 'much'": "tolerance: found 'much'",
+}
+
+
+@pytest.mark.parametrize("text", BAD, ids=lambda text: text.replace("\n", " ")[:40])
+def test_a_bad_file_is_one_clear_line(text, tmp_path, capsys):
+    file = tmp_path / "bad.toml"
+    file.write_text(text)
+    with pytest.raises(DataError) as error:
+        read_study(file)
+    assert BAD[text] in str(error.value)
+    assert main(["study", str(file), "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_that_is_not_there(tmp_path, capsys):
+    assert main(["study", str(tmp_path / "none.toml")]) == 2
+    assert "none.toml" in capsys.readouterr().err
+
+
+def test_without_joblib_it_says_what_to_install(box, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "joblib", None)
+    with pytest.raises(DataError, match=r"pip install pfslam\[study\]"):
+        run_study(box_study(box), tmp_path)
+
+
+def test_the_command_writes_table_and_provenance(box, tmp_path, capsys):
+    file = tmp_path / "little.toml"
+    file.write_text(
+        f"[common]\ndataset = 90\ndata_dir = '{box.as_posix()}'\nmethod = 'dead-reckoning'\nseed = {{count = 2}}\n"
+        "'disturb.seconds' = [3, 0.01]\n"
+    )
+    assert main(["study", str(file), "--out", str(tmp_path / "out"), "--jobs", "1"]) == 0
+    words = capsys.readouterr().out
+    assert "2 of 4 runs failed" in words
+    assert "little.csv" in words
+    assert {"little.csv", "little.json"} <= {p.name for p in (tmp_path / "out").iterdir()}
