@@ -21,3 +21,22 @@ def defined(chapter: str, tag: str, **names) -> dict:
     space = {"np": np, **names}
     exec(source(chapter, tag), space)
     return space
+
+
+def check_stub_and_solution(chapter: str, number: int, name: str, check, checks: dict) -> None:
+    """The stub of an exercise counts as unanswered, its solution passes."""
+    stub = defined(chapter, f"exercise-{number}", **checks)[name]
+    assert check(stub).verdict == "unanswered"
+    assert check(defined(chapter, f"solution-{number}", **checks)[f"{name}_solution"])
+
+
+def check_nonsense_is_named(check, plain_number: float, row: int) -> None:
+    """A check answers whatever a student's function does; it never raises."""
+
+    def broken(*arguments):
+        return nothing  # noqa: F821
+
+    assert "NameError" in check(broken).message
+    nonsense = ("text", [[1.0], [1.0, 2.0]], np.zeros((7, 7)), {"a": 1}, np.full(row, np.nan))
+    for answer in (plain_number, *nonsense):
+        assert check(lambda *arguments, answer=answer: answer).verdict == "wrong"

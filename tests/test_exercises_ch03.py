@@ -6,14 +6,15 @@ from notebook_cells import defined
 
 from pfslam.motion import Controls, motion_model
 from pfslam.particles import ControlNoise, Particles, predict
-from pfslam.poses import wrap_angle
+from pfslam.poses import average_pose, wrap_angle
+from pfslam.teaching import ch03_mean, ch03_models
 from pfslam.teaching.ch03 import fan
 from pfslam.teaching.ch03_corridor import STEP, corridor_walk, predict_belief, update_belief
-from pfslam.teaching.checks_ch03 import check_heading_spread, check_predict
+from pfslam.teaching.checks_ch03 import check_heading_spread, check_mean_pose, check_predict
 
 
 def from_notebook(tag, name):
-    checks = {"check_heading_spread": check_heading_spread, "check_predict": check_predict}
+    checks = {check.__name__: check for check in (check_heading_spread, check_predict, check_mean_pose)}
     return defined("03", tag, motion_model=motion_model, **checks)[name]
 
 
@@ -79,6 +80,56 @@ def in_place(poses, v, omega, dt, sigma_v, sigma_omega, rng):
 )
 def test_predict_hints(answer, words):
     assert words in check_predict(answer).message
+
+
+def test_mean_pose_stub_and_solution():
+    assert check_mean_pose(from_notebook("exercise-3", "mean_pose")).verdict == "unanswered"
+    assert check_mean_pose(from_notebook("solution-3", "mean_pose_solution"))
+
+
+def with_heading(heading):
+    return lambda poses, w: np.array(
+        [*(w @ poses[:, :2]), heading(np.sin(poses[:, 2]), np.cos(poses[:, 2]), w)]
+    )
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (lambda poses, w: w @ poses, "mean of the numbers"),
+        (lambda poses, w: poses[np.argmax(w)], "heaviest particle"),
+        (with_heading(lambda sin, cos, w: np.arctan((w @ sin) / (w @ cos))), "Use arctan2"),
+        (with_heading(lambda sin, cos, w: np.arctan2(w @ cos, w @ sin)), "the sine first"),
+        (with_heading(lambda sin, cos, w: np.arctan2(sin.mean(), cos.mean())), "without the weights"),
+        (with_heading(lambda sin, cos, w: np.rad2deg(np.arctan2(w @ sin, w @ cos))), "in radians"),
+        (with_heading(lambda sin, cos, w: 1.0), "yours is 1.000"),
+        (lambda poses, w: average_pose(poses), "Weigh them"),
+        (lambda poses, w: poses.mean(axis=0), "each is one sum"),
+        (lambda poses, w: poses, "three numbers"),
+        (lambda poses: poses, "TypeError"),
+    ],
+)
+def test_mean_pose_hints(answer, words):
+    assert words in check_mean_pose(answer).message
+
+
+def test_noise_models_differ_where_the_chapter_says_so():
+    spread = {
+        (drive, model): ch03_models.widths(ch03_models.model_cloud(drive, model)[-1], np.zeros(3))
+        for drive in ch03_models.DRIVES
+        for model in ch03_models.MODELS
+    }
+    assert spread["straight", "own share"]["heading"] == pytest.approx(0.0, abs=1e-9)
+    assert spread["standing", "with motion"]["ahead"] == pytest.approx(0.0, abs=1e-9)
+    expected = np.rad2deg(ch03_models.SIGMA_OMEGA * np.sqrt(ch03_models.TAU * 60.0))
+    assert spread["standing", "constant"]["heading"] == pytest.approx(expected, rel=0.15)
+    assert spread["standing", "on x and y"]["across"] == pytest.approx(0.04 * np.sqrt(600), rel=0.15)
+
+
+def test_the_mean_of_two_corridors_is_in_neither():
+    poses, weights = ch03_mean.two_corridors()
+    middle = weights @ poses[:, 1]
+    assert min(abs(middle - y) for y in ch03_mean.CORRIDOR_Y) > 1.0
 
 
 @pytest.mark.parametrize("per_root_second", [False, True])

@@ -1,13 +1,15 @@
 """Exercises of chapter 04: stub, solution, and the mistakes that the hints are written for."""
 
 import numpy as np
+import pytest
 from notebook_cells import defined
 
-from pfslam.teaching.checks_ch04 import check_choose, check_count_on_walls
+from pfslam.teaching.checks_ch04 import check_choose, check_count_on_walls, check_transform_test
 
 
 def from_notebook(tag, name):
-    return defined("04", tag, check_choose=check_choose, check_count_on_walls=check_count_on_walls)[name]
+    checks = (check_choose, check_count_on_walls, check_transform_test)
+    return defined("04", tag, **{check.__name__: check for check in checks})[name]
 
 
 def counting(rounding=np.floor, transposed=False, guard="both", move=True):
@@ -66,3 +68,34 @@ def test_choose_hints():
         "only settles ties" in check_choose(lambda scores, steps: np.argmin((steps**2).sum(axis=1))).message
     )
     assert "index from 0" in check_choose(lambda scores, steps: steps[np.argmax(scores)]).message
+
+
+def test_transform_test_stub_and_solution():
+    assert check_transform_test(from_notebook("exercise-3", "transform_works")).verdict == "unanswered"
+    assert check_transform_test(from_notebook("solution-3", "transform_works_solution"))
+
+
+def one_point(pose, expected):
+    return lambda transform: np.allclose(transform(np.array(pose), np.array([[2.0, 0.0]])), [expected])
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (one_point([0.0, 0.0, 0.0], [2.0, 0.0]), "ignores x and y"),
+        (one_point([0.0, 0.0, np.pi / 2], [0.0, 2.0]), "ignores x and y"),
+        (one_point([3.0, 1.0, 0.0], [5.0, 1.0]), "wrong way round"),
+        (one_point([3.0, 1.0, np.pi / 2], [3.0, -1.0]), "rejects the right"),
+        (lambda transform: True, "ignores x and y"),
+        (lambda transform: 2.0, "True or False"),
+        (lambda transform: 1 / 0, "ZeroDivisionError"),
+    ],
+)
+def test_transform_test_hints(answer, words):
+    assert words in check_transform_test(answer).message
+
+
+def test_turning_and_shifting_apart_misses_the_order():
+    turning, shifting = one_point([0, 0, np.pi / 2], [0.0, 2.0]), one_point([3.0, 1.0, 0.0], [5.0, 1.0])
+    apart = check_transform_test(lambda transform: turning(transform) and shifting(transform))
+    assert "shifts first" in apart.message

@@ -1,13 +1,27 @@
 """Exercises of chapter 05: stub, solution, and the mistakes that the hints are written for."""
 
 import numpy as np
+import pytest
 from notebook_cells import defined
 
-from pfslam.teaching.checks_ch05 import check_resample, check_update
+from pfslam.particles import effective_sample_size
+from pfslam.teaching.ch05_weights import (
+    SHARPNESS,
+    copies_table,
+    counts_of_a_scan,
+    raw_count_weights,
+    weights_from,
+)
+from pfslam.teaching.checks_ch05 import check_mean_pose, check_resample, check_update
 
 
 def from_notebook(tag, name):
-    return defined("05", tag, check_update=check_update, check_resample=check_resample)[name]
+    checks = {
+        "check_update": check_update,
+        "check_resample": check_resample,
+        "check_mean_pose": check_mean_pose,
+    }
+    return defined("05", tag, **checks)[name]
 
 
 def test_update_stub_and_solution():
@@ -70,3 +84,36 @@ def test_resample_hints():
     assert "play no part" in check_resample(resampler(lambda p, w, rng: rng.integers(0, 5, 5))).message
     assert "Only the heaviest" in check_resample(resampler(best)).message
     assert "two arrays" in check_resample(lambda poses, weights, rng: poses).message
+
+
+def test_mean_pose_stub_and_solution():
+    assert check_mean_pose(from_notebook("exercise-3", "mean_pose")).verdict == "unanswered"
+    assert check_mean_pose(from_notebook("solution-3", "mean_pose_solution"))
+
+
+def test_mean_pose_hints():
+    def swapped(poses, weights):
+        heading = np.arctan2(weights @ np.cos(poses[:, 2]), weights @ np.sin(poses[:, 2]))
+        return np.array([*(weights @ poses[:, :2]), heading])
+
+    assert "numbers on a line" in check_mean_pose(lambda poses, weights: weights @ poses).message
+    assert "weights play no part" in check_mean_pose(lambda poses, weights: poses.mean(axis=0)).message
+    assert "heaviest" in check_mean_pose(lambda poses, weights: poses[np.argmax(weights)]).message
+    assert "sine first" in check_mean_pose(swapped).message
+    assert "One pose" in check_mean_pose(lambda poses, weights: weights @ poses[:, :2]).message
+
+
+def test_sharper_likelihoods_leave_fewer_particles():
+    """The values that one works out with NumPy alone, for counts of 500 give or take 15."""
+    counts = counts_of_a_scan()
+    alive = [effective_sample_size(weights_from(counts, b)) for b in SHARPNESS]
+    assert alive == sorted(alive, reverse=True)
+    assert alive[0] == pytest.approx(200)
+    assert alive[-1] < 5
+    assert effective_sample_size(raw_count_weights(counts)) > 199
+
+
+def test_every_scheme_makes_n_w_copies_on_average():
+    table = copies_table()
+    assert all(mean == pytest.approx(3.0, abs=0.12) for mean, _ in table.values())
+    assert table["systematic"][1] < 0.05 < table["multinomial"][1]

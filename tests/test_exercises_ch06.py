@@ -3,13 +3,17 @@
 import numpy as np
 from notebook_cells import defined
 
-from pfslam.teaching.checks_ch06 import check_blind_ring, check_optical_point
+from pfslam.teaching.checks_ch06 import check_best_view, check_blind_ring, check_optical_point
 
 FOCAL, U0, V0 = 585.051, 315.838, 242.941
 
 
 def from_notebook(tag, name):
-    checks = {"check_blind_ring": check_blind_ring, "check_optical_point": check_optical_point}
+    checks = {
+        "check_blind_ring": check_blind_ring,
+        "check_optical_point": check_optical_point,
+        "check_best_view": check_best_view,
+    }
     return defined("06", tag, **checks)[name]
 
 
@@ -66,3 +70,34 @@ def test_blind_ring_hints():
     )
     assert "length of the ray" in ray.message
     assert "lowest ray" in check_blind_ring(lambda *_: 3.0).message
+
+
+def test_best_view_stub_and_solution():
+    assert check_best_view(from_notebook("exercise-3", "best_view")).verdict == "unanswered"
+    assert check_best_view(from_notebook("solution-3", "best_view_solution"))
+
+
+def painted(order):
+    """Paint in the order that a rule gives: the last one written stays."""
+
+    def paint(cells, ranges, colours, n):
+        canvas = np.full(n, -1)
+        for k in order(ranges):
+            canvas[cells[k]] = colours[k]
+        return canvas
+
+    return paint
+
+
+def test_best_view_hints():
+    def average(cells, ranges, colours, n):
+        seen = np.bincount(cells, minlength=n)
+        return np.where(seen > 0, np.bincount(cells, colours, n) / np.maximum(seen, 1), -1)
+
+    assert check_best_view(painted(lambda ranges: np.argsort(-ranges)))
+    assert "last view wins" in check_best_view(painted(lambda ranges: range(len(ranges)))).message
+    assert "first view wins" in check_best_view(painted(lambda ranges: range(len(ranges))[::-1])).message
+    assert "farthest view wins" in check_best_view(painted(np.argsort)).message
+    assert "average" in check_best_view(average).message
+    assert "Unseen" in check_best_view(lambda cells, ranges, colours, n: np.zeros(n)).message
+    assert "shape" in check_best_view(lambda cells, ranges, colours, n: colours).message

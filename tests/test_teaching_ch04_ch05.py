@@ -7,7 +7,7 @@ from pfslam.correlation import map_correlation
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.poses import Trajectory
 from pfslam.recording import LidarScans, Recording
-from pfslam.teaching import ch04, ch04_search, ch05_runs
+from pfslam.teaching import ch04, ch04_judge, ch04_search, ch05_runs
 
 
 @pytest.fixture
@@ -47,6 +47,36 @@ def test_on_an_empty_map_argmax_walks_and_the_package_stays(place):
     np.testing.assert_allclose(ch04_search.first_index_walk(2)[-1], [-0.4, -0.4, -0.04])
     before, after = ch04_search.match_on_empty_map(place, np.random.default_rng(0))
     np.testing.assert_allclose(before, after)
+
+
+def test_counts_pose_by_pose_and_of_the_window(place):
+    poses = ch04_judge.cloud(place, n=5)
+    stand = ch04_judge.counts_where_they_stand(place, poses)
+    assert stand[0] == count(place, place.moved(*(poses[0] - place.pose)))
+    nodes = ch04.LATTICE.nearest(poses)
+    best = [ch04_search.block_from_volume(place, node).max() for node in nodes]
+    np.testing.assert_array_equal(ch04_judge.counts_of_the_window(place, poses), best)
+
+
+def test_sharpness_runs_from_flat_to_one_winner():
+    counts = np.array([500.0, 520.0, 510.0])
+    assert ch04_judge.n_eff(ch04_judge.sharpened(counts, 0.0)) == pytest.approx(3.0)
+    weights = ch04_judge.sharpened(counts, 1.0)
+    assert weights[1] / weights[0] == pytest.approx(np.exp(20.0))
+    assert weights.sum() == pytest.approx(1.0)
+
+
+def test_rounding_in_the_score_moves_its_peak_by_half_a_cell():
+    wall = ch04_judge.wall_place(0.05)
+    bias = ch04_judge.best_shift(wall, np.rint) - ch04_judge.best_shift(wall)
+    assert bias[0] == pytest.approx(-0.025, abs=0.011)
+
+
+def test_end_points_do_not_see_the_thickness_of_a_wall():
+    dx = np.array([0.0, 0.5, 1.3])
+    thick = ch04_search.fine_scores(ch04_judge.wall_place(1.0), dx, "distance")
+    np.testing.assert_allclose(thick, [1.0, 1.0, 0.0], atol=1e-3)
+    np.testing.assert_allclose(ch04_judge.beam_scores(dx), [1.0, 0.0, 0.0], atol=1e-3)
 
 
 def test_a_path_stretched_along_the_corridor_makes_it_too_long_by_that_much():

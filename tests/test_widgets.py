@@ -1,5 +1,6 @@
 """The explorer: its grid of pictures, its words, its page fragment, and its live twin."""
 
+import base64
 import json
 import re
 
@@ -7,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pfslam.teaching.pictures import Picture, data_uri, encode, output_mode, to_rgb
+from pfslam.teaching.pictures import FRAME_QUALITY, Picture, data_uri, encode, output_mode, quick_uri, to_rgb
 from pfslam.teaching.static import page_fragment
 from pfslam.teaching.style import COLOURS, new_figure
 from pfslam.teaching.widgets import Explorer, Slider, live_view
@@ -97,7 +98,7 @@ def test_page_fragment_holds_the_right_picture_for_every_state():
     data = page_data(page_fragment(subject))
     for state, (frame, alt) in data["states"].items():
         values = subject.values([int(i) for i in state.split(",")])
-        assert data["frames"][frame] == data_uri(grey(**values))
+        assert data["frames"][frame] == data_uri(grey(**values), FRAME_QUALITY)
         assert data["alts"][alt] == subject.alt(**values)
 
 
@@ -149,7 +150,7 @@ def test_live_sliders_redraw_at_any_value():
     image, _caption, level, tint = live_view(explorer()).children
     assert (tint.min, tint.max, tint.step) == (0, 1, 0.1)
     level.value, tint.value = 30, 0.3
-    assert data_uri(grey(30, 0.3)) in image.value
+    assert quick_uri(grey(30, 0.3)) in image.value
     assert 'alt="A grey sheet. Level 30 m, Tint 0.3."' in image.value
 
 
@@ -162,6 +163,13 @@ def test_figures_become_sharp_pictures():
     figure, axes = new_figure(3, 2)
     axes.plot([0, 1], color=COLOURS["truth"])
     assert to_rgb(figure).shape == (400, 600, 3)
+
+
+def test_a_live_picture_is_the_drawn_one_bit_for_bit():
+    image = np.random.default_rng(0).integers(0, 256, (32, 40, 3), dtype=np.uint8)
+    data = base64.b64decode(quick_uri(image).partition(",")[2])
+    decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    np.testing.assert_array_equal(decoded, image)
 
 
 def test_encoding_keeps_colours_in_order():

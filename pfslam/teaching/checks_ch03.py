@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pfslam.poses import average_pose, wrap_angle
 from pfslam.teaching.checks import Check, attempt, hint, is_unanswered, not_a_number, passed, unanswered
 
 START = np.tile([2.0, -1.0, 0.5], (4000, 1))
@@ -103,3 +104,53 @@ def _compare(moved: np.ndarray) -> Check:
     if abs(ahead.mean() - DT * V) > 0.01 * V or abs(turned.mean() - DT * OMEGA) > 0.01:
         return hint("The middle of the cloud is not where v and omega lead: the noise must be added to them.")
     return passed("Every particle drives by its own noisy control.")
+
+
+WEST = np.column_stack(
+    [[1.0, 2.0, 6.0, 3.0], [0.0, 1.0, 5.0, 2.0], np.deg2rad([175.0, -179.0, -165.0, 178.0])]
+)
+WEST_WEIGHTS = np.array([0.1, 0.2, 0.5, 0.2])
+
+
+def check_mean_pose(mean_pose) -> Check:
+    """Whether ``mean_pose(poses, weights)`` is the weighted mean, with the heading averaged on the circle."""
+    answer = attempt(mean_pose, WEST.copy(), WEST_WEIGHTS.copy())
+    if is_unanswered(answer):
+        return unanswered()
+    if isinstance(answer, Check):
+        return answer
+    if np.shape(answer) != (3,) or np.asarray(answer).dtype.kind not in "fiu":
+        return hint(
+            f"One pose is asked for, three numbers; your function returns the shape {np.shape(answer)}."
+        )
+    answer, expected = np.asarray(answer, dtype=float), average_pose(WEST, WEST_WEIGHTS)
+    if np.allclose(answer, WEST[np.argmax(WEST_WEIGHTS)]):
+        return hint("That is the heaviest particle, the MAP estimate. Here the mean is asked for.")
+    if np.allclose(answer, average_pose(WEST)):
+        return hint("All particles count alike in your mean. Weigh them.")
+    if not np.allclose(answer[:2], expected[:2]):
+        return hint(
+            f"x and y should be {np.round(expected[:2], 3).tolist()}: the weights sum to 1, so each is one sum."
+        )
+    return _heading_verdict(answer[2])
+
+
+def _heading_verdict(heading: float) -> Check:
+    """The verdict on the heading of a mean pose whose x and y are right."""
+    theta, right = WEST[:, 2], average_pose(WEST, WEST_WEIGHTS)[2]
+    sin, cos = WEST_WEIGHTS @ np.sin(theta), WEST_WEIGHTS @ np.cos(theta)
+    if abs(wrap_angle(heading - right)) < 1e-6:
+        return passed(f"It faces {np.rad2deg(right) % 360.0:.0f}°, west, and not east.")
+    wrong = [
+        (float(WEST_WEIGHTS @ theta), "That is the mean of the numbers. +179° and -179° both face west, but their mean "
+         "is 0°, east. Average directions, not numbers."),
+        (np.arctan(sin / cos), "arctan cannot tell west from east: only the quotient goes in. Use arctan2."),
+        (np.arctan2(cos, sin), "arctan2 takes the sine first, then the cosine."),
+        (average_pose(WEST)[2], "The heading is averaged without the weights."),
+        (np.rad2deg(right), "Headings are in radians."),
+        (theta[np.argmax(WEST_WEIGHTS)], "x and y are means, the heading is that of the heaviest particle."),
+    ]  # fmt: skip
+    for value, words in wrong:
+        if abs(heading - value) < 1e-6:
+            return hint(words)
+    return hint(f"x and y are right. The heading should be {right:.3f} rad, yours is {heading:.3f}.")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pfslam.poses import transform_points
+from pfslam.teaching.ch04_judge import turned_only
 from pfslam.teaching.checks import Check, attempt, hint, is_number, is_unanswered, passed, unanswered
 
 ORIGIN, RESOLUTION = (-1.0, -1.0), 0.5
@@ -112,3 +114,43 @@ def check_choose(choose) -> Check:
     if answers[2] != _at(1, 0, 1):
         return hint("Of three equal scores you do not take the one whose step is shortest.")
     return passed("An empty map moves nobody, a tie moves a particle as little as possible.")
+
+
+def turned_backwards(pose, points_b):
+    """A faulty ``transform_points``: it turns by minus the heading."""
+    return transform_points([pose[0], pose[1], -pose[2]], points_b)
+
+
+def shifted_first(pose, points_b):
+    """A faulty ``transform_points``: it shifts, then turns, so the pose swings about the origin."""
+    return transform_points([0.0, 0.0, pose[2]], np.asarray(points_b) + np.asarray(pose)[:2])
+
+
+FAULTS = (
+    (turned_only, "ignores x and y of the pose. With it all particles of one heading score alike, wherever they stand, "
+     "and the map still looks fine. Test a pose away from the origin."),
+    (turned_backwards, "turns the wrong way round. Test a heading that is neither 0 nor 180 degrees."),
+    (shifted_first, "shifts first and turns then. Test x, y and heading together, not one at a time."),
+)  # fmt: skip
+
+
+def check_transform_test(transform_works) -> Check:
+    """Whether ``transform_works(transform)`` accepts the right transform and rejects three faulty ones."""
+    answer = attempt(transform_works, transform_points)
+    if is_unanswered(answer):
+        return unanswered()
+    if isinstance(answer, Check):
+        return answer
+    if not isinstance(answer, bool | np.bool_):
+        return hint(f"True or False is asked for; your test returns {answer!r}.")
+    if not answer:
+        return hint(
+            "Your test rejects the right function. Work the points out by hand: turn by the heading, then shift."
+        )
+    for faulty, words in FAULTS:
+        found = attempt(transform_works, faulty)
+        if isinstance(found, Check):
+            return found
+        if found:
+            return hint(f"Your test lets a function pass that {words}")
+    return passed("Your test accepts the right function and catches three wrong ones.")

@@ -113,3 +113,42 @@ def _offspring_verdict(mean: np.ndarray) -> Check:
     return hint(
         f"Particle i should get N w_i copies on average, {np.round(expected, 1).tolist()}; yours get {found}."
     )
+
+
+MEAN_POSES = np.array(
+    [[1.0, 0.0, np.deg2rad(170.0)], [2.0, 1.0, np.deg2rad(-170.0)], [4.0, 0.0, np.deg2rad(-160.0)]]
+)
+MEAN_WEIGHTS = np.array([0.5, 0.3, 0.2])
+
+
+def check_mean_pose(mean_pose) -> Check:
+    """Whether ``mean_pose(poses, weights)`` weighs, and averages headings on the circle."""
+    answer = attempt(mean_pose, MEAN_POSES.copy(), MEAN_WEIGHTS.copy())
+    if is_unanswered(answer):
+        return unanswered()
+    if isinstance(answer, Check):
+        return answer
+    answer = np.asarray(answer)
+    if answer.shape != (3,) or answer.dtype.kind not in "fiu":
+        return hint(f"One pose (x, y, heading) is asked for, shape (3,); yours has the shape {answer.shape}.")
+    position = MEAN_WEIGHTS @ MEAN_POSES[:, :2]
+    sine, cosine = MEAN_WEIGHTS @ np.sin(MEAN_POSES[:, 2]), MEAN_WEIGHTS @ np.cos(MEAN_POSES[:, 2])
+    if np.allclose(answer[:2], MEAN_POSES[:, :2].mean(axis=0)):
+        return hint("The weights play no part: that is the mean of a cloud in which all weigh the same.")
+    if np.allclose(answer, MEAN_POSES[0]):
+        return hint(
+            "That is the heaviest particle. It changes from scan to scan by chance; the mean uses all of them."
+        )
+    if np.isclose(answer[2], MEAN_WEIGHTS @ MEAN_POSES[:, 2]):
+        return hint(f"All three look towards 180 degrees, your mean towards {np.rad2deg(answer[2]):.0f}. Angles are no "
+                    "numbers on a line: average their sines and cosines.")  # fmt: skip
+    if np.isclose(answer[2], np.arctan2(cosine, sine)):
+        return hint("arctan2 takes the sine first, then the cosine.")
+    if not np.allclose(answer[:2], position):
+        return hint(
+            f"The position should be {np.round(position, 2).tolist()}; yours is {np.round(answer[:2], 2).tolist()}."
+        )
+    if not np.isclose(np.cos(answer[2] - np.arctan2(sine, cosine)), 1.0):
+        return hint(f"The heading should be {np.rad2deg(np.arctan2(sine, cosine)):.0f} degrees; yours is "
+                    f"{np.rad2deg(answer[2]):.0f}.")  # fmt: skip
+    return passed(f"Towards {np.rad2deg(answer[2]):.0f} degrees, between all three.")

@@ -111,3 +111,45 @@ def check_blind_ring(blind_ring) -> Check:
     return hint(
         f"Your function returns {answer:.3f} m, expected {expected:.3f} m. Draw height, floor and lowest ray."
     )
+
+
+CELLS = np.array([0, 2, 2, 1, 0, 2, 4, 1])
+RANGES = np.array([1.0, 3.0, 0.8, 2.0, 4.0, 1.5, 0.6, 2.5])
+COLOURS_SEEN = np.array([200, 90, 40, 120, 60, 70, 250, 10], dtype=np.uint8)
+
+
+def check_best_view(best_view) -> Check:
+    """Whether ``best_view(cells, ranges, colours, n)`` gives each cell the colour seen from nearest, -1 if unseen."""
+    answer = attempt(best_view, CELLS.copy(), RANGES.copy(), COLOURS_SEEN.copy(), 5)
+    if is_unanswered(answer):
+        return unanswered()
+    if isinstance(answer, Check):
+        return answer
+    answer = np.asarray(answer)
+    if answer.shape != (5,) or answer.dtype.kind not in "iuf":
+        return hint(
+            f"One colour for each of the 5 cells is asked for, shape (5,); yours has the shape {answer.shape}."
+        )
+    if answer[3] != -1:
+        return hint(f"Nobody saw cell 3, so it should be -1; yours is {answer[3]}. Unseen is not black.")
+    nearest = _painted(lambda views: views[np.argmin(RANGES[views])])
+    if np.array_equal(answer, nearest):
+        return passed("Each cell shows what was seen from nearest.")
+    if np.array_equal(answer, _painted(lambda views: views[-1])):
+        return hint(
+            "The last view wins: a late look from far away erases a sharp one. Mind the order of writing."
+        )
+    if np.array_equal(answer, _painted(lambda views: views[0])):
+        return hint("The first view wins. It was taken from as far away as chance had it.")
+    if np.array_equal(answer, _painted(lambda views: views[np.argmax(RANGES[views])])):
+        return hint("The farthest view wins: sort the other way round.")
+    if np.allclose(answer, _painted(lambda views: views), atol=1.0):
+        return hint("That is the average of all views: the blurred ones are mixed into the sharp ones.")
+    at = int(np.argmax(answer != nearest))
+    return hint(f"Cell {at} was seen from nearest with colour {nearest[at]:.0f}; yours is {answer[at]}.")
+
+
+def _painted(pick) -> np.ndarray:
+    """The colour of each of five cells, by a rule that picks among a cell's views; -1 where there are none."""
+    views = [np.flatnonzero(number == CELLS) for number in range(5)]
+    return np.array([COLOURS_SEEN[pick(v)].mean() if len(v) else -1.0 for v in views])

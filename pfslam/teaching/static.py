@@ -5,7 +5,7 @@ import html
 import json
 from importlib.resources import files
 
-from .pictures import data_uri, image_tag
+from .pictures import FRAME_QUALITY, data_uri, image_tag
 from .widgets import Explorer, Slider
 
 
@@ -16,7 +16,7 @@ def page_fragment(explorer: Explorer) -> str:
     """
     identifier = _identifier(explorer)
     pictures = explorer.frames()
-    uris = {state: data_uri(image) for state, image in pictures.items()}
+    uris = {state: data_uri(image, FRAME_QUALITY) for state, image in pictures.items()}
     alts = {state: explorer.alt(**explorer.values(state)) for state in pictures}
     start = explorer.start
     rows = "\n".join(_row(f"{identifier}-{k}", c) for k, c in enumerate(explorer.controls))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from .pictures import data_uri, image_tag, output_mode, to_rgb
+from .pictures import image_tag, output_mode, quick_uri, to_rgb
 
 MAX_FRAMES = 60  # about 1 MB on the page
 
@@ -155,7 +155,7 @@ def live_view(explorer: Explorer):
     def redraw(change=None):
         values = {c.name: slider.value for c, slider in zip(explorer.controls, sliders, strict=True)}
         frame = explorer.frame(**values)
-        image.value = image_tag(data_uri(frame), explorer.alt(**values), frame.shape)
+        image.value = image_tag(quick_uri(frame), explorer.alt(**values), frame.shape)
 
     for slider in sliders:
         slider.observe(redraw, "value")

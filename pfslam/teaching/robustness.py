@@ -1,0 +1,94 @@
+"""The page about robustness: the hour's drive and the mutants, from the tables that are stored with the book."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from pfslam.teaching.pictures import Picture
+from pfslam.teaching.style import COLOURS, new_figure
+
+TABLES = Path(__file__).resolve().parents[2] / "book" / "tables"
+BEAM_BYTES = 4 * 1081
+"""One scan in memory: 1081 ranges of four bytes."""
+
+
+def endurance(folder: Path = TABLES) -> dict[str, np.ndarray]:
+    """The stored table of the long drive by column, one value for each minute driven."""
+    with open(folder / "endurance.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def memory_picture(drive: dict[str, np.ndarray]) -> Picture:
+    """Memory of the process beside the scans that it has been through."""
+    figure, axes = new_figure(6.4, 3.8)
+    minutes, scans = drive["minutes"], drive["scans"] * BEAM_BYTES / 1e6
+    axes.plot(minutes, scans, "--", color=COLOURS["odometry"], label="scans driven through")
+    axes.plot(minutes, drive["private_mb"], color=COLOURS["estimate"], label="memory of the process")
+    axes.set(xlabel="minutes of the drive", ylabel="MB", ylim=(0, 1.15 * scans[-1]))
+    axes.legend(loc="upper left")
+    mb = drive["private_mb"]
+    return Picture(
+        figure,
+        f"After {minutes[-1]:.0f} minutes {scans[-1]:.0f} MB of scans have gone through the filter. The memory of the "
+        f"process stays between {mb.min():.0f} and {mb.max():.0f} MB.",
+    )
+
+
+def endurance_lines(drive: dict[str, np.ndarray]) -> str:
+    """What the long drive came to, and what ten hours would, as Markdown."""
+    rows = [
+        ("time driven", f"{drive['minutes'][-1]:.0f} min"),
+        ("scans recorded, updates made", f"{drive['scans'][-1]:,.0f}, {drive['updates'][-1]:,.0f}"),
+        (
+            "error, root mean square and largest",
+            f"{1e3 * drive['ate_rmse_m'][-1]:.1f} mm, {1e3 * drive['ate_max_m'][-1]:.1f} mm",
+        ),
+        (
+            "memory of the process, first and last minute",
+            f"{drive['private_mb'][0]:.0f} MB, {drive['private_mb'][-1]:.0f} MB",
+        ),
+        (
+            "cells of the map, first and last minute",
+            f"{drive['map_cells'][0]:,.0f}, {drive['map_cells'][-1]:,.0f}",
+        ),
+        (
+            "cells with hits, first and last minute",
+            f"{drive['hit_cells'][0]:,.0f}, {drive['hit_cells'][-1]:,.0f}",
+        ),
+    ]
+    return "\n".join(
+        ["| quantity | value |", "|---|---|", *(f"| {name} | {value} |" for name, value in rows)]
+    )
+
+
+def ten_hours(drive: dict[str, np.ndarray]) -> str:
+    """Memory and time after ten hours, from straight lines through the second half of the table."""
+    half = len(drive["minutes"]) // 2
+    minutes = drive["minutes"][half:]
+    memory = np.polyfit(minutes, drive["private_mb"][half:], 1)
+    work = np.polyfit(minutes, drive["seconds"][half:] / 60.0, 1)
+    setup = 9.0 * drive["private_mb"][0]
+    first = drive["private_mb"][0]
+    return (
+        f"In the second half of the drive the memory grew by {60 * memory[0]:.1f} MB an hour: the poses and the notes "
+        f"on each step. Ten hours of the same would add {600 * memory[0]:.0f} MB to the run, and take "
+        f"{10 * work[0]:.1f} hours on a machine as busy as this one was. The truth, the wheels and the gyro are held "
+        f"whole. For an hour they are most of the {first:.0f} MB of the first minute, so allow "
+        f"{setup / 1e3:.1f} GB more for ten."
+    )
+
+
+def mutant_lines(folder: Path = TABLES) -> str:
+    """The stored table of the mutants, as Markdown."""
+    with open(folder / "mutants.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    lines = ["| equation | functions | changes | noticed |", "|---|---|---|---|"]
+    for row in rows:
+        names = ", ".join(f"`{name}`" for name in row["functions"].split())
+        lines.append(f"| {row['equation']} | {names} | {row['mutants']} | {row['noticed']} |")
+    made, noticed = (sum(int(row[name]) for row in rows) for name in ("mutants", "noticed"))
+    return "\n".join([*lines, f"| all | | {made} | {noticed} |"])

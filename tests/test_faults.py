@@ -1,0 +1,301 @@
+"""Every fault of chapter 08: its symptom is there, its number separates it from the healthy run, its cure restores."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pfslam
+from pfslam.correlation import map_correlation
+from pfslam.errors import DataError
+from pfslam.events import scan_events
+from pfslam.grid import LOG_4
+from pfslam.motion import Controls, controls
+from pfslam.particles import Particles
+from pfslam.recording import LidarScans
+from pfslam.slam import slam_step, start
+from pfslam.teaching import ch08, ch08_data, ch08_demos, faults
+from pfslam.teaching.ch08_camera import floor_tilt_deg, look, seen_points
+from pfslam.teaching.ch08_data_exhibits import DELAY, MIRRORED_X, data_exhibits
+from pfslam.teaching.ch08_filter import (
+    best_shift,
+    cloud_without_scans,
+    door_map,
+    door_scans,
+    heading_against_side,
+    heading_if_placed,
+    lab_run,
+    plain_filter,
+    self_match,
+)
+from pfslam.teaching.ch08_filter_exhibits import filter_exhibits, filter_runs
+from pfslam.teaching.ch08_map_exhibits import camera_exhibits, map_exhibits
+
+
+@pytest.fixture(scope="module")
+def hall():
+    return pfslam.load("hall")
+
+
+@pytest.fixture(scope="module")
+def runs(hall):
+    return filter_runs(hall)
+
+
+@pytest.fixture(scope="module")
+def exhibits(hall, runs):
+    families = data_exhibits(hall), filter_exhibits(hall, runs), map_exhibits(hall), camera_exhibits(hall)
+    return {exhibit.name: exhibit for family in families for exhibit in family}
+
+
+def reading(exhibits, name):
+    return exhibits[name].reading["healthy"], exhibits[name].reading["broken"]
+
+
+# ---- the switches by themselves
+
+
+def scan_of_four(*ranges):
+    """A recording of one scan with four beams."""
+    hall = pfslam.load("hall")
+    lidar = replace(hall.robot.lidar, beams=4)
+    robot = replace(hall.robot, lidar=lidar)
+    return replace(hall, robot=robot, lidar=LidarScans(hall.lidar.t[:1], np.array([ranges], dtype=float)))
+
+
+def test_renumbering_closes_the_gap_and_a_pane_leaves_it_open():
+    np.testing.assert_array_equal(
+        faults.renumbered(scan_of_four(1.0, np.inf, 3.0, 4.0)).lidar.ranges, [[1, 3, 4, np.inf]]
+    )
+    pane = faults.glass_pane(scan_of_four(1.0, 2.0, 3.0, 4.0), first=1, beams=2)
+    np.testing.assert_array_equal(pane.lidar.ranges, [[1, np.inf, np.inf, 4]])
+    assert ch08_data.ends_cut(pane) == 0.0
+    assert ch08_data.ends_cut(faults.renumbered(pane)) == 1.0
+    assert ch08_data.ends_cut(scan_of_four(1.0, 2.0, 3.0, 4.0)) == 0.0
+
+
+def test_a_clockwise_scan_read_twice_is_the_scan():
+    four = scan_of_four(1.0, 2.0, 3.0, 4.0)
+    np.testing.assert_array_equal(faults.clockwise(four).lidar.ranges, [[4, 3, 2, 1]])
+    np.testing.assert_array_equal(faults.clockwise(faults.clockwise(four)).lidar.ranges, four.lidar.ranges)
+
+
+def test_skipping_a_gap_loses_its_distance_and_nothing_else():
+    inputs = Controls(np.array([0.0, 0.05, 1.05, 1.1]), np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3]))
+    skipped = faults.skip_gaps(inputs)
+    np.testing.assert_array_equal(skipped.v, [1, 0, 3])
+    np.testing.assert_array_equal(skipped.omega, [0.1, 0, 0.3])
+
+
+def test_torn_rows_keep_each_column_and_break_the_pairs():
+    poses = np.column_stack([np.arange(50.0), np.zeros(50), np.arange(50.0) / 100])
+    torn, rows = faults.tear(Particles(poses, np.zeros(50)), np.random.default_rng(0))
+    assert sorted(torn.poses[:, 0]) == sorted(poses[:, 0])
+    assert sorted(torn.poses[:, 2]) == pytest.approx(sorted(poses[:, 2]))
+    np.testing.assert_array_equal(torn.poses[:, 0], poses[rows, 0])
+    assert np.mean(torn.poses[:, 0] / 100 == torn.poses[:, 2]) < 0.2
+
+
+def test_with_the_right_parts_the_laboratory_runs_the_filter_of_the_package(hall):
+    lab, config = ch08_data.cut(hall, 12.0, 16.0), plain_filter(20)
+    states = []
+    for part in ("package", "laboratory"):
+        rng, events = np.random.default_rng(3), scan_events(lab, config)[0]
+        state, _ = start(next(events), config, rng)
+        for event in events:
+            if part == "package":
+                state, _ = slam_step(state, event, config, rng)
+            else:
+                state, _ = faults.lab_step(state, event, config, rng, faults.Parts())
+        states.append(state)
+    np.testing.assert_array_equal(states[0].particles.poses, states[1].particles.poses)
+    np.testing.assert_allclose(states[0].particles.log_weights, states[1].particles.log_weights, rtol=1e-12)
+    np.testing.assert_array_equal(states[0].grid.log_odds, states[1].grid.log_odds)
+
+
+def test_the_laboratory_refuses_a_configuration_with_polish(hall):
+    with pytest.raises(DataError, match="no polish"):
+        lab_run(ch08_data.cut(hall, 12.0, 14.0), replace(pfslam.SlamConfig.refined(), particles=2, every=20))
+
+
+# ---- what corrections give away, on made-up corrections
+
+
+def test_corrections_give_back_scale_and_delay():
+    rng = np.random.default_rng(1)
+    turn, change, dt = rng.normal(0, 0.3, 60), rng.normal(0, 0.5, 60), rng.uniform(0.4, 0.6, 60)
+    heading = 0.03 * turn - 0.12 * change + 0.004 * dt
+    assert ch08_data.correction_fit(turn, change, dt, heading) == pytest.approx((1.03, 0.12))
+
+
+def test_corrections_give_back_the_lever_arm():
+    rng, e = np.random.default_rng(2), np.array([0.2, -0.1])
+    turn, step = rng.normal(0, 0.4, 60), rng.normal(0, 0.3, (60, 2))
+    c, s = np.cos(turn), np.sin(turn)
+    moved = np.column_stack([c * e[0] - s * e[1], s * e[0] + c * e[1]]) - e
+    np.testing.assert_allclose(ch08_data.lever_fit(step, turn, 0.01 * step + moved), e)
+
+
+# ---- the data
+
+
+def test_clock_and_lever_arm_are_measured(exhibits):
+    healthy, broken = reading(exhibits, "clock")
+    assert healthy == pytest.approx(0.0, abs=0.005)
+    assert broken == pytest.approx(DELAY, abs=0.02)
+    healthy, broken = reading(exhibits, "lever arm")
+    assert healthy == pytest.approx(0.0, abs=0.02)
+    assert broken == pytest.approx(-2 * MIRRORED_X, abs=0.03)
+
+
+def test_what_was_measured_cures(hall):
+    for name, cure in ch08_demos.cures(hall).items():
+        assert cure.broken > 10 * cure.healthy, name
+        assert cure.cured < 0.1 * cure.broken, name
+
+
+def test_a_clock_blurs_turns_and_spares_straights(hall):
+    turn = ch08_data.Turn.of(hall)
+    fast, slow = np.abs(turn.yaw_rate()) > 0.5, np.abs(turn.yaw_rate()) < 0.1
+    before, after = turn.lonely(0.0), turn.lonely(0.1)
+    assert after[fast].mean() - before[fast].mean() > 0.15
+    assert after[slow].mean() - before[slow].mean() < 0.05
+    late = ch08_data.Turn.of(faults.late_scans(hall, 0.1))
+    assert late.cells(-0.1) == turn.cells(0.0)
+    assert min(turn.cells(-0.05), turn.cells(0.05)) > turn.cells(0.0)
+
+
+def test_places_are_the_cells_that_are_counted(hall):
+    turn = ch08_data.Turn.of(hall, every=64)
+    assert len(turn.places(0.0)) == turn.cells(0.0)
+    x, y = turn.places(0.0).T
+    assert (x.min(), x.max()) == pytest.approx((1.9, 12.0), abs=2.0)
+    assert y.max() < 26.0
+
+
+def test_track_beams_and_gap_show_in_the_raw_data(exhibits, hall):
+    assert reading(exhibits, "track") == (pytest.approx(1.0), pytest.approx(1.9, abs=0.1))
+    assert reading(exhibits, "renumbered beams") == (0.0, 1.0)
+    healthy, broken = reading(exhibits, "lost second")
+    assert healthy == pytest.approx(0.0, abs=1e-9)
+    assert 0.6 < broken < 1.1
+    silent = faults.gyro_gap(hall, 40.5, 1.0)
+    assert np.diff(controls(silent).t).max() > 1.0
+
+
+def test_two_flips_hide_from_the_score_and_one_does_not(hall):
+    worlds = ch08_demos.mirrored_worlds(hall)
+    (sound, error), (one, _), (both, mirrored) = worlds.values()
+    assert abs(both - sound) < 0.01
+    assert one < sound - 0.03
+    assert mirrored > 100 * error
+
+
+# ---- the filter
+
+
+def test_the_numbers_of_the_filter_separate(exhibits):
+    healthy, broken = reading(exhibits, "too sharp")
+    assert healthy > 5 * broken
+    healthy, broken = reading(exhibits, "kept weights")
+    assert healthy == pytest.approx(1.0)
+    assert broken < 0.9
+    healthy, broken = reading(exhibits, "torn rows")
+    assert healthy == 1.0
+    assert broken < 0.1
+    healthy, broken = reading(exhibits, "w = 0")
+    assert healthy > 0.5
+    assert broken == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_symptoms_of_the_filter_are_there(runs):
+    assert runs["w = 0"].ate > 5 * runs["healthy"].ate
+    assert runs["kept weights"].families[15] < runs["healthy"].families[15]
+    assert np.median(runs["too sharp"].spread) < 0.9 * np.median(runs["healthy"].spread)
+
+
+def test_a_torn_cloud_cannot_learn_its_heading_from_its_place(hall):
+    cloud, rng = cloud_without_scans(hall, 23.0, 4.0), np.random.default_rng(1)
+    spreads = []
+    for resampled in (faults.whole_rows(cloud, rng)[0], faults.tear(cloud, rng)[0]):
+        heading, weights = heading_if_placed(resampled)
+        spreads.append(np.sqrt(weights @ heading**2))
+    assert spreads[1] > 1.5 * spreads[0]
+    assert abs(heading_against_side(faults.tear(cloud, rng)[0])) < 0.2 < heading_against_side(cloud)
+
+
+def test_standing_makes_sure_and_not_right():
+    few, many = (ch08_demos.standing_cloud(scans).poses[:, 0] for scans in (1, 60))
+    assert many.std() < 0.3 * few.std()
+    assert many.mean() == pytest.approx(0.03, abs=0.01)
+
+
+# ---- the map and the camera
+
+
+def test_a_clamp_is_what_lets_a_map_forget(hall):
+    closed, opened = door_scans(hall)
+    maps = [door_map(closed, opened, hall.robot.lidar, clamp) for clamp in (2 * LOG_4, np.inf)]
+    assert [m.to_believe for m in maps] == [
+        3,
+        61,
+    ]  # two scans down to 0, or as many as it was seen, and one more
+    assert maps[0].history.max() == pytest.approx(2 * LOG_4)
+    assert maps[1].history.max() == pytest.approx(60 * LOG_4, rel=1e-5)
+
+
+def test_rounding_pulls_by_half_a_cell(hall):
+    shifts = np.arange(-0.1, 0.1001, 0.005)
+    for rounded, pull in ((False, 0.0), (True, -0.025)):
+        share = self_match(door_scans(hall)[1], hall.robot.lidar, shifts, rounded)
+        assert best_shift(shifts, share) == pytest.approx(pull, abs=1e-6)
+        assert share.max() == 1.0
+
+
+def test_a_scan_at_its_own_place_is_all_on_walls():
+    spec = pfslam.GridSpec((0.0, 0.0), 0.05, (10, 10))
+    occupied = np.eye(10, dtype=bool)
+    assert map_correlation(occupied, spec, spec.cell_to_world(np.argwhere(occupied))) == 10
+
+
+def test_two_camera_faults_tilt_the_floor_alike_and_walls_tell_them_apart(exhibits, hall):
+    shot, camera = look(), hall.robot.camera
+    cameras = camera, faults.swapped_centre(camera), faults.disparity_offset_by(camera, 20.0)
+    level, swapped, offset = (floor_tilt_deg(seen_points(shot, c, floor=True)) for c in cameras)
+    assert abs(level) < 0.05
+    assert swapped > 5.0
+    assert abs(offset) > 1.0
+    assert faults.swapped_centre(cameras[1]) == camera
+    healthy, broken = reading(exhibits, "swapped K")
+    assert healthy == pytest.approx(0.0, abs=0.5)
+    assert broken > 5.0
+    healthy, broken = reading(exhibits, "disparity offset")
+    assert healthy == pytest.approx(0.0, abs=0.02)
+    assert broken > 0.2
+
+
+def test_pairs_by_number_drift_apart(exhibits):
+    healthy, broken = reading(exhibits, "paired by number")
+    assert healthy < 0.05
+    assert broken > 1.0
+
+
+# ---- the pictures
+
+
+def test_every_frame_has_words_with_its_number(exhibits):
+    assert len(exhibits) >= 10
+    for exhibit in exhibits.values():
+        for state in ch08.STATES:
+            words = ch08.exhibit_words(exhibit, state)
+            assert exhibit.value(state) in words
+        assert ch08.exhibit_words(exhibit, "healthy") != ch08.exhibit_words(exhibit, "broken")
+
+
+def test_a_bench_offers_every_fault_in_both_states(exhibits):
+    few = [exhibits["half a cell"], exhibits["no clamp"]]
+    explorer = ch08.bench(few, "bench")
+    frames = explorer.frames()
+    assert set(frames) == {(i, j) for i in range(2) for j in range(2)}
+    assert len({frame.shape for frame in frames.values()}) == 1
+    assert not np.array_equal(frames[0, 0], frames[0, 1])

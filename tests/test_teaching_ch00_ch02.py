@@ -1,0 +1,165 @@
+"""What chapters 00 and 02 draw and count, against hand values and cases with a known answer."""
+
+import numpy as np
+import pytest
+from rooms import box, ray_cast
+
+from pfslam.grid import GridSpec
+from pfslam.poses import Trajectory
+from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream
+from pfslam.teaching import ch00, ch00_frames, ch02, ch02_faults, ch02_story
+
+# ---- chapter 00
+
+
+@pytest.fixture
+def steady():
+    """Ten seconds straight ahead at 1 m/s: 25 counts of 1 mm at 40 Hz would do; here 10 readings a second."""
+    t = np.arange(0.0, 10.01, 0.1)
+    counts = np.tile(np.array([[100, 100, 100, 100]]), (len(t), 1))
+    truth = Trajectory(t, np.column_stack([t, np.zeros_like(t), np.zeros_like(t)]))
+    scans = LidarScans(t[:-1] + 0.04, np.full((len(t) - 1, 1081), 2.0))
+    imu = Imu(t, np.zeros((len(t), 3)), np.tile([0.0, 0.0, 1.0], (len(t), 1)))
+    return Recording("steady", encoders=Encoders(t, counts), imu=imu, lidar=scans, truth=truth)
+
+
+def test_cumulated_distance_does_not_care_about_the_scans_but_nearest_increments_do(steady):
+    metres = 100 * steady.robot.encoders.metres_per_count  # per reading of 0.1 s
+    for every, n in ((1, 99), (2, 49), (5, 19)):
+        nearest, cumulated = ch00.distance_by_pairing(steady, every)
+        assert nearest == pytest.approx(n * metres)
+        assert cumulated == pytest.approx(n * every * metres)
+
+
+def test_pairing_by_number_drifts_where_one_camera_lost_an_image():
+    t = np.arange(10) / 10.0
+    lost = np.delete(t, 3) + 0.01
+    camera = RgbdStream(t, lost, None, None, np.arange(1), np.arange(1))
+    gaps = ch00.pairing_gaps(camera)
+    np.testing.assert_allclose(gaps["nearest stamp"], 0.01)
+    np.testing.assert_allclose(gaps["same number"], [0.01] * 3 + [0.11] * 6)
+    assert len(ch00.all_stored(camera).rgb_index) == 9
+
+
+def test_nominal_error_by_hand():
+    # Four readings in 0.3 s take 0.75 s if each is given a quarter of a second.
+    assert ch00.nominal_error(np.array([5.0, 5.1, 5.2, 5.3]), 0.25) == pytest.approx(0.45)
+
+
+def test_room_of_the_turn_is_the_room_of_segments():
+    x_min, x_max, y_min, y_max = ch00_frames.ROOM
+    directions = np.arange(-3.0, 3.0, 0.013)
+    sensor = np.array([0.7, 0.4])
+    walls = ray_cast(box(x_min, y_min, x_max, y_max), sensor, directions)
+    ours = ch00_frames.room_ranges(sensor, directions)
+    at_post = ours < walls - 1e-9
+    np.testing.assert_allclose(ours[~at_post], walls[~at_post])
+    ends = sensor + ours[at_post, None] * np.column_stack([np.cos(directions), np.sin(directions)])[at_post]
+    assert at_post.any()
+    x, y, radius = ch00_frames.POST
+    np.testing.assert_allclose(np.hypot(ends[:, 0] - x, ends[:, 1] - y), radius)
+
+
+def test_a_turn_drawn_right_stays_on_the_walls_and_a_lost_arm_makes_a_ring_of_its_length():
+    assert ch00_frames.off_walls(ch00_frames.turn_points("right", 360.0)).max() < 1e-9
+    for way, arm in (("no lever arm", 0.13323), ("lever arm on y", 0.13323 * np.sqrt(2))):
+        shift = ch00_frames.turn_points(way, 360.0) - ch00_frames.turn_points("right", 360.0)
+        np.testing.assert_allclose(np.hypot(*shift.T), arm)
+
+
+def test_a_late_clock_blurs_nothing_at_rest_or_in_time(steady):
+    assert ch00_frames.blur(steady, 5.0, 0.0) == 0.0
+    shift = ch00_frames.shifted_scans(steady, 5.0, 0.1) - ch00_frames.shifted_scans(steady, 5.0, 0.0)
+    np.testing.assert_allclose(shift, np.tile([0.1, 0.0], (len(shift), 1)), atol=1e-9)
+    assert ch00_frames.turn_rate(steady, 5.0) == pytest.approx(0.0)
+
+
+# ---- chapter 02
+
+
+@pytest.fixture
+def scan():
+    """A LiDAR at (0, 0.02) sees three points: straight ahead, at a grazing angle beside it, and to the left."""
+    points = np.array([[1.02, 0.02], [1.02, 0.07], [0.02, 1.02]])
+    return ch02.Placed(points, np.array([10, 11, 300]), np.array([0.02, 0.02]), np.zeros(3))
+
+
+def test_cells_of_one_beam_are_crossed_once_and_its_own_cell_by_all(scan):
+    count, spec = ch02.crossings(scan), scan.spec()
+    ix, iy = spec.world_to_cell(scan.sensor)
+    assert count[iy, ix] == 3
+    assert count.sum() == 3 * 20  # each of the three beams is 20 cells long
+    assert count[tuple(spec.world_to_cell([0.02, 0.52])[::-1])] == 1
+
+
+def test_rules_differ_only_where_beams_meet(scan):
+    by_rule = {rule: ch02.one_scan(scan, rule) for rule in ch02.RULES}
+    once, summed, last = by_rule.values()
+    np.testing.assert_allclose(np.unique(np.round(once / np.log(4), 9)), [-1, 0, 1])
+    assert summed.min() == pytest.approx(-3 * np.log(4))
+    np.testing.assert_array_equal(once != 0, last != 0)
+    assert [ch02.walls_left(scan, rule) for rule in ch02.RULES] == [1.0, 1.0, 1.0]
+
+
+def test_a_wall_cell_that_a_later_beam_crosses_is_lost_to_the_last_word():
+    # The second beam runs on through the cell that the first one hit.
+    scan = ch02.Placed(
+        np.array([[0.52, 0.02], [1.02, 0.02]]), np.array([0, 1]), np.array([0.02, 0.02]), np.zeros(3)
+    )
+    assert [ch02.walls_left(scan, rule) for rule in ch02.RULES] == [1.0, 0.5, 0.5]
+
+
+def test_door_by_hand():
+    np.testing.assert_allclose(
+        ch02_story.door(1.0, 0.5, 2.0, closed=3, opened=5), [0, 1, 2, 2, 1.5, 1, 0.5, 0, -0.5]
+    )
+    # From the clamp 2: two scans of 1 bring it to zero, unknown; the third makes it free.
+    assert ch02_story.scans_to_believe(1.0, 1.0, 2.0, closed=40) == 3
+    assert ch02_story.scans_to_believe(1.0, 1.0, np.inf, closed=40) == 41
+    assert ch02_story.scans_to_believe(1.0, 0.1, 2.0, closed=40) == 21
+
+
+def test_growing_map_ends_as_the_map_of_all_scans(scan):
+    maps = list(ch02_story.drawn([scan, scan, scan]))
+    hit = tuple(maps[0].spec.world_to_cell(scan.points[0])[::-1])
+    np.testing.assert_allclose([grid.log_odds[hit] / np.log(4) for grid in maps], [1, 2, 2], rtol=1e-6)
+    assert ch02_story.hit_counts([scan, scan], maps[0].spec)[hit] == 2
+    walls = ch02_story.walls_of([scan, scan, scan])
+    assert walls.wall.sum() == 3
+    assert walls.worn(walls.map(1.0, 1.0, 2.0)) == 0.0
+
+
+def test_points_outside_are_masked_or_end_where_they_should_not():
+    spec = GridSpec((0.0, 0.0), 1.0, (3, 4))
+    points = np.array([[0.5, 0.5], [-0.5, 1.5], [9.0, 2.5]])
+    marked = {
+        rule: np.argwhere(ch02_faults.hits_on_grid(points, spec, rule)).tolist()
+        for rule in ch02_faults.EDGE_RULES
+    }
+    masked, clipped, wrapped = marked.values()
+    assert masked == [[0, 0]]
+    assert clipped == [[0, 0], [1, 0], [2, 3]]
+    assert wrapped == [[0, 0], [1, 3]]
+
+
+def test_both_flips_are_an_exact_mirror_image(steady):
+    right = ch02_faults.flipped_scans(steady, 1, 1, last=5.0, every=10)
+    both = ch02_faults.flipped_scans(steady, -1, -1, last=5.0, every=10)
+    for a, b in zip(right, both, strict=True):
+        np.testing.assert_allclose(b.points, a.points * [1, -1])
+        np.testing.assert_allclose(b.sensor, a.sensor * [1, -1])
+
+
+def test_glass_clears_nothing_behind_it_and_a_false_wall_is_counted(steady):
+    glass = ch02_faults.behind_glass(steady, 3)
+    right = ch02_faults.glass_map(glass, "clears nothing")
+    wall = ch02_faults.glass_map(glass, "wall at maximum range")
+    forgotten = ch02_faults.glass_map(glass, "forgotten")
+    true = steady.truth.at(steady.lidar.t[3])
+    middle = true[2] + steady.robot.lidar.angles[660]
+    beside = true[:2] + [0.13323, 0.0] + 1.0 * np.array([np.cos(middle), np.sin(middle)])
+    cell = tuple(right.spec.world_to_cell(beside)[::-1])
+    assert right.log_odds[cell] == 0
+    assert wall.log_odds[cell] < 0
+    assert forgotten.log_odds[cell] < 0
+    assert np.count_nonzero(wall.occupied & ~right.occupied) > 50

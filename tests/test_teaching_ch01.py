@@ -1,0 +1,69 @@
+"""What chapter 01 claims about clocks, tracks and smoothing, on drives whose answers are known beforehand."""
+
+import numpy as np
+import pytest
+
+from pfslam.motion import Controls
+from pfslam.recording import Encoders, Imu, LidarScans, Recording
+from pfslam.teaching import ch01_clocks, ch01_turns
+
+WIDTH, RATE = 0.7, 0.5
+SECONDS = 20.0
+
+
+@pytest.fixture
+def circle():
+    """Twenty seconds round a circle: 8 counts a reading, then 12, 0.5 rad/s, wheels as if 0.7 m apart."""
+    t = np.arange(0.0, SECONDS, 0.025)
+    difference = WIDTH * RATE * 0.025 / 0.0022  # right minus left, in counts
+    counts = np.where(t < 10.0, 8.0, 12.0)[:, None] + 0.5 * difference * np.array([1.0, -1.0, 1.0, -1.0])
+    t_imu = np.arange(0.1, SECONDS - 0.1, 0.01)
+    rate = np.tile([0.0, 0.0, RATE], (len(t_imu), 1))
+    return Recording(
+        "circle",
+        encoders=Encoders(t, counts),
+        imu=Imu(t_imu, rate, np.zeros_like(rate)),
+        lidar=LidarScans(t + 0.001, np.ones((len(t), 1081))),
+    )
+
+
+def test_nearest_readings_lose_what_the_sum_keeps(circle):
+    every_scan, all_of_it = ch01_clocks.paired_lengths(circle, 1)
+    a_fifth, still_all = ch01_clocks.paired_lengths(circle, 5)
+    metres = SECONDS / 0.025 * 10 * 0.0022
+    assert every_scan == pytest.approx(metres, rel=0.01)
+    assert all_of_it == pytest.approx(metres, rel=0.01)
+    assert a_fifth == pytest.approx(metres / 5, rel=0.01)
+    assert still_all == pytest.approx(metres, rel=0.01)
+
+
+def test_a_silent_second_costs_the_skipping_loop_its_way(circle):
+    lost = ch01_clocks.length_if_gyro_spoke(circle) - ch01_clocks.length_if_gyro_spoke(
+        ch01_clocks.without_gyro(circle, 5.0, 1.0)
+    )
+    assert lost == pytest.approx(40 * 8 * 0.0022, abs=2 * 8 * 0.0022)  # 40 readings, give or take the edges
+
+
+def test_the_effective_track_is_found(circle):
+    found = ch01_turns.effective_track(circle)
+    assert found == pytest.approx(dict.fromkeys(("all", "slow", "fast"), WIDTH), rel=1e-6)
+
+
+def turn(rest):
+    """A second straight, a left turn by one radian in one second, then ``rest`` seconds straight, at 1 m/s."""
+    t = np.arange(0.0, 2.0 + rest + 0.005, 0.01)
+    return Controls(t, np.ones(len(t) - 1), np.where((t[1:] > 1.0) & (t[1:] <= 2.0), 1.0, 0.0))
+
+
+def test_smoothing_keeps_the_heading_and_moves_the_corner():
+    degrees, away = ch01_turns.smoothing_errors(turn(rest=3.0), 0.5)
+    assert degrees == pytest.approx(0.0, abs=1e-6)
+    # Late by 0.25 s less a sample: the new corridor is driven 0.25 m further on, seen along the old one.
+    assert away == pytest.approx(2.0 * 0.25 * np.sin(0.5), rel=0.1)
+
+
+def test_no_smoothing_changes_nothing_and_a_cut_turn_is_short():
+    inputs = turn(rest=0.0)
+    np.testing.assert_allclose(ch01_turns.smoothed(inputs, 0.0).omega, inputs.omega)
+    degrees, _ = ch01_turns.smoothing_errors(inputs, 0.5)
+    assert degrees == pytest.approx(np.rad2deg(0.25), abs=0.5)
