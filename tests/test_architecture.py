@@ -12,12 +12,32 @@ PACKAGE = Path(__file__).resolve().parents[1] / "pfslam"
 
 # Each module imports only from those above it. A package (simulator, teaching) is one entry.
 ORDER = [
-    *("errors", "poses", "sensors", "recording", "motion", "grid", "particles"),
+    *("errors", "poses", "sensors", "recording", "disturb", "motion", "grid", "particles"),
     *("lattice", "boxes", "correlation"),
-    *("tilt", "config", "matching", "refinement", "events", "slam", "per_particle", "runs"),
-    *("floor", "texture_config", "floor_views", "texture", "metrics", "metrics_texture", "study"),
+    *(
+        "tilt",
+        "config",
+        "matching",
+        "refinement",
+        "events",
+        "slam",
+        "per_particle",
+        "runs",
+        "calibration",
+        "checkup",
+        "consistency",
+    ),
+    *(
+        "floor",
+        "texture_config",
+        "floor_views",
+        "texture",
+        "metrics",
+        "metrics_cloud",
+        "metrics_texture",
+    ),
     *("files", "images", "formats", "carmen", "course_writer", "course_format"),
-    *("simulator", "cache", "datasets", "bench", "teaching", "commands", "__main__"),
+    *("simulator", "streams", "cache", "datasets", "study", "bench", "teaching", "commands", "__main__"),
 ]
 MODULES = sorted(PACKAGE.rglob("*.py"))
 PLOTTING = {"matplotlib", "ipywidgets", "IPython", "PIL"}

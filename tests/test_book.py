@@ -2,6 +2,8 @@
 
 import dataclasses
 import importlib
+import inspect
+import json
 import re
 from pathlib import Path
 
@@ -12,14 +14,14 @@ PAGES = sorted((ROOT / "book").glob("*.md"))
 
 
 def resolve(dotted: str) -> None:
-    """Import the longest module of a dotted name and follow its attributes; dataclass fields count."""
-    parts = dotted.split(".")
-    module = importlib.import_module(".".join(parts[:2]))
-    target = module
-    for name in parts[2:]:
+    """Follow a dotted name from the package down; modules are imported as needed, and dataclass fields count."""
+    target = importlib.import_module("pfslam")
+    for name in dotted.split(".")[1:]:
         fields = {f.name for f in dataclasses.fields(target)} if dataclasses.is_dataclass(target) else set()
         if name in fields:
             return
+        if not hasattr(target, name) and inspect.ismodule(target):
+            importlib.import_module(f"{target.__name__}.{name}")
         target = getattr(target, name)
 
 
@@ -56,3 +58,24 @@ def test_every_source_is_cited_and_every_citation_known():
     text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
     cited = {key.strip() for keys in re.findall(r"\{cite\}`([^`]+)`", text) for key in keys.split(",")}
     assert cited == known
+
+
+def test_every_column_of_a_table_has_a_name():
+    notebooks = (
+        json.loads(path.read_text(encoding="utf-8")) for path in (ROOT / "notebooks").glob("*.ipynb")
+    )
+    cells = ["".join(c["source"]) for n in notebooks for c in n["cells"] if c["cell_type"] == "markdown"]
+    heads = [
+        head
+        for text in [*(page.read_text(encoding="utf-8") for page in PAGES), *cells]
+        for head in re.findall(r"^\|(.*)\|[ ]*\n\|[-:| ]+\|[ ]*$", text, re.MULTILINE)
+    ]
+    assert len(heads) > 10
+    assert [head for head in heads if not all(name.strip() for name in head.split("|"))] == []
+
+
+def test_the_reference_lists_every_public_module():
+    inside = {"bench", "commands", "teaching"}  # programs and figures, not a library
+    modules = {p.stem for p in (ROOT / "pfslam").iterdir() if not p.name.startswith(("_", "."))} - inside
+    text = (ROOT / "book" / "api.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"automodule:: pfslam\.(\w+)", text)) >= modules

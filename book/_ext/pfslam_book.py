@@ -40,6 +40,12 @@ BETTER_MARKUP = (
     (r'role="doc-biblioentry"', 'role="listitem"'),
 )
 
+MODULE_LIST = re.compile(
+    r"(All modules for which code is available</h1>\s*)(<ul>.*</ul>)(?=\s*</article>)", re.DOTALL
+)
+# The lines around what a search finds are fetched from its page, which a browser forbids from file://.
+SEARCH_SUMMARY = ("SHOW_SEARCH_SUMMARY: true", "SHOW_SEARCH_SUMMARY: location.protocol !== 'file:'")
+
 
 def mathjax_file() -> Path:
     """The one MathJax script that the site uses, as installed."""
@@ -58,7 +64,16 @@ def clean_page(page: str) -> str:
         page = first + (keep if found else "") + rest.replace(markup, "")
     for pattern, better in BETTER_MARKUP:
         page = re.sub(pattern, better, page)
-    return page
+    return MODULE_LIST.sub(one_list, page)
+
+
+def one_list(found: re.Match) -> str:
+    """The list of modules as one list: Sphinx puts a list where only its entries may stand.
+
+    It also names Python's own module, of which it writes no page.
+    """
+    entries = re.findall(r'<li>(?!<a href="builtins.html").*?</li>', found[2], re.DOTALL)
+    return f"{found[1]}<ul>{''.join(entries)}</ul>"
 
 
 def finish_site(app, error) -> None:
@@ -67,7 +82,9 @@ def finish_site(app, error) -> None:
         return
     site = Path(app.outdir)
     for path in site.rglob("*.html"):
-        path.write_text(clean_page(path.read_text(encoding="utf-8")), encoding="utf-8")
+        path.write_text(clean_page(path.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
+    options = site / "_static" / "documentation_options.js"
+    options.write_text(options.read_text(encoding="utf-8").replace(*SEARCH_SUMMARY), encoding="utf-8")
     for dead in (site / "_static").glob("*thebe*"):
         dead.unlink()
     target = site / "_static" / "mathjax"
@@ -94,10 +111,18 @@ def draw_hero(app, error) -> None:
         write_hero(Path(app.outdir) / "_static")
 
 
+def read_in_parallel(app, config) -> None:
+    """Let the cores share the chapters; two extensions that change no page as it is read do not say that they can."""
+    for name in ("sphinx_multitoc_numbering", "sphinx_jupyterbook_latex"):
+        app.extensions[name].parallel_read_safe = True
+    app.parallel = max(app.parallel, min(os.cpu_count() or 1, 4))
+
+
 def setup(app):
     os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
     app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
     app.add_css_file("pfslam.css")
+    app.connect("config-inited", read_in_parallel)
     app.connect("doctree-read", number_equations)
     app.connect("build-finished", finish_site)
     app.connect("build-finished", draw_hero)

@@ -2,32 +2,21 @@
 
 import functools
 import http.server
-import os
-import shutil
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+from headless import missing
 
 SITE = Path(__file__).resolve().parents[2] / "_build" / "html"
-PAGES = sorted(str(p.relative_to(SITE)) for p in SITE.rglob("*.html") if "_static" not in p.parts)
-REQUIRED = os.environ.get("PFSLAM_REQUIRE_BROWSER") == "1"
-CHROMIUM_FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+ALL_PAGES = sorted(p.relative_to(SITE).as_posix() for p in SITE.rglob("*.html") if "_static" not in p.parts)
+# The pages of source code are one like the other: their index and a short one stand for all.
+PAGES = [
+    name
+    for name in ALL_PAGES
+    if not name.startswith("_modules/") or name in ("_modules/index.html", "_modules/pfslam/errors.html")
 ]
-
-
-def missing(what: str):
-    """Skip, unless this run must not skip."""
-    (pytest.fail if REQUIRED else pytest.skip)(what)
 
 
 def explorer_pages() -> list[str]:
@@ -35,10 +24,11 @@ def explorer_pages() -> list[str]:
 
 
 def pytest_generate_tests(metafunc):
-    if "page_name" in metafunc.fixturenames:
-        metafunc.parametrize("page_name", PAGES or ["no site"])
-    if "explorer_page" in metafunc.fixturenames:
-        metafunc.parametrize("explorer_page", explorer_pages() or ["no explorer"])
+    """All tests of one page run in one worker, one after the other: the page is opened once for most of them."""
+    for argument, names in (("page_name", PAGES), ("explorer_page", explorer_pages())):
+        if argument in metafunc.fixturenames:
+            pages = [pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in names or ["no page"]]
+            metafunc.parametrize(argument, pages, scope="session")
 
 
 @pytest.fixture(scope="session")
@@ -46,6 +36,9 @@ def site() -> Path:
     if not PAGES:
         missing("the site is not built: make book")
     return SITE
+
+WHOLE = """() => document.readyState === 'complete' && !document.querySelector('meta[http-equiv=refresh i]')
+  && (!window.MathJax?.startup?.promise || MathJax.startup.promise.then(() => true))"""
 
 
 class QuietHandler(http.server.SimpleHTTPRequestHandler):
@@ -63,19 +56,6 @@ def addresses(site):
     server.shutdown()
 
 
-@pytest.fixture(scope="session")
-def chromium():
-    """A headless Chromium that can resolve no name but this machine's address."""
-    sync_api = pytest.importorskip("playwright.sync_api")
-    executable = shutil.which("chromium") or shutil.which("google-chrome")
-    if executable is None:
-        missing("no Chromium on this machine")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=CHROMIUM_FLAGS)
-        yield browser
-        browser.close()
-
-
 @dataclass
 class Visit:
     """One opened page and everything it complained about or asked for from elsewhere."""
@@ -85,31 +65,59 @@ class Visit:
     strangers: list[str] = field(default_factory=list)
 
 
+def open_page(context, address: str, base: str) -> Visit:
+    """Open one page and wait until it is whole: sent on where it only sends on, read, its equations drawn."""
+    page = context.new_page()
+    seen = Visit(page)
+
+    def on_request(request):
+        if not request.url.startswith((base, "data:", "blob:")):
+            seen.strangers.append(request.url)
+
+    page.on("request", on_request)
+    page.on("requestfailed", lambda r: seen.complaints.append(f"failed: {r.url}"))
+    page.on("response", lambda r: r.status >= 400 and seen.complaints.append(f"{r.status}: {r.url}"))
+    page.on("pageerror", lambda error: seen.complaints.append(f"script error: {error}"))
+    page.on("console", lambda m: m.type == "error" and seen.complaints.append(f"console: {m.text}"))
+    page.goto(address, wait_until="load")
+    page.wait_for_function(WHOLE)
+    return seen
+
+
+@pytest.fixture(scope="session")
+def opener():
+    """``open_page`` for tests with an address of their own."""
+    return open_page
+
+
 @pytest.fixture
 def visit(chromium, addresses):
     """Open a page of the site: `visit("book/index.html", scheme="file", width=390)`."""
     contexts = []
 
-    def open_page(name: str, scheme: str = "http", width: int = 1280, **options) -> Visit:
+    def go(name: str, scheme: str = "http", width: int = 1280, **options) -> Visit:
         context = chromium.new_context(viewport={"width": width, "height": 900}, **options)
         contexts.append(context)
-        page, base = context.new_page(), addresses[scheme]
-        seen = Visit(page)
+        return open_page(context, addresses[scheme] + name, addresses[scheme])
 
-        def on_request(request):
-            if not request.url.startswith((base, "data:", "blob:")):
-                seen.strangers.append(request.url)
-
-        page.on("request", on_request)
-        page.on("requestfailed", lambda r: seen.complaints.append(f"failed: {r.url}"))
-        page.on("pageerror", lambda error: seen.complaints.append(f"script error: {error}"))
-        page.on("console", lambda m: m.type == "error" and seen.complaints.append(f"console: {m.text}"))
-        page.goto(base + name, wait_until="load")
-        page.wait_for_function(
-            "!window.MathJax?.startup?.promise || MathJax.startup.promise.then(() => true)"
-        )
-        return seen
-
-    yield open_page
+    yield go
     for context in contexts:
         context.close()
+
+
+@pytest.fixture(scope="session")
+def shared_visit(chromium, addresses, page_name):
+    """One page over HTTP, opened once for all tests that only look; each sets the width and look that it needs."""
+    context = chromium.new_context(viewport={"width": 1280, "height": 900}, reduced_motion="reduce")
+    yield open_page(context, addresses["http"] + page_name, addresses["http"])
+    context.close()
+
+
+@pytest.fixture
+def shared(shared_visit):
+    """That page as it was opened: desktop width, light, on the screen."""
+    page = shared_visit.page
+    page.set_viewport_size({"width": 1280, "height": 900})
+    page.emulate_media(media="screen")
+    page.evaluate("() => { document.documentElement.dataset.theme = 'light'; window.scrollTo(0, 0); }")
+    return page

@@ -1,5 +1,6 @@
-"""Every page of the site: whole, quiet, self-contained, and no wider than a phone."""
+"""Every page of the site: whole, quiet, self-contained, light, and no wider than a phone."""
 
+import json
 from html.parser import HTMLParser
 from urllib.parse import unquote, urldefrag
 
@@ -15,7 +16,7 @@ class Anatomy(HTMLParser):
 
     def __init__(self, text: str):
         super().__init__()
-        self.ids, self.links, self.images = [], [], []
+        self.ids, self.links, self.images, self.scripts = [], [], [], []
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
@@ -26,6 +27,8 @@ class Anatomy(HTMLParser):
             self.links.append(attributes["href"])
         if tag == "img":
             self.images.append(attributes)
+        if tag == "script" and attributes.get("src"):
+            self.scripts.append(attributes["src"])
 
 
 @pytest.fixture(scope="session")
@@ -78,26 +81,65 @@ def test_pictures_say_what_they_show(anatomies):
             assert "_images/" not in alt, f"{path.name}: a file name is no alt text: {alt}"
 
 
-@pytest.mark.parametrize("scheme", ["http", "file"])
-def test_page_is_quiet_and_asks_nobody(visit, site, page_name, scheme):
-    seen = visit(page_name, scheme)
+def test_no_script_is_loaded_twice(anatomies):
+    for path, anatomy in anatomies.items():
+        assert len(set(anatomy.scripts)) == len(anatomy.scripts), path
+
+
+def test_the_site_is_light(site):
+    weight = sum(path.stat().st_size for path in site.rglob("*") if path.is_file())
+    assert weight <= 60e6
+    heavy = {path.name: path.stat().st_size for path in site.rglob("*.html") if path.stat().st_size > 3e6}
+    assert heavy == {}, "at most 3 MB a page"
+
+
+def test_page_is_quiet_and_asks_nobody(shared_visit):
+    assert shared_visit.strangers == []
+    assert shared_visit.complaints == []
+
+
+def test_page_works_from_its_file(visit, site, page_name):
+    seen = visit(page_name, "file", width=390, color_scheme="dark")
     assert seen.strangers == []
     assert seen.complaints == []
+    assert seen.page.evaluate("document.documentElement.dataset.theme") == "dark"
+    assert_equations_are_drawn(seen.page)
 
 
-def test_equations_are_drawn(visit, site, page_name):
-    page = visit(page_name).page
-    written = page.locator(".math").count()
-    assert page.locator("mjx-container").count() >= written
+def assert_equations_are_drawn(page) -> None:
+    assert page.locator("mjx-container").count() >= page.locator(".math").count()
     assert page.locator("mjx-merror, [data-mjx-error]").count() == 0
 
 
-@pytest.mark.parametrize("width", [390, 1280])
-def test_no_sideways_scroll(visit, site, page_name, width):
-    page = visit(page_name, width=width).page
-    assert page.evaluate(WIDTH_BEYOND_SCREEN) <= 0
+def test_equations_are_drawn(shared):
+    assert_equations_are_drawn(shared)
 
 
-def test_search_finds_a_word(visit, site):
-    page = visit("search.html?q=odometry", "file").page
-    page.wait_for_selector("#search-results li a")
+@pytest.mark.parametrize("width", [390, 640, 1280], ids=["phone", "zoomed to 200 %", "desktop"])
+def test_no_sideways_scroll(shared, width):
+    shared.set_viewport_size({"width": width, "height": 900})
+    assert shared.evaluate(WIDTH_BEYOND_SCREEN) <= 0
+
+
+@pytest.mark.parametrize("scheme", ["http", "file"])
+def test_search_finds_a_word(visit, site, scheme):
+    seen = visit("search.html?q=odometry", scheme)
+    seen.page.wait_for_selector("#search-results li a")
+    if scheme == "http":
+        seen.page.wait_for_selector("#search-results li p.context")
+    assert seen.complaints == []
+
+
+def test_a_chapter_can_be_downloaded_as_a_notebook(visit, site, anatomies):
+    chapters = sorted((site / "notebooks").glob("*.html"))
+    assert chapters
+    for path in chapters:
+        sources = {link for link in anatomies[path].links if link.endswith(".ipynb")}
+        assert len(sources) == 1, path.name
+        notebook = json.loads((path.parent / sources.pop()).read_text(encoding="utf-8"))
+        assert notebook["nbformat"] == 4
+    page = visit(f"notebooks/{chapters[0].name}").page
+    page.locator(".dropdown-download-buttons > button").click()
+    with page.expect_download() as download:
+        page.locator("a.btn-download-source-button").click()
+    assert download.value.suggested_filename == chapters[0].with_suffix(".ipynb").name

@@ -1,0 +1,70 @@
+"""The table on the page for teachers: minutes to plan, and what a kernel needs, from a stored measurement."""
+
+import csv
+from pathlib import Path
+
+from sphinx.util.docutils import SphinxDirective
+
+TABLE = Path("book/tables/classroom.csv")
+WORDS_PER_MINUTE = 120  # a text with equations and code is read at half the speed of a novel
+MINUTES_PER_WIDGET = 4
+MINUTES_PER_EXERCISE = 10
+
+
+def minutes(row: dict[str, str]) -> int:
+    """Minutes to plan for one chapter in class, to the next five."""
+    plain = int(row["words"]) / WORDS_PER_MINUTE
+    plain += MINUTES_PER_WIDGET * int(row["widgets"]) + MINUTES_PER_EXERCISE * int(row["exercises"])
+    return 5 * -(-round(plain) // 5)
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    """The rows that ``python -m pfslam.teaching.classroom`` stored."""
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def chapters_table(rows: list[dict[str, str]]) -> str:
+    """One line per chapter and their sum, as Markdown."""
+    lines = [
+        "| chapter | words | widgets | exercises | plan [min] | start-up [s] | run [s] | memory [MB] |",
+        "|---|--:|--:|--:|--:|--:|--:|--:|",
+    ]
+    for row in rows:
+        link = f"[{row['chapter'].replace('_', ' ')}](../notebooks/{row['chapter']}.ipynb)"
+        cells = [link, row["words"], row["widgets"], row["exercises"], minutes(row)]
+        cells += [row["startup_s"], row["run_s"], row["memory_mb"]]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    total = sum(map(minutes, rows))
+    lines.append(f"| **all** | | | | **{total}** | | | |")
+    return "\n".join(lines)
+
+
+def server_text(rows: list[dict[str, str]], students: int = 40) -> str:
+    """What a server for a class needs if everyone runs the same, most demanding chapter at once."""
+    memory = max(int(row["memory_mb"]) for row in rows)
+    longest = max(float(row["run_s"]) for row in rows)
+    return (
+        f"The most that any chapter's kernel held is {memory} MB, so {students} of them at once need "
+        f"{students * memory / 1024:.0f} GB. The longest chapter keeps one core busy for {longest:.0f} s; "
+        f"if all {students} students press *Run All* in the same minute, {students * longest / 60:.0f} core-minutes "
+        f"are waiting, which eight cores work off in about {students * longest / 60 / 8:.0f} minutes. "
+        "Cell by cell, as people work, nobody notices anybody."
+    )
+
+
+class Classroom(SphinxDirective):
+    """``{classroom} chapters`` or ``{classroom} server``."""
+
+    required_arguments = 1
+
+    def run(self):
+        path = Path(self.env.srcdir) / TABLE
+        self.env.note_dependency(str(path))
+        make = {"chapters": chapters_table, "server": server_text}[self.arguments[0]]
+        return self.parse_text_to_nodes(make(read(path)))
+
+
+def setup(app):
+    app.add_directive("classroom", Classroom)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
