@@ -13,10 +13,11 @@ WORKERS ?= 2
 PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test lint types unit notebooks check-book lab notebook-outputs strip lock clean
+.PHONY: help env book test lint types unit notebooks studies study-costs check-book lab notebook-outputs strip lock clean
+.PHONY: campaign endurance mutants flaky check-lab classroom student solutions wheel site.zip release
 
 help:  ## List the commands
-	@grep -hE '^[a-z-]+:.*##' Makefile | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 26
+	@grep -hE '^[a-z.-]+:.*##' Makefile | sed -E 's/^([a-z.-]+):.*## /  make \1\t/' | expand -t 26
 
 env: $(STAMP)  ## Make the environment from the lock file (done by the others when needed)
 
@@ -35,7 +36,7 @@ $(STAMP): $(LOCKED) pyproject.toml
 
 book: $(STAMP)  ## Run the notebooks on the built-in data and build the site, warnings as errors
 	@rm -rf "$(SITE)"
-	"$(BIN)/jupyter-book" build . --all -W --keep-going
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/jupyter-book" build . --all -W --keep-going
 	@"$(BIN)/python" -c 'import pathlib; p = pathlib.Path("$(SITE)/index.html").resolve(); print("\nThe book is ready. Open", p, "or", p.as_uri(), sep="\n  ")'
 
 test: lint unit notebooks  ## Lint, unit tests, every notebook
@@ -48,18 +49,27 @@ types: $(STAMP)  ## Check the types
 	"$(BIN)/mypy"
 
 unit: $(STAMP)
-	$(PYTEST) --dist loadfile -m "not browser" tests
+	$(PYTEST) --dist loadfile -m "not browser and not lab" tests
 
 notebooks: $(STAMP)
 ifneq ($(NOTEBOOKS),)
 	PFSLAM_WIDGETS=text $(PYTEST) --dist loadfile --nbval --nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout 600 $(NOTEBOOKS)
 endif
 
-check-book: $(STAMP)  ## Check the built site: links, pages, and every widget in a real browser
-	$(PYTEST) -m browser tests/browser
+studies: $(STAMP)  ## Run what is missing of the stored studies and refresh their tables (STUDY=name for one)
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pfslam.teaching.tables $(STUDY)
 
-lab: $(STAMP)  ## Open the notebooks in JupyterLab
-	"$(BIN)/jupyter-lab" --notebook-dir=notebooks
+study-costs: $(STAMP)  ## Measure what a study costs besides its runs, for the page about studies
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pfslam.teaching.study_costs
+
+check-book: $(STAMP)  ## Check the built site: links, pages, and every widget in a real browser
+	$(PYTEST) --dist loadgroup -m browser tests/browser
+
+check-lab: $(STAMP)  ## Run every chapter in JupyterLab, in a real browser
+	$(PYTEST) --dist load -m lab tests/lab
+
+lab: $(STAMP)  ## Open the notebooks in JupyterLab, on the first chapter
+	"$(BIN)/jupyter-lab" --notebook-dir=notebooks --LabApp.default_url=/lab/tree/$(notdir $(firstword $(NOTEBOOKS)))
 
 notebook-outputs: $(STAMP)  ## Run the notebooks in place and keep their text outputs (after a change of a chapter)
 	PFSLAM_WIDGETS=text "$(BIN)/jupyter-nbconvert" --to notebook --execute --inplace $(NOTEBOOKS)
@@ -68,9 +78,54 @@ notebook-outputs: $(STAMP)  ## Run the notebooks in place and keep their text ou
 strip: $(STAMP)  ## Remove pictures and widgets from the notebooks, keep text outputs
 	"$(BIN)/python" -m pfslam.teaching.strip $(NOTEBOOKS)
 
+campaign: $(STAMP)  ## The long form of the tests with damaged input: 2,000 cases a file
+	PFSLAM_CASES=2000 $(PYTEST) --dist load tests/test_bad_input.py tests/test_bad_words.py
+
+endurance: $(STAMP)  ## Drive for an hour in bounded memory, for the page about robustness
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pfslam.bench.endurance --laps 36 --out book/tables/endurance.csv
+
+mutants: $(STAMP)  ## Spoil each equation in every way and see that the tests notice
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" tests/mutation.py --out book/tables/mutants.csv
+
+REPEATS ?= 20
+flaky: $(STAMP)  ## Repeat the unit tests in random order on one and on two workers (REPEATS=20)
+	for k in $$(seq $(REPEATS)); do for n in 1 2; do OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $$n \
+	  --random-order --random-order-seed=$$k -m "not browser and not lab" tests || exit 1; done; done
+
+classroom: $(STAMP)  ## Measure what a kernel needs for each chapter, for the page for teachers
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pfslam.teaching.classroom $(NOTEBOOKS) --out book/tables/classroom.csv
+
+student: $(STAMP)  ## Write the chapters for students, without solutions, into _build/student
+	@rm -rf _build/student
+	@"$(BIN)/python" -m pfslam.teaching.student _build/student $(NOTEBOOKS)
+	@cp book/_tools/STUDENTS.md _build/student/README.md
+
+solutions: $(STAMP)  ## Write the chapters with their solutions into _build/solutions
+	@rm -rf _build/solutions
+	@"$(BIN)/python" -m pfslam.teaching.student --solutions _build/solutions $(NOTEBOOKS)
+
+wheel: $(STAMP)  ## Build the package into dist
+	@rm -rf build
+	@"$(BIN)/python" -m pip wheel -q --disable-pip-version-check --no-deps --no-build-isolation -w dist .
+
+$(SITE)/index.html:
+	@$(MAKE) book
+
+site.zip: $(SITE)/index.html  ## Pack the built book for reading offline, with its checksum
+	@"$(BIN)/python" book/_tools/pack.py zip "$(SITE)" site.zip
+
+release: $(STAMP) site.zip student solutions  ## Wheel, site and copies of the chapters, with checksums, into dist
+	@rm -rf dist
+	@$(MAKE) wheel
+	@cp site.zip dist/pfslam-site.zip
+	@"$(BIN)/python" book/_tools/pack.py zip _build/student dist/pfslam-student.zip > /dev/null
+	@"$(BIN)/python" book/_tools/pack.py zip _build/solutions dist/pfslam-solutions.zip > /dev/null
+	@rm dist/*.sha256
+	@"$(BIN)/python" book/_tools/pack.py sums dist
+
 lock:  ## Resolve requirements.in anew into requirements.lock (needs uv)
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-emit-index-url \
 	  --no-emit-find-links --custom-compile-command "make lock" -q requirements.in -o requirements.lock
 
 clean:  ## Remove everything that was built, the environment too
-	rm -rf _build "$(VENV)" *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis out dist build
+	rm -rf _build "$(VENV)" site.zip site.zip.sha256 *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis out dist build

@@ -1,10 +1,14 @@
 """Set-up files: the lock is whole and names no host, and the wheel carries every file that is not Python."""
 
+import hashlib
+import importlib.util
 import re
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -42,13 +46,78 @@ def test_the_lock_names_no_host():
 
 def test_the_wheel_carries_the_files_that_are_not_python():
     patterns = PROJECT["tool"]["setuptools"]["package-data"]
-    for path in (ROOT / "pfslam").rglob("*"):
-        if path.is_dir() or path.suffix in (".py", ".pyc"):
-            continue
-        package = ".".join(path.parent.relative_to(ROOT).parts)
-        assert any(path.match(pattern) for pattern in patterns.get(package, [])), path
+    carried = {
+        path
+        for package, globs in patterns.items()
+        for glob in globs
+        for path in (ROOT / package.replace(".", "/")).glob(glob)
+    }
+    others = {p for p in (ROOT / "pfslam").rglob("*") if p.is_file() and p.suffix not in (".py", ".pyc")}
+    assert others - carried == set()
 
 
-@pytest.mark.parametrize("target", ["book", "test", "lab", "clean", "check-book"])
+@pytest.mark.parametrize(
+    "target", ["book", "test", "lab", "clean", "check-book", "student", "solutions", "site.zip", "release"]
+)
 def test_make_has_what_the_readme_promises(target):
-    assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    assert re.search(rf"^{re.escape(target)}:", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def packer():
+    spec = importlib.util.spec_from_file_location("pack", ROOT / "book" / "_tools" / "pack.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_same_files_give_the_same_archive(tmp_path):
+    sums = []
+    for name, order in (("one", "ab"), ("two", "ba")):
+        for letter in order:
+            (tmp_path / name / letter).mkdir(parents=True)
+            (tmp_path / name / letter / "page.html").write_text(letter, encoding="utf-8")
+        archive = tmp_path / f"{name}-out" / "book.zip"
+        sums.append(packer().pack(tmp_path / name, archive).read_text(encoding="utf-8"))
+        digest, file = sums[-1].split()
+        assert digest == hashlib.sha256(archive.read_bytes()).hexdigest()
+        assert file == "book.zip"
+    assert sums[0] == sums[1]
+    assert zipfile.ZipFile(archive).namelist() == ["book/a/page.html", "book/b/page.html"]
+
+
+def test_an_empty_folder_is_not_packed(tmp_path):
+    with pytest.raises(SystemExit, match="found no file"):
+        packer().pack(tmp_path, tmp_path / "book.zip")
+
+
+def workflow(name: str) -> dict:
+    return yaml.safe_load((ROOT / ".github" / "workflows" / name).read_text(encoding="utf-8"))
+
+
+def test_every_system_runs_the_oldest_and_the_newest_python():
+    matrix = workflow("ci.yml")["jobs"]["tests"]["strategy"]["matrix"]
+    assert {system.split("-")[0] for system in matrix["os"]} == {"ubuntu", "macos", "windows"}
+    assert f">={matrix['python'][0]}" == PROJECT["project"]["requires-python"]
+    assert len(matrix["python"]) >= 2
+
+
+def test_a_weekly_run_takes_the_newest_releases_without_the_lock():
+    weekly = workflow("weekly.yml")
+    (when,) = weekly[True]["schedule"]  # YAML reads the key `on` as true
+    assert when["cron"].split()[-1] in "0123456"
+    commands = " ".join(step.get("run", "") for step in weekly["jobs"]["unlocked"]["steps"])
+    assert "--upgrade" in commands
+    assert "requirements.lock" not in commands
+
+
+def test_binder_takes_the_environment_from_the_lock():
+    lines = (ROOT / "binder" / "requirements.txt").read_text(encoding="utf-8").split("\n")
+    assert "-r ../requirements.lock" in lines
+    assert "--no-deps" in (ROOT / "binder" / "postBuild").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("folder", ["binder", ".ci"])
+def test_scripts_keep_unix_line_ends(folder):
+    for path in (ROOT / folder).iterdir():
+        assert b"\r\n" not in path.read_bytes(), path
+    assert "eol=lf" in (ROOT / ".gitattributes").read_text(encoding="utf-8")

@@ -1,0 +1,111 @@
+"""Every chapter in JupyterLab: opens without pop-ups, runs from a fresh kernel to its last cell, moves at once."""
+
+import pytest
+
+pytestmark = pytest.mark.lab
+
+MINUTE = 60_000
+SHUT_DOWN = "() => window.jupyterapp.shell.currentWidget.sessionContext.shutdown()"
+STATE = """() => {
+  const app = window.jupyterapp, panel = app.shell.currentWidget, cells = panel.content.widgets;
+  const code = cells.filter(c => c.model.type === 'code' && c.model.sharedModel.getSource().trim());
+  const outputs = code.flatMap(c => c.model.outputs.toJSON());
+  return {
+    waiting: code.filter(c => c.model.executionCount === null || c.model.executionState === 'running').length,
+    cells: code.length,
+    errors: outputs.filter(o => o.output_type === 'error').map(o => o.ename + ': ' + o.evalue),
+    kernel: panel.sessionContext.kernelDisplayStatus,
+  };
+}"""
+DONE = (
+    f"() => {{ const s = ({STATE})(); return s.errors.length || (s.kernel === 'idle' && s.waiting === 0); }}"
+)
+# Moves the first slider of each live widget: the kernel's processor time for a move and the time until the page shows
+# the new picture, in ms. Both are printed; times on a shared machine are no test, so only a move that hangs fails.
+MOVES = """async moves => {
+  const kernel = window.jupyterapp.shell.currentWidget.sessionContext.session.kernel, all = {};
+  const seconds = async () => {
+    const asked = {t: '__import__("time").process_time()'};
+    const reply = await kernel.requestExecute({code: '', user_expressions: asked}).done;
+    return Number(reply.content.user_expressions.t.data['text/plain']);
+  };
+  for (const box of document.querySelectorAll('.jp-Notebook .widget-vbox:has(.noUi-handle)')) {
+    const handle = box.querySelector('.noUi-handle'), picture = () => box.querySelector('img').src;
+    const times = [], begin = await seconds();
+    box.scrollIntoView();
+    for (let k = 0; k < moves; k++) {
+      const value = Number(handle.getAttribute('aria-valuenow')), end = Number(handle.getAttribute('aria-valuemax'));
+      const key = value < end ? 'ArrowRight' : 'ArrowLeft', before = picture(), start = performance.now();
+      handle.dispatchEvent(new KeyboardEvent('keydown', {key: key, bubbles: true}));
+      while (picture() === before && performance.now() - start < 10000)
+        await new Promise(done => setTimeout(done, 2));
+      times.push(Math.round(performance.now() - start));
+    }
+    const work = Math.round(1000 * (await seconds() - begin) / moves);
+    all[box.querySelector('b').textContent] = {work: work, shown: times};
+  }
+  return all;
+}"""
+HANGS = 3_000  # ms of processor time
+
+
+@pytest.fixture
+def opened(lab, chromium, chapter):
+    """One chapter, open in JupyterLab, and the requests that went elsewhere."""
+    context = chromium.new_context(viewport={"width": 1400, "height": 1000})
+    page, strangers = context.new_page(), []
+    page.on(
+        "request",
+        lambda r: (
+            r.url.startswith((lab, lab.replace("http", "ws"), "data:", "blob:")) or strangers.append(r.url)
+        ),
+    )
+    page.goto(f"{lab}lab/tree/{chapter}?reset", wait_until="load")
+    page.wait_for_selector(".jp-Notebook .jp-Cell", timeout=MINUTE)
+    page.wait_for_function(
+        "() => window.jupyterapp?.shell.currentWidget?.sessionContext?.kernelDisplayStatus === 'idle'",
+        timeout=MINUTE,
+    )
+    yield page, strangers
+    page.evaluate(SHUT_DOWN)
+    context.close()
+
+
+def pop_ups(page) -> list[str]:
+    return page.locator(".jp-Dialog, .Toastify__toast, .jp-toast").all_text_contents()
+
+
+def restart_and_run_all(page) -> dict:
+    """What the menu entry does, its question answered with the button that says restart; the state at the end."""
+    page.evaluate("() => { window.jupyterapp.commands.execute('notebook:restart-run-all'); }")
+    page.locator(".jp-Dialog button.jp-mod-warn").click()
+    page.wait_for_function(DONE, timeout=10 * MINUTE, polling=250)
+    return page.evaluate(STATE)
+
+
+def test_chapter_runs_in_jupyterlab_and_its_widgets_redraw_in_time(opened, chapter):
+    page, strangers = opened
+    assert pop_ups(page) == []
+    state = restart_and_run_all(page)
+    assert state["errors"] == []
+    assert state["cells"] > 5
+    assert pop_ups(page) == []
+    moves = page.evaluate(MOVES, 6)
+    print(chapter, moves)
+    assert moves, "no live widget"
+    for name, move in moves.items():
+        assert max(move["shown"]) < 10_000, f"{name}: the slider moves, the picture does not"
+        assert move["work"] < HANGS, f"{name}: {move}"
+    assert strangers == []
+
+
+def test_it_opens_on_the_first_chapter(lab, chromium):
+    context = chromium.new_context()
+    page = context.new_page()
+    page.goto(lab, wait_until="load")
+    # JupyterLab brings back what was open last before it goes where the address says.
+    page.wait_for_function(
+        "() => window.jupyterapp?.shell.currentWidget?.context?.path.startsWith('00_')", timeout=MINUTE
+    )
+    page.evaluate(SHUT_DOWN)
+    context.close()

@@ -1,0 +1,105 @@
+"""The wheel by itself: complete, light to start, and enough for a student's notebooks far from any checkout."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from pfslam.teaching.student import exercises, main
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCES = ("pfslam", "pyproject.toml", "README.md", "LICENSE", "LICENSE-text")
+CHAPTER = "01_dead_reckoning.ipynb"
+# What a student does not install: asked for, it is not there.
+NOT_INSTALLED = ("myst_nb", "sphinx", "scipy", "pytest")
+
+pytestmark = pytest.mark.slow
+
+
+def run(*command, **options) -> str:
+    """What a command prints; its complaints if it fails."""
+    done = subprocess.run(
+        list(map(str, command)), capture_output=True, text=True, encoding="utf-8", check=False, **options
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> Path:
+    """The wheel, built from a copy of the sources so that nothing is left in the checkout."""
+    copy, out = tmp_path_factory.mktemp("sources"), tmp_path_factory.mktemp("wheel")
+    for name in SOURCES:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(ROOT / name, copy / name)
+    pip = (sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index")
+    run(*pip, "-w", out, copy)
+    (built,) = out.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def classroom(wheel, tmp_path_factory) -> dict:
+    """A folder with the wheel installed and the environment of a student: no checkout, no book machinery."""
+    folder = tmp_path_factory.mktemp("class room")
+    pip = (
+        sys.executable,
+        "-m",
+        "pip",
+        "install",
+        "-q",
+        "--no-deps",
+        "--no-index",
+        "--target",
+        folder / "site",
+    )
+    run(*pip, wheel)
+    for name in NOT_INSTALLED:
+        text = f'raise ModuleNotFoundError("No module named {name}", name={name!r})\n'
+        (folder / "site" / f"{name}.py").write_text(text, encoding="utf-8")
+    kept = {key: value for key, value in os.environ.items() if key not in ("PFSLAM_WIDGETS", "PYTHONPATH")}
+    return {"cwd": folder, "env": kept | {"PYTHONPATH": str(folder / "site"), "OPENBLAS_NUM_THREADS": "1"}}
+
+
+def test_the_wheel_holds_every_file_of_the_package(wheel):
+    held = {name for name in zipfile.ZipFile(wheel).namelist() if name.startswith("pfslam/")}
+    files = (path for path in (ROOT / "pfslam").rglob("*") if path.is_file() and path.suffix != ".pyc")
+    assert held == {path.relative_to(ROOT).as_posix() for path in files}
+
+
+def test_it_is_the_installed_package_that_runs(classroom):
+    where = run(sys.executable, "-c", "import pfslam; print(pfslam.__file__)", **classroom)
+    assert Path(where.strip()).is_relative_to(classroom["cwd"])
+
+
+def test_help_starts_without_the_heavy_libraries(classroom):
+    heavy = ["numpy", "cv2", "matplotlib", "IPython"]
+    code = f"""import runpy, sys
+sys.argv = ["pfslam", "--help"]
+try:
+    runpy.run_module("pfslam", run_name="__main__")
+except SystemExit:
+    print("loaded:", *[m for m in {heavy} if m in sys.modules])"""
+    printed = run(sys.executable, "-c", code, **classroom)
+    assert "usage: pfslam" in printed
+    assert printed.splitlines()[-1].split() == ["loaded:"]
+
+
+def test_a_students_chapter_runs_outside_the_checkout(classroom):
+    folder = classroom["cwd"] / "chapters"
+    main([str(folder), str(ROOT / "notebooks" / CHAPTER)])
+    command = (sys.executable, "-m", "nbconvert", "--to", "notebook", "--execute", "--inplace", CHAPTER)
+    run(*command, **(classroom | {"cwd": folder}))
+    ran = json.loads((folder / CHAPTER).read_text(encoding="utf-8"))
+    stubs = exercises(ran)
+    assert len(stubs) >= 3
+    for n, cell in stubs.items():
+        said = "".join("".join(o.get("data", {}).get("text/plain", "")) for o in cell["outputs"])
+        assert said.startswith("Not answered yet"), f"exercise {n}: {said or cell['outputs']}"
