@@ -37,6 +37,7 @@ def site() -> Path:
         missing("the site is not built: make book")
     return SITE
 
+
 WHOLE = """() => document.readyState === 'complete' && !document.querySelector('meta[http-equiv=refresh i]')
   && (!window.MathJax?.startup?.promise || MathJax.startup.promise.then(() => true))"""
 
