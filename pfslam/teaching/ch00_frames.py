@@ -150,8 +150,8 @@ def turn_rate(recording: Recording, moment: float) -> float:
 
 def spread(drawn: np.ndarray, right: np.ndarray) -> float:
     """How far (m, median) a drawn point lies from the nearest of the right ones; every third is asked."""
-    apart = drawn[::3, None] - right[None]
-    return float(np.median(np.sqrt((apart**2).sum(axis=2).min(axis=1))))
+    dx, dy = (np.subtract.outer(drawn[::3, k], right[:, k]) for k in (0, 1))
+    return float(np.median(np.sqrt((dx**2 + dy**2).min(axis=1))))
 
 
 def blur(recording: Recording, moment: float, offset: float) -> float:
