@@ -32,6 +32,7 @@ STYLE: dict[Any, Any] = {
     "axes.edgecolor": INK,
     "axes.labelcolor": INK,
     "axes.titlesize": 13,
+    "axes.titley": 1.0,  # where titles stand anyhow; the search for a free place would lay out every tick again
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
