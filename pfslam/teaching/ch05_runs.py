@@ -8,8 +8,7 @@ import numpy as np
 
 from pfslam.config import SlamConfig
 from pfslam.grid import LOG_4, MapConfig, OccupancyGrid
-from pfslam.metrics import SlamCost, slam_cost, trajectory_error
-from pfslam.motion import dead_reckoning
+from pfslam.metrics import SlamCost, slam_cost
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import LidarScans, Recording
 from pfslam.runs import run_slam
@@ -35,12 +34,6 @@ def paths_over_seeds(recording: Recording, config: SlamConfig, seeds: int) -> li
     """The estimated path of one run per seed."""
     rngs = [np.random.default_rng(seed) for seed in range(seeds)]
     return [run_slam(recording, config, rng=rng, keep_particles=False).trajectory for rng in rngs]
-
-
-def errors_over_seeds(recording: Recording, config: SlamConfig, seeds: int) -> np.ndarray:
-    """Root mean square position error (m) of one run per seed, ``(seeds,)``."""
-    paths = paths_over_seeds(recording, config, seeds)
-    return np.array([trajectory_error(path, true_path(recording)).ate_rmse_m for path in paths])
 
 
 FIRST_CORRIDOR = (17.0, 31.0)
@@ -74,13 +67,6 @@ def slip_picture(excess: dict[str, np.ndarray]) -> Picture:
     return Picture(
         figure, f"How much too long the first corridor becomes. {'; '.join(words)}. Dotted: truth."
     )
-
-
-def dead_reckoning_error(recording: Recording) -> float:
-    """The same for dead reckoning, at every fifth scan."""
-    t, odometry = scans_of(recording).t[::5], dead_reckoning(recording)
-    t = t[odometry.covers(t)]
-    return trajectory_error(Trajectory(t, odometry.at(t)), true_path(recording)).ate_rmse_m
 
 
 def errors_picture(errors: dict[str, np.ndarray]) -> Picture:

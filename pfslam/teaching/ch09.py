@@ -6,23 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from pfslam.study.table import Table
 from pfslam.teaching.pictures import Picture
 from pfslam.teaching.style import COLOURS, new_figure
-from pfslam.teaching.tables import read_table, select
+from pfslam.teaching.tables import ERROR, errors_by_label, labels_of, read_table, select
 
-ERROR = "ate_rmse_m"
 NO_POLISH = ", and no polish"
-
-
-def labels_of(table: Table) -> list[str]:
-    """The labels of a table in the order of their first rows."""
-    return list(dict.fromkeys(table["label"].tolist()))
-
-
-def errors_by_label(table: Table, column: str = ERROR) -> dict[str, np.ndarray]:
-    """The values of one column, one array for each label."""
-    return {label: select(table, label=label)[column] for label in labels_of(table)}
 
 
 def middle(values: np.ndarray) -> float:

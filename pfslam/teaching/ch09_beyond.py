@@ -15,11 +15,11 @@ from pfslam.poses import Trajectory, compose, transform_points, wrap_angle
 from pfslam.recording import Recording
 from pfslam.runs import run_slam
 from pfslam.teaching.ch01 import true_path
-from pfslam.teaching.ch09 import labels_of, length, middle
+from pfslam.teaching.ch09 import length, middle
 from pfslam.teaching.figures import draw_map, draw_trajectory
 from pfslam.teaching.pictures import Picture
 from pfslam.teaching.style import new_figure
-from pfslam.teaching.tables import read_table, select
+from pfslam.teaching.tables import labels_of, read_table, select
 
 LOG = "intel/intel.log"
 

@@ -16,10 +16,10 @@ from pfslam.runs import slam_steps
 from pfslam.simulator import HALL, simulate
 from pfslam.study.table import Table
 from pfslam.teaching.ch01 import true_path
-from pfslam.teaching.ch09 import ERROR, labels_of, length, middle
+from pfslam.teaching.ch09 import length, middle
 from pfslam.teaching.figures import draw_map, draw_trajectory
 from pfslam.teaching.style import COLOURS, new_figure
-from pfslam.teaching.tables import read_table, select
+from pfslam.teaching.tables import ERROR, labels_of, read_table, select
 
 FRAMES = 20
 

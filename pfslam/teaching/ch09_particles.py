@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pfslam.study.table import Table
-from pfslam.teaching.ch09 import ERROR, labels_of, length, middle
+from pfslam.teaching.ch09 import length, middle
 from pfslam.teaching.style import COLOURS, new_figure
-from pfslam.teaching.tables import read_table, select
+from pfslam.teaching.tables import ERROR, labels_of, read_table, select
 
 NUMBERS = (1, 5, 50)
 SIDES = {"no polish": "particles", "polish": "estimate"}

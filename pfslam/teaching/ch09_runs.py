@@ -83,6 +83,7 @@ def rung_frame(recording: Recording, rungs: dict[str, Rung]) -> Callable[..., Fi
             )
         right.set(yscale="log", ylim=(0.0005, 3), xlabel="time [s]", title="off the truth by")
         right.set_yticks([0.001, 0.01, 0.1, 1], ["1 mm", "1 cm", "10 cm", "1 m"])
+        right.set_yticks([0.002, 0.005, 0.02, 0.05, 0.2, 0.5], minor=True)  # few: each tick takes its time
         return figure
 
     return draw

@@ -15,6 +15,8 @@ from pfslam.study.table import Table
 from pfslam.study.table import read_table as read_table_file
 
 STUDIES = Path(__file__).parent / "studies"
+ERROR = "ate_rmse_m"
+"""The column with the error that the chapters speak of: position, root mean square, by the first pose."""
 
 
 def stored_studies() -> list[str]:
@@ -47,6 +49,16 @@ def select(table: Table, **wanted: Any) -> Table:
         values = value if isinstance(value, (list, tuple, np.ndarray)) else [value]
         keep &= np.isin(table[column], np.asarray(values, dtype=table[column].dtype))
     return {column: cells[keep] for column, cells in table.items()}
+
+
+def labels_of(table: Table) -> list[str]:
+    """The labels of a table in the order of their first rows."""
+    return list(dict.fromkeys(table["label"].tolist()))
+
+
+def errors_by_label(table: Table, column: str = ERROR) -> dict[str, np.ndarray]:
+    """The values of one column, one array for each label."""
+    return {label: select(table, label=label)[column] for label in labels_of(table)}
 
 
 def refresh(name: str, folder: Path, jobs: int = -1) -> None:
