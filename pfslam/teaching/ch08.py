@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -41,34 +42,31 @@ class Exhibit:
         return f"{self.number} {round(self.reading[state], 2) + 0.0:.2f} {self.unit}".strip()
 
 
-def exhibit_frame(exhibit: Exhibit, state: str) -> Figure:
-    """Symptom on the left, diagnosis on the right."""
+def exhibit_frame(exhibit: Exhibit, state: str) -> tuple[Figure, str]:
+    """Symptom on the left, diagnosis on the right; and the alt text, for the panels say themselves what they show."""
     figure, axes = new_figure(6.2, 3.5, columns=2)
-    exhibit.symptom(axes[0], state)
-    exhibit.diagnosis(axes[1], state)
+    left, right = exhibit.symptom(axes[0], state), exhibit.diagnosis(axes[1], state)
     for ax, title in zip(axes, ("symptom", "diagnosis"), strict=True):
         ax.set_title(title, fontsize=12)
     figure.suptitle(f"{exhibit.name}, {state}: {exhibit.value(state)}", fontsize=12, color=COLOUR[state])
-    return figure
-
-
-def exhibit_words(exhibit: Exhibit, state: str) -> str:
-    """The alt text of a frame: the panels say themselves what they show."""
-    _, axes = new_figure(4, 2, columns=2)
-    left, right = exhibit.symptom(axes[0], state), exhibit.diagnosis(axes[1], state)
     done = exhibit.what if state == "broken" else "all is right"
-    return f"{exhibit.name}, {state} ({done}). Symptom: {left}. Diagnosis: {right}. {exhibit.value(state)}."
+    alt = f"{exhibit.name}, {state} ({done}). Symptom: {left}. Diagnosis: {right}. {exhibit.value(state)}."
+    return figure, alt
 
 
 def bench(exhibits: list[Exhibit], title: str) -> Explorer:
     """The widget of a family of faults: which fault, and healthy or broken."""
     by_name = {exhibit.name: exhibit for exhibit in exhibits}
+    words: dict[tuple[str, str], str] = {}  # of what has been drawn: not drawn again for its words
 
     def draw(fault: str, state: str) -> Figure:
-        return exhibit_frame(by_name[fault], state)
+        figure, words[fault, state] = exhibit_frame(by_name[fault], state)
+        return figure
 
     def alt(fault: str, state: str) -> str:
-        return exhibit_words(by_name[fault], state)
+        if (fault, state) not in words:
+            draw(fault, state)
+        return words[fault, state]
 
     controls = [
         Slider("fault", list(by_name), label="Fault"),
@@ -106,22 +104,26 @@ def clock_explorer(turn: Turn) -> Explorer:
     curve = {s: turn.cells(s) for s in np.round(np.arange(-4, 5) * 0.05, 2)}
     rate = np.abs(turn.yaw_rate())
 
+    @lru_cache(maxsize=1)
+    def laid_out(shift: float) -> tuple[np.ndarray, np.ndarray]:
+        return turn.places(shift), turn.lonely(shift)
+
     def draw(shift: float) -> Figure:
         figure, axes = new_figure(6.2, 3.5, columns=2)
-        x, y = turn.places(shift).T
-        axes[0].plot(x, y, "s", markersize=1.0, markeredgewidth=0, color=COLOURS["truth"])
+        places, stray = laid_out(shift)
+        axes[0].plot(*places.T, "s", markersize=1.0, markeredgewidth=0, color=COLOURS["truth"])
         axes[0].set_aspect("equal")
         axes[0].grid(False)
         limits = {"xlim": (2, 13), "ylim": (13.5, 24.5)}
-        few_ticks(axes[0], xlabel="x [m]", ylabel="y [m]", title=f"{turn.cells(shift)} cells", **limits)
-        axes[1].scatter(rate, 100 * turn.lonely(shift), s=14, color=COLOURS["hits"])
+        few_ticks(axes[0], xlabel="x [m]", ylabel="y [m]", title=f"{len(places)} cells", **limits)
+        axes[1].scatter(rate, 100 * stray, s=14, color=COLOURS["hits"])
         few_ticks(axes[1], xlabel="yaw rate [rad/s]", ylabel="stray points [%]", ylim=(0, 100))
         return figure
 
     def alt(shift: float) -> str:
-        stray = turn.lonely(shift)
+        places, stray = laid_out(shift)
         least = min(curve, key=lambda s: curve[s])
-        return f"""Scan stamps moved by {shift:.2f} s: the walls need {turn.cells(shift)} cells. Points that hardly
+        return f"""Scan stamps moved by {shift:.2f} s: the walls need {len(places)} cells. Points that hardly
         another scan confirms: {100 * stray[rate > 0.5].mean():.0f} % of a scan while turning faster than 0.5 rad/s,
         {100 * stray[rate < 0.1].mean():.0f} % while driving straight. Fewest cells at {least:.2f} s."""
 

@@ -109,10 +109,12 @@ def model_exhibits(recording: Recording) -> list[Exhibit]:
         points = seen_points(shot, camera, floor=False)
         return points[points[:, 2] > 0.1]
 
-    def exhibit(name: str, what: str, number: str, unit: str, measure) -> Exhibit:
+    def exhibit(name: str, what: str, number: str, unit: str, measure: str) -> Exhibit:
         cameras = pair(right, models[name])
         floor = {s: seen_points(shot, camera, floor=True) for s, camera in cameras.items()}
         walls = {s: walls_of(camera) for s, camera in cameras.items()}
+        beyond = {s: float(np.median(wall_range_error(shot, points))) for s, points in walls.items()}
+        turned = {s: wall_turn_deg(shot, points) for s, points in walls.items()}
 
         def symptom(axes: Axes, state: str) -> str:
             for s in STATES:
@@ -126,28 +128,16 @@ def model_exhibits(recording: Recording) -> list[Exhibit]:
             axes.plot(*walls[state][::5, :2].T, ".", markersize=2, color=COLOUR[state])
             axes.set_aspect("equal")
             few_ticks(axes, xlabel="ahead [m]", ylabel="left [m]", xlim=(0, 6.5), ylim=(-2.5, 4))
-            error, turn = wall_range_error(shot, walls[state]), wall_turn_deg(shot, walls[state])
-            return f"""the camera's walls lie {np.median(error):.2f} m beyond the LiDAR's (median) and fit best
-            when turned by {turn:.1f} degrees"""
+            return f"""the camera's walls lie {beyond[state]:.2f} m beyond the LiDAR's (median) and fit best
+            when turned by {turned[state]:.1f} degrees"""
 
-        reading = {s: measure(walls[s]) for s in STATES}
+        reading = {"turned": turned, "beyond": beyond}[measure]
         return Exhibit(name, what, number, unit, reading, symptom, diagnosis)
 
-    def turned(points: np.ndarray) -> float:
-        return wall_turn_deg(shot, points)
-
-    def beyond(points: np.ndarray) -> float:
-        return float(np.median(wall_range_error(shot, points)))
-
+    off = f"disparities {COUNTS:.0f} counts off"
     return [
-        exhibit("swapped K", "principal point in (row, column) order", "walls turned by", "deg", turned),
-        exhibit(
-            "disparity offset",
-            f"disparities {COUNTS:.0f} counts off",
-            "walls beyond the LiDAR's",
-            "m",
-            beyond,
-        ),
+        exhibit("swapped K", "principal point in (row, column) order", "walls turned by", "deg", "turned"),
+        exhibit("disparity offset", off, "walls beyond the LiDAR's", "m", "beyond"),
     ]
 
 
