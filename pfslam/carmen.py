@@ -2,51 +2,30 @@
 
 Read are the old laser message FLASER, the new one ROBOTLASER1, and RAWLASER1 with ODOM. The time of a scan is
 when its message was sent (``ipc_timestamp``); the relations of the benchmark use the same.
+
+``load_carmen`` holds all scans. ``streams.carmen_to_file`` does the same with logs too long for that: it reads all
+lines once for their stamps and poses, and those of the scans again, one by one, for their ranges.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from array import array
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from pfslam.carmen_lines import CarmenLog, read_log
 from pfslam.errors import DataError
-from pfslam.files import reason
 from pfslam.formats import numbers
 from pfslam.poses import Trajectory, between
 from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import LidarModel, RobotModel
 
-MAX_LINE_BYTES = 2**20
-MAX_BEAMS = 20_000
-MAX_STAMP = 1e11
 MAX_COORDINATE = 1e8
-NO_RETURN = 80.0
-"""SICK scanners report 81.83 m and the like where nothing came back."""
 SENSOR_HEIGHT = 0.35
 """The logs do not say how high the scanner sits; for a flat floor it does not matter."""
-
-
-@dataclass
-class _Log:
-    """What the lines of a log add up to. Rows of ``odometry``: stamp, x, y, theta."""
-
-    path: Path
-    beams: int = 0
-    angles: tuple[float, float] = (0.0, 0.0)
-    range_max: float = NO_RETURN
-    scan_t: list[float] = field(default_factory=list)
-    ranges: list[np.ndarray] = field(default_factory=list)
-    robot_at_scan: list[list[float]] = field(default_factory=list)
-    laser_at_scan: list[list[float]] = field(default_factory=list)
-    odometry: list[list[float]] = field(default_factory=list)
-    params: dict[str, str] = field(default_factory=dict)
-    dropped: dict[str, int] = field(default_factory=dict)
-
-    def count(self, reason: str, number: int = 1) -> None:
-        if number:
-            self.dropped[reason] = self.dropped.get(reason, 0) + number
 
 
 def load_carmen(path: str | Path) -> Recording:
@@ -55,30 +34,35 @@ def load_carmen(path: str | Path) -> Recording:
     Lines are put in the order of their stamps; of those with the same stamp the first counts. What is left
     out is counted in ``recording.dropped``. Raises ``DataError`` naming the line for what cannot be read.
     """
-    log = _read_lines(Path(path))
+    ranges: list[np.ndarray] = []
+    log = read_log(path, ranges.append)
+    return log_recording(log, lambda order: np.stack([ranges[k] for k in order]))
+
+
+def log_recording(log: CarmenLog, ranges_of: Callable[[np.ndarray], np.ndarray]) -> Recording:
+    """The recording that a log adds up to. ``ranges_of(order)`` gives the ranges ``(K, beams)`` of scans by number."""
     if not log.scan_t:
-        raise DataError(path, "laser messages", "none", "lines of FLASER, ROBOTLASER1 or RAWLASER1")
-    keep = _increasing(log, np.array(log.scan_t), "scans with the stamp of another")
-    t, ranges = np.array(log.scan_t)[keep], np.stack(log.ranges)[keep]
-    log.count("ranges that are not a number", int(np.count_nonzero(np.isnan(ranges))))
-    if len(log.robot_at_scan) == len(log.scan_t):
-        odometry = Trajectory(t, _pose_columns(log, log.robot_at_scan)[keep])
+        raise DataError(log.path, "laser messages", "none", "lines of FLASER, ROBOTLASER1 or RAWLASER1")
+    order = _increasing(log, np.array(log.scan_t), "scans with the stamp of another")
+    t = np.array(log.scan_t)[order]
+    if len(log.robot_at_scan) == 3 * len(log.scan_t):
+        odometry = Trajectory(t, _pose_columns(log, log.robot_at_scan, 3)[order])
     elif log.odometry and not log.robot_at_scan:
-        rows = _pose_columns(log, log.odometry)
+        rows = _pose_columns(log, log.odometry, 4)
         rows = rows[_increasing(log, rows[:, 0], "odometry with the stamp of another")]
         odometry = Trajectory(rows[:, 0], rows[:, 1:])
     else:
-        raise DataError(path, "odometry", "none for some scans", "poses in the scans, or ODOM lines")
+        raise DataError(log.path, "odometry", "none for some scans", "poses in the scans, or ODOM lines")
     robot = RobotModel(lidar=_lidar(log))
-    lidar = LidarScans(t, ranges)
-    return Recording(
-        Path(path).stem, robot, None, None, odometry, lidar, default_every=1, dropped=log.dropped
-    )
+    lidar = LidarScans(t, ranges_of(order))
+    not_numbers = sum(int(np.count_nonzero(np.isnan(scan))) for scan in lidar.ranges)
+    log.count("ranges that are not a number", not_numbers)
+    return Recording(log.path.stem, robot, None, None, odometry, lidar, default_every=1, dropped=log.dropped)
 
 
-def _pose_columns(log: _Log, rows: list[list[float]]) -> np.ndarray:
+def _pose_columns(log: CarmenLog, values: array, columns: int) -> np.ndarray:
     """Rows of odometry as an array, refused if a robot cannot have been there."""
-    table = np.array(rows)
+    table = np.array(values).reshape(-1, columns)
     if np.abs(table[:, -3:]).max() > MAX_COORDINATE:
         at = int(np.argmax(np.abs(table[:, -3:]).max(axis=1)))
         found = " ".join(f"{value:g}" for value in table[at, -3:])
@@ -86,7 +70,7 @@ def _pose_columns(log: _Log, rows: list[list[float]]) -> np.ndarray:
     return table
 
 
-def _increasing(log: _Log, t: np.ndarray, reason: str) -> np.ndarray:
+def _increasing(log: CarmenLog, t: np.ndarray, reason: str) -> np.ndarray:
     """Indices that put stamps in strictly increasing order."""
     order = np.argsort(t, kind="stable")
     first = np.concatenate([[True], np.diff(t[order]) > 0])
@@ -94,121 +78,7 @@ def _increasing(log: _Log, t: np.ndarray, reason: str) -> np.ndarray:
     return order[first]
 
 
-def _read_lines(path: Path) -> _Log:
-    log = _Log(path)
-    readers = {
-        "FLASER": _flaser,
-        "ROBOTLASER1": _robotlaser,
-        "RAWLASER1": _rawlaser,
-        "ODOM": _odom,
-        "PARAM": _param,
-    }
-    try:
-        with open(path, "rb") as file:
-            for number, line in enumerate(iter(lambda: file.readline(MAX_LINE_BYTES + 1), b""), start=1):
-                if len(line) > MAX_LINE_BYTES:
-                    raise DataError(
-                        path, f"line {number}", "a longer line", f"at most {MAX_LINE_BYTES} bytes a line"
-                    )
-                words = line.decode("utf-8", errors="replace").split()
-                if words and words[0] in readers:
-                    readers[words[0]](log, number, words[1:])
-                elif words and not words[0].startswith("#"):
-                    log.count("messages of other kinds")
-    except OSError as error:
-        raise DataError(path, "reading", reason(error), "a file that can be read") from error
-    return log
-
-
-def _flaser(log: _Log, line: int, words: list[str]) -> None:
-    """count, ranges, laser x y theta, odometry x y theta, ipc time, host, logger time."""
-    count = _whole(log.path, line, words, 0)
-    _expect(log.path, line, words, 1 + count + 9)
-    pose = numbers(log.path, f"line {line}", words[count + 1 : count + 7], 6)
-    (stamp,) = numbers(log.path, f"line {line}", words[count + 7 : count + 8], 1)
-    # Old logs leave the angles out: half a turn from -90 deg, the last beam of an even number one step short.
-    step = np.pi / (count if count % 2 == 0 else max(count - 1, 1))
-    _add_scan(log, line, stamp, words[1 : count + 1], -np.pi / 2, step)
-    log.laser_at_scan.append(pose[:3])
-    log.robot_at_scan.append(pose[3:])
-
-
-def _robotlaser(log: _Log, line: int, words: list[str]) -> None:
-    """Laser head as RAWLASER1, laser and robot poses, five safety values, ipc time, host, logger time."""
-    at = _laser_head(log, line, words, 14)
-    log.laser_at_scan.append(numbers(log.path, f"line {line}", words[at : at + 3], 3))
-    log.robot_at_scan.append(numbers(log.path, f"line {line}", words[at + 3 : at + 6], 3))
-
-
-def _rawlaser(log: _Log, line: int, words: list[str]) -> None:
-    """Type, start, field of view, resolution, maximum, accuracy, mode, ranges, remissions, times."""
-    _laser_head(log, line, words, 3)
-
-
-def _laser_head(log: _Log, line: int, words: list[str], tail: int) -> int:
-    """Read a new-style scan with ``tail`` words after its remissions; gives where these begin."""
-    count = _whole(log.path, line, words, 7)
-    remissions = _whole(log.path, line, words, 8 + count)
-    at = 9 + count + remissions
-    _expect(log.path, line, words, at + tail)
-    start, _, step, range_max = numbers(log.path, f"line {line}", words[1:5], 4)
-    (stamp,) = numbers(log.path, f"line {line}", words[-3:-2], 1)
-    # A scanner that sees nothing reports its maximum or a little less.
-    log.range_max = min(NO_RETURN, 0.99 * range_max) if range_max > 0 else NO_RETURN
-    _add_scan(log, line, stamp, words[8 : 8 + count], start, step)
-    return at
-
-
-def _add_scan(log: _Log, line: int, stamp: float, words: list[str], start: float, step: float) -> None:
-    angles = (start, start + (len(words) - 1) * step)
-    if log.beams and (len(words) != log.beams or not np.allclose(angles, log.angles, atol=1e-6)):
-        found = f"{len(words)} beams from {angles[0]:.4f} to {angles[1]:.4f} rad"
-        expected = f"{log.beams} from {log.angles[0]:.4f} to {log.angles[1]:.4f} rad as before"
-        raise DataError(log.path, f"line {line}", found, expected)
-    if not (abs(start) < 7.0 and 0.0 <= angles[1] - start <= 2.0 * np.pi + 1e-3):
-        found = f"angles from {start:g} to {angles[1]:g}"
-        raise DataError(log.path, f"line {line}", found, "increasing radians, at most one turn")
-    if abs(stamp) > MAX_STAMP:
-        raise DataError(log.path, f"line {line}", f"stamp {stamp:g}", f"seconds, at most {MAX_STAMP:g}")
-    try:
-        with np.errstate(over="ignore"):
-            ranges = np.array(words, dtype=float).astype(np.float32)
-    except ValueError:
-        raise DataError(
-            log.path, f"line {line}", "a range that is no number", f"{len(words)} numbers"
-        ) from None
-    log.beams, log.angles = len(words), angles
-    log.scan_t.append(stamp)
-    log.ranges.append(ranges)
-
-
-def _odom(log: _Log, line: int, words: list[str]) -> None:
-    """x, y, theta, speeds and acceleration, ipc time, host, logger time."""
-    _expect(log.path, line, words, 9)
-    log.odometry.append(numbers(log.path, f"line {line}", [words[6], *words[:3]], 4))
-
-
-def _param(log: _Log, line: int, words: list[str]) -> None:
-    if len(words) >= 2:
-        log.params[words[0]] = words[1]
-
-
-def _whole(path: Path, line: int, words: list[str], at: int) -> int:
-    word = words[at] if at < len(words) else "the end of the line"
-    lowest = 1 if at in (0, 7) else 0
-    if not (word.isascii() and word.isdigit() and len(word) < 7 and lowest <= int(word) <= MAX_BEAMS):
-        raise DataError(
-            path, f"line {line}, word {at + 2}", word[:60], f"a count from {lowest} to {MAX_BEAMS}"
-        )
-    return int(word)
-
-
-def _expect(path: Path, line: int, words: list[str], count: int) -> None:
-    if len(words) != count:
-        raise DataError(path, f"line {line}", f"{len(words)} values", f"{count} values")
-
-
-def _lidar(log: _Log) -> LidarModel:
+def _lidar(log: CarmenLog) -> LidarModel:
     """The laser: angles and range limit from its messages, mounting from PARAM lines or the poses."""
     x, y, yaw = _mounting(log)
     low, high = (float(angle + yaw) for angle in log.angles)
@@ -216,15 +86,16 @@ def _lidar(log: _Log) -> LidarModel:
     return replace(lidar, position_b=(float(x), float(y), SENSOR_HEIGHT))
 
 
-def _mounting(log: _Log) -> np.ndarray:
+def _mounting(log: CarmenLog) -> np.ndarray:
     """Pose ``(3,)`` of the laser on the robot: as a parameter, else the logged offset if it never changes.
 
     Some logs carry corrected poses in place of the laser's: their difference changes, and says nothing.
     """
-    if "robot_frontlaser_offset" in log.params:
-        return np.array([*numbers(log.path, "PARAM", [log.params["robot_frontlaser_offset"]], 1), 0.0, 0.0])
+    if log.laser_offset is not None:
+        return np.array([*numbers(log.path, "PARAM", [log.laser_offset], 1), 0.0, 0.0])
     if not log.laser_at_scan:
         return np.zeros(3)
-    offsets = between(np.array(log.robot_at_scan), np.array(log.laser_at_scan))
+    robot, laser = (np.array(poses).reshape(-1, 3) for poses in (log.robot_at_scan, log.laser_at_scan))
+    offsets = between(robot, laser)
     changes = np.abs(between(offsets[0], offsets)).max()
     return offsets[0] if changes < 0.01 and np.hypot(*offsets[0, :2]) < 2.0 else np.zeros(3)

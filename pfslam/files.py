@@ -137,7 +137,7 @@ def _read_member(path, archive: zipfile.ZipFile, member: zipfile.ZipInfo, name: 
         raise DataError(path, name, f"a stated size of {member.file_size} bytes", f"at most {limit} bytes")
     try:
         with archive.open(member) as file:
-            dtype, shape, fortran = _read_header(path, name, file)
+            dtype, shape, fortran = read_npy_header(path, name, file)
             expected = math.prod(shape) * dtype.itemsize
             if expected > MAX_FIELD_BYTES or expected > member.file_size:
                 found = f"shape {shape} of {dtype} in a member of {member.file_size} bytes"
@@ -153,7 +153,7 @@ def _read_member(path, archive: zipfile.ZipFile, member: zipfile.ZipInfo, name: 
     return values.reshape(shape[::-1]).T if fortran else values.reshape(shape)
 
 
-def _read_header(path, name: str, file) -> tuple[np.dtype, tuple[int, ...], bool]:
+def read_npy_header(path, name: str, file) -> tuple[np.dtype, tuple[int, ...], bool]:
     """The dtype, shape and storage order of a ``.npy`` file that is open at its start. Plain numbers only."""
     magic = file.read(8)
     if magic[:6] != NPY_MAGIC or magic[6] not in (1, 2, 3):

@@ -1,7 +1,8 @@
-"""Recordings too long for memory: scans cast into a file a chunk at a time, and read back through a memory map.
+"""Recordings too long for memory: scans written into a file piece by piece, and read back through a memory map.
 
 An hour of scans is 600 MB. Here no more than one chunk of it is in memory, while the file is made and while a filter
-reads it. The file is an uncompressed ``.npz``, as ``numpy.savez`` writes it.
+reads it. The file is an uncompressed ``.npz``, as ``numpy.savez`` writes it. Scans come from the simulator, which casts
+them chunk by chunk, or from a CARMEN log, which is read twice.
 """
 
 from __future__ import annotations
@@ -16,17 +17,17 @@ from pathlib import Path
 
 import numpy as np
 
+from pfslam.carmen import log_recording
+from pfslam.carmen_lines import ranges_again, read_log
 from pfslam.errors import DataError
-from pfslam.files import UNREADABLE, _read_header, atomic_write, reason
-from pfslam.recording import LidarScans
-from pfslam.simulator import DEFAULT_SEED, Simulation, SimulatorConfig, _configuration, _scan_times, simulate
+from pfslam.files import UNREADABLE, atomic_write, read_npy_header, reason
+from pfslam.recording import LidarScans, Recording
+from pfslam.simulator import DEFAULT_SEED, Simulation, SimulatorConfig, simulate
 from pfslam.simulator.clocks import START_OF_TIME
 from pfslam.simulator.lidar import measured, true_ranges
 
 CHUNK = 960
 """Scans at a time: 4 MB of ranges, and some tens of MB while they are cast."""
-STANDING = ((0.01, math.inf),)
-"""A dropout that swallows every scan but the first."""
 
 
 def write_rows(path: str | Path, name: str, shape: tuple[int, int], parts: Iterable[np.ndarray]) -> None:
@@ -62,7 +63,7 @@ def map_npz(path: str | Path, name: str) -> np.ndarray:
             if member.compress_type != zipfile.ZIP_STORED:
                 raise DataError(path, name, "a compressed array", "one written without compression")
             with archive.open(member) as file:
-                dtype, shape, fortran = _read_header(path, name, file)
+                dtype, shape, fortran = read_npy_header(path, name, file)
                 begin = _data_begin(path, member) + file.tell()
     except DataError:
         raise
@@ -107,7 +108,7 @@ def simulate_to_file(
 
     ``progress`` wraps the chunks, as tqdm does.
     """
-    simulation = _without_ranges(_configuration(what), seed)
+    simulation = simulate(what, seed, cast=False)
     scans = simulation.recording.scans()
     chunks = scan_chunks(simulation)
     write_rows(path, "ranges", scans.ranges.shape, progress(chunks) if progress else chunks)
@@ -115,9 +116,18 @@ def simulate_to_file(
     return replace(simulation, recording=replace(simulation.recording, lidar=mapped))
 
 
-def _without_ranges(config: SimulatorConfig, seed: int) -> Simulation:
-    """The simulation with ranges that are all zero and take no memory."""
-    drive = simulate(replace(config, dropouts=STANDING), seed).drive
-    clock = np.random.default_rng(np.random.SeedSequence([seed, config.number]).spawn(6)[3])
-    scans = len(_scan_times(config, drive, clock))
-    return simulate(config, seed, np.broadcast_to(np.float32(0.0), (scans, config.robot.lidar.beams)))
+def carmen_to_file(log: str | Path, path: str | Path) -> Recording:
+    """As ``load_carmen``, with the ranges in the uncompressed archive ``path`` instead of in memory.
+
+    The log is read twice: once for stamps and poses, with every check, and once for the ranges, scan by scan in the
+    order of their stamps. ``DataError`` is that of ``load_carmen``, and then no archive is left.
+    """
+    if Path(path).exists() and Path(log).exists() and Path(path).samefile(log):
+        raise DataError(path, "archive", "the log itself", "another file to write to")
+    lines = read_log(log, lambda ranges: None)
+
+    def into_file(order: np.ndarray) -> np.ndarray:
+        write_rows(path, "ranges", (len(order), lines.beams), ranges_again(lines, order))
+        return map_npz(path, "ranges")
+
+    return log_recording(lines, into_file)

@@ -36,7 +36,7 @@ ORDER = [
         "metrics_cloud",
         "metrics_texture",
     ),
-    *("files", "images", "formats", "carmen", "course_writer", "course_format"),
+    *("files", "images", "formats", "carmen_lines", "carmen", "course_writer", "course_format"),
     *("simulator", "streams", "cache", "datasets", "study", "bench", "teaching", "commands", "__main__"),
 ]
 MODULES = sorted(PACKAGE.rglob("*.py"))

@@ -80,12 +80,14 @@ def simulate(
     seed: int | None = None,
     ranges: np.ndarray | None = None,
     progress: Callable | None = None,
+    cast: bool = True,
 ) -> Simulation:
     """Simulate one drive.
 
     ``what`` is "hall", "ramp" or a configuration; ``seed=None`` is the built-in building. ``ranges``
     ``(K, beams)`` of an earlier call with the same arguments may be given back, which saves casting them.
-    ``progress`` wraps the casting, as tqdm does.
+    ``progress`` wraps the casting, as tqdm does. With ``cast=False`` no scan is cast: all ranges are zero and take no
+    memory, for those who cast them bit by bit (``pfslam.streams``).
     """
     config = _configuration(what)
     seed = DEFAULT_SEED if seed is None else _whole(seed)
@@ -96,7 +98,9 @@ def simulate(
     drive = drive_path(world.path, world.slopes, config, drive_rng)
     t = _scan_times(config, drive, scan_clock)
     stamps = unix(t, config.quantised)
-    if ranges is None:
+    if not cast:
+        ranges = np.broadcast_to(np.float32(0.0), (len(t), config.robot.lidar.beams))
+    elif ranges is None:
         lidar, seconds = config.robot.lidar, stamps - START_OF_TIME
         exact = true_ranges(world, drive, lidar, seconds, config.scan_time, progress)
         ranges = measured(exact, config, scans)
