@@ -17,7 +17,7 @@ PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
 .PHONY: campaign endurance mutants flaky check-lab classroom student solutions wheel site.zip release
 
 help:  ## List the commands
-	@grep -hE '^[a-z.-]+:.*##' Makefile | sed -E 's/^([a-z.-]+):.*## /  make \1\t/' | expand -t 26
+	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-18s %s\n", $$1, $$2 }' Makefile
 
 env: $(STAMP)  ## Make the environment from the lock file (done by the others when needed)
 
