@@ -17,7 +17,9 @@ BLOCKS = re.findall(r"^```(bash|python)\n(.*?)^```", PAGE, re.MULTILINE | re.DOT
 pytestmark = [
     pytest.mark.slow,
     # On Windows the first bash is often the one that asks for Linux to be installed.
-    pytest.mark.skipif(os.name == "nt" or not shutil.which("bash"), reason="the page's commands are for Unix"),
+    pytest.mark.skipif(
+        os.name == "nt" or not shutil.which("bash"), reason="the page's commands are for Unix"
+    ),
 ]
 
 
