@@ -195,7 +195,7 @@ def pairing_picture(camera: RgbdStream) -> Picture:
         t = camera.rgb_t[: len(gap)] - camera.rgb_t[0]
         axes.plot(t, gap, color=COLOURS[colour], label=name, linestyle=LINE_STYLES[colour])
         words.append(f"{name}: median {np.median(gap):.3f} s, at most {gap.max():.2f} s")
-    axes.set(yscale="log", ylim=(1e-4, 30), xlabel="time [s]", ylabel="apart by [s]")
+    axes.set(yscale="log", ylim=(1e-4, 30), xlabel="time [s]", ylabel="apart by")
     axes.set_yticks([1e-3, 1e-2, 0.1, 1, 10], ["1 ms", "10 ms", "0.1 s", "1 s", "10 s"])
     axes.legend(loc="lower right", fontsize=11)
     return Picture(figure, f"Time between the two images of each pair. {'; '.join(words)}.")

@@ -116,7 +116,7 @@ def pictures_of_inverse() -> Picture:
     for axes, way, name in zip(grid.ravel(), order, "ABCD", strict=True):
         points = turn_points(way, 90.0)
         axes.scatter(*points.T, s=4, color=COLOURS["hits"], linewidths=0)
-        metric_axes(axes, name).set(xlabel="", ylabel="", xlim=(-2.6, 4.0), ylim=(-2.6, 2.8))
+        metric_axes(axes, name).set(xlabel="", ylabel="", xlim=(-3.2, 3.8), ylim=(-3.0, 2.8))
         words.append(f"{name} {np.ptp(points[:, 0]):.1f} m wide and {np.ptp(points[:, 1]):.1f} m high")
     alt = f"""Four drawings of a room of 4 by 3 m, made while the robot turned by 90 degrees:
     {"; ".join(words)}."""

@@ -108,7 +108,7 @@ def opinion_picture(recording: Recording) -> Picture:
 
 def two_paths_picture(recordings: dict[str, Recording]) -> Picture:
     """Figures 1 and 2 of the report, with the truth that the report did not have."""
-    figure, grid = new_figure(6.2, 4.4, 1, 2, sharex=True, sharey=True)
+    figure, grid = new_figure(6.2, 3.9, 1, 2, sharex=True, sharey=True)
     words = []
     for axes, (name, recording) in zip(grid, recordings.items(), strict=True):
         odometry, truth = dead_reckoning(recording), true_path(recording)
@@ -138,7 +138,7 @@ def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
         shown = (inputs.t[1:] >= start) & (inputs.t[1:] < start + seconds)
         t = inputs.t[1:][shown] - inputs.t[0]
         axes.plot(t, inputs.v[shown], color=colour, linewidth=width, label=name)
-    axes.axhline(1.4, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"], label="no real speed is above")
+    axes.axhline(1.4, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"], label="top speed of the robot")
     axes.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0.0, None))
     axes.legend(loc="upper left", fontsize=11)
     worst = {name: readings[name].v.max() for name in looks}
@@ -151,7 +151,7 @@ def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
 
 def circle_picture(v: float = 1.0, omega: float = 0.8, seconds: float = 7.0) -> Picture:
     """Euler steps of three sizes against the arc that the robot drives."""
-    figure, axes = new_figure(6.0, 4.6)
+    figure, axes = new_figure(6.2, 3.7)
     exact = _circle(v, omega, seconds, 0.01, motion_model_arc)
     axes.plot(*exact[:, :2].T, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"], label="exact arc")
     gaps = []

@@ -90,8 +90,8 @@ def draw_speed(recording: Recording, milliseconds: float) -> Figure:
             label=f"{name}: {distance(inputs):.1f} m",
         )
     axes.axhline(1.4, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"])
-    axes.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0.0, 10.5))
-    axes.legend(loc="upper left", fontsize=11)
+    axes.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0.0, 12.5))
+    axes.legend(loc="upper right", fontsize=11)
     return figure
 
 

@@ -106,9 +106,9 @@ def draw_smoothing(inputs: Controls, seconds: float) -> Figure:
     degrees, away = smoothing_errors(inputs, seconds)
     left.set(xlabel="time [s]", ylabel="yaw rate [rad/s]")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=11)
-    metric_axes(right, f"at most {away:.2f} m apart").set(xlim=(-4, 27), ylim=(-4, 27))
+    metric_axes(right).set(xlim=(-4, 27), ylim=(-4, 27))
     right.set(xticks=(0, 10, 20), yticks=(0, 10, 20))
-    figure.suptitle(f"end heading differs by {degrees:.2f}°", fontsize=13)
+    figure.suptitle(f"heading at the end {degrees:.2f}° apart, path {away:.2f} m at most", fontsize=12)
     return figure
 
 
@@ -128,7 +128,7 @@ def smoothing_explorer(recording: Recording) -> Explorer:
             Slider(
                 "seconds",
                 (0.0, 0.1, 0.25, 0.5, 1.0, 2.0),
-                0,
+                3,
                 "Averaged over the last",
                 "s",
                 "g",

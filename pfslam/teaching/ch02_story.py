@@ -242,7 +242,7 @@ def dead_reckoned_maps(recordings: dict[str, Recording], every: int = 20) -> dic
 
 def dead_reckoned_picture(drawn: dict[str, tuple[Trajectory, OccupancyGrid, OccupancyGrid]]) -> Picture:
     """Figures 5 and 6 of the report above, and below the maps that true poses draw of the same scans."""
-    figure, axes = new_figure(6.2, 7.0, 2, len(drawn), sharex="col", sharey="row")
+    figure, axes = new_figure(6.2, 6.6, 2, len(drawn), sharex=True, sharey=True)
     words = []
     for column, (name, (odometry, wrong, right)) in enumerate(drawn.items()):
         draw_map(axes[0, column], wrong, f"{name}, dead reckoning")
@@ -253,6 +253,10 @@ def dead_reckoned_picture(drawn: dict[str, tuple[Trajectory, OccupancyGrid, Occu
         words.append(f"{name}: {black[0]} occupied cells along dead reckoning, {black[1]} along true poses")
     for ax in axes[:, 1]:
         ax.set_ylabel("")
+    extents = np.array([ax.images[0].get_extent() for ax in axes.ravel()])
+    (left, low), (right, high) = extents[:, ::2].min(axis=0), extents[:, 1::2].max(axis=0)
+    for ax in axes.ravel():
+        ax.set(xlim=(left, right), ylim=(low, high), facecolor=COLOURS["unknown"])
     return Picture(
         figure, f"Two drives, mapped along dead reckoning (above) and true poses (below). {'; '.join(words)}."
     )

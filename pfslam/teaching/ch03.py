@@ -59,7 +59,8 @@ def end_spreads(recording: Recording, noise: ControlNoise, seeds: range, n: int 
 
 def fans_picture(recordings: dict[str, tuple[Recording, ControlNoise]], n: int = 5, seed: int = 0) -> Picture:
     """Paths of a few particles for each named recording with its noise: figures 3 and 4 of the report."""
-    figure, grid = new_figure(6.2, 4.6, 1, len(recordings), squeeze=False, sharex=True, sharey=True)
+    height = 4.6 if len(recordings) == 1 else 3.9
+    figure, grid = new_figure(6.2, height, 1, len(recordings), squeeze=False, sharex=True, sharey=True)
     words = []
     for axes, (name, (recording, noise)) in zip(grid[0], recordings.items(), strict=True):
         paths = fan(controls(recording), noise, n, np.random.default_rng(seed))
@@ -162,7 +163,7 @@ def draw_cloud(inputs: Controls, n: int, sigma_v: float, sigma_omega: float) -> 
     axes.scatter(*paths[-1, :, :2].T, s=12, color=COLOURS["estimate"], linewidths=0, zorder=4)
     axes.set(xlim=(-9, 27), ylim=(-12, 27), xticks=(0, 10, 20), yticks=(-10, 0, 10, 20))
     at_end = f"{spread(paths[-1]):.1f} m, {heading_spread(paths[-1]):.0f}°"
-    metric_axes(axes, f"at the end (dark): {at_end}")
+    metric_axes(axes, f"spread at the end (dark): {at_end}")
     return figure
 
 

@@ -93,7 +93,7 @@ def draw_fit(axes: Axes, place: Place, points_w: np.ndarray, reach: float = 4.0,
 
 def question_picture(place: Place, wrong: tuple[float, float, float]) -> Picture:
     """The same scan from the true pose and from a wrong one."""
-    figure, axes = new_figure(6.2, 3.7, columns=2, sharey=True)
+    figure, axes = new_figure(6.2, 4.2, columns=2, sharey=True)
     counts = []
     for ax, offset, name in zip(axes, ((0.0, 0.0, 0.0), wrong), ("A", "B"), strict=True):
         points = place.moved(*offset)
@@ -101,7 +101,8 @@ def question_picture(place: Place, wrong: tuple[float, float, float]) -> Picture
         counts.append(int(on_walls(place, points).sum()))
         ax.set_title(f"pose {name}")
     axes[1].set_ylabel("")
-    axes[1].legend(loc="lower right", markerscale=3, fontsize=11)
+    labels = axes[1].get_legend_handles_labels()
+    figure.legend(*labels, loc="outside lower center", ncols=2, markerscale=3, fontsize=11)
     dx, dy, dtheta = wrong
     alt = f"""Two maps of the same corner with the same scan of {len(place.points_b)} end points on each. Pose A is
     the true one: {counts[0]} points lie on walls. Pose B is off by {np.hypot(dx, dy):.2f} m and

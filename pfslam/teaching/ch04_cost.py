@@ -66,6 +66,7 @@ def width_picture(times: dict[str, dict[str, float]]) -> Picture:
         axes.bar_label(bars, [f"{v:.3g} ms" for v in values], padding=4)
     axes.set_yticks(range(len(CLOUDS)), [name.replace(": ", "\n") for name in CLOUDS])
     axes.set_xscale("log")
+    axes.xaxis.set_major_formatter("{x:g}")
     every = [v for by_way in times.values() for v in by_way.values()]
     axes.set(xlabel="milliseconds per scan, 200 particles", xlim=(min(every) / 2, max(every) * 8))
     axes.invert_yaxis()
@@ -109,6 +110,6 @@ def update_picture(parts: dict[str, tuple[float, float]]) -> Picture:
     axes.set_yticks(y, names)
     axes.set(xlabel="milliseconds of one update")
     axes.invert_yaxis()
-    axes.legend(loc="lower right")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.3, 1.0), ncols=2)
     words = ", ".join(f"{name} {value:.2g} ms" for name, value in zip(names, spent, strict=True))
     return Picture(figure, f"Parts of one update with 200 particles: {words}.")

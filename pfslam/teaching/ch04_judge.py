@@ -66,7 +66,7 @@ def draw_weights(poses: np.ndarray, counts: np.ndarray, beta: float) -> Figure:
     left.set(
         xlabel="x [cm]", ylabel="y [cm]", xlim=(-8, 8), ylim=(-8, 8), xticks=(-5, 0, 5), yticks=(-5, 0, 5)
     )
-    left.set_title(f"N_eff = {n_eff(weights):.1f} of {len(weights)}")
+    left.set_title(rf"$N_\mathrm{{eff}}$ = {n_eff(weights):.1f} of {len(weights)}")
     right.fill_between(
         np.arange(len(weights)), np.sort(weights)[::-1], color=COLOURS["particles"], step="mid"
     )

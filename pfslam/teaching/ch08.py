@@ -38,8 +38,8 @@ class Exhibit:
     diagnosis: Callable[[Axes, str], str]
 
     def value(self, state: str) -> str:
-        """The number in words, rounded to what matters."""
-        return f"{self.number} {round(self.reading[state], 2) + 0.0:.2f} {self.unit}".strip()
+        """The number in words, rounded to what matters; a count has no decimals."""
+        return f"{self.number} {round(self.reading[state], 2) + 0.0:g} {self.unit}".strip()
 
 
 def exhibit_frame(exhibit: Exhibit, state: str) -> tuple[Figure, str]:
@@ -48,7 +48,8 @@ def exhibit_frame(exhibit: Exhibit, state: str) -> tuple[Figure, str]:
     left, right = exhibit.symptom(axes[0], state), exhibit.diagnosis(axes[1], state)
     for ax, title in zip(axes, ("symptom", "diagnosis"), strict=True):
         ax.set_title(title, fontsize=12)
-    figure.suptitle(f"{exhibit.name}, {state}: {exhibit.value(state)}", fontsize=12, color=COLOUR[state])
+    value = exhibit.value(state).replace("N_eff / N", "$N_{eff}/N$")
+    figure.suptitle(f"{exhibit.name}, {state}: {value}", fontsize=12, color=COLOUR[state])
     done = exhibit.what if state == "broken" else "all is right"
     alt = f"{exhibit.name}, {state} ({done}). Symptom: {left}. Diagnosis: {right}. {exhibit.value(state)}."
     return figure, alt

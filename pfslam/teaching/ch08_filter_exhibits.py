@@ -65,7 +65,7 @@ def error_panel(runs: dict[str, LabRun]) -> Panel:
         )
         axes.plot(run.seconds, 100 * run.error, color=COLOUR[state])
         top = max(max(100 * r.error.max(), 200 * r.spread.max()) for r in runs.values())
-        few_ticks(axes, xlabel="time [s]", ylabel="error, 2 x spread [cm]", ylim=(0, 1.05 * top))
+        few_ticks(axes, xlabel="time [s]", ylabel="error, 2 × spread [cm]", ylim=(0, 1.05 * top))
         outside = np.mean(run.error > 2 * run.spread)
         return f"""error {100 * run.ate:.0f} cm (RMS); outside twice the spread of the cloud for
         {100 * outside:.0f} % of the time"""

@@ -139,7 +139,7 @@ def track_explorer(recording: Recording) -> Explorer:
     """Slide the track until wheels and gyro turn alike."""
     t, gyro = (values[::20] for values in heading_from_gyro(recording))
     since, turned = t - t[0], np.rad2deg(np.ptp(gyro))
-    limits = np.rad2deg(gyro.min()) - 0.3 * turned, np.rad2deg(gyro.max()) + 0.6 * turned
+    limits = np.rad2deg(gyro.min()) - 0.3 * turned, np.rad2deg(gyro.max()) + turned
 
     @cache
     def wheels(track: float) -> np.ndarray:
@@ -253,5 +253,6 @@ def run_figure(name: str, recording: Recording, result: SlamResult) -> Picture:
     figure = map_figure(result.grid, f"{name}: {len(result.infos)} scans", result.trajectory)
     if recording.truth is not None:
         draw_trajectory(figure.axes[0], recording.truth, "truth")
+        figure.axes[0].legend()
     way = np.hypot(*np.diff(result.trajectory.poses[:, :2], axis=0).T).sum()
     return Picture(figure, f"Map and path of {name}: {way:.0f} m driven, {len(result.infos)} scans used.")
