@@ -14,7 +14,7 @@ PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test lint types unit notebooks studies study-costs check-book lab notebook-outputs strip lock clean
-.PHONY: campaign endurance mutants flaky check-lab classroom student solutions wheel site.zip release
+.PHONY: campaign endurance mutants mutants-core coverage flaky check-lab classroom student solutions wheel site.zip release
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-18s %s\n", $$1, $$2 }' Makefile
@@ -86,6 +86,17 @@ endurance: $(STAMP)  ## Drive for an hour in bounded memory, for the page about 
 
 mutants: $(STAMP)  ## Spoil each equation in every way and see that the tests notice
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" tests/mutation.py --out book/tables/mutants.csv
+
+SAMPLE ?= 300
+mutants-core: $(STAMP)  ## Spoil a sample of the core modules, every line of them counted (SAMPLE=300)
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" tests/mutation.py --core --sample $(SAMPLE) --out book/tables/mutants_core.csv
+
+coverage: $(STAMP)  ## Run the unit tests and see how much of the core they reach, for the page about robustness
+	@rm -rf _build/coverage
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m coverage run -m pytest -q -n $(WORKERS) --dist loadfile -m "not browser and not lab" tests
+	"$(BIN)/python" -m coverage combine -q
+	"$(BIN)/python" -m coverage json -q -o _build/coverage/core.json
+	"$(BIN)/python" tests/coverage_table.py _build/coverage/core.json
 
 REPEATS ?= 20
 flaky: $(STAMP)  ## Repeat the unit tests in random order on one and on two workers (REPEATS=20)
