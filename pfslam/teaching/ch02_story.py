@@ -248,15 +248,13 @@ def dead_reckoned_picture(drawn: dict[str, tuple[Trajectory, OccupancyGrid, Occu
         draw_map(axes[0, column], wrong, f"{name}, dead reckoning")
         draw_trajectory(axes[0, column], odometry, "odometry")
         draw_map(axes[1, column], right, f"{name}, true poses")
-        axes[0, column].set(xlabel="")
         black = [np.count_nonzero(grid.occupied) for grid in (wrong, right)]
         words.append(f"{name}: {black[0]} occupied cells along dead reckoning, {black[1]} along true poses")
-    for ax in axes[:, 1]:
-        ax.set_ylabel("")
     extents = np.array([ax.images[0].get_extent() for ax in axes.ravel()])
     (left, low), (right, high) = extents[:, ::2].min(axis=0), extents[:, 1::2].max(axis=0)
     for ax in axes.ravel():
         ax.set(xlim=(left, right), ylim=(low, high), facecolor=COLOURS["unknown"])
+        ax.label_outer()
     return Picture(
         figure, f"Two drives, mapped along dead reckoning (above) and true poses (below). {'; '.join(words)}."
     )
