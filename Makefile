@@ -14,7 +14,7 @@ PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test lint types unit notebooks studies study-costs check-book lab notebook-outputs strip lock clean
-.PHONY: campaign endurance mutants mutants-core coverage flaky check-lab classroom student solutions wheel site.zip release
+.PHONY: campaign endurance mutants mutants-core coverage flaky check-lab classroom redraw student solutions wheel site.zip release
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-18s %s\n", $$1, $$2 }' Makefile
@@ -105,6 +105,9 @@ flaky: $(STAMP)  ## Repeat the unit tests in random order on one and on two work
 
 classroom: $(STAMP)  ## Measure what a kernel needs for each chapter, for the page for teachers
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pfslam.teaching.classroom $(NOTEBOOKS) --out book/tables/classroom.csv
+
+redraw: $(STAMP)  ## Measure how long the kernel takes to redraw each widget
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pfslam.teaching.redraw $(NOTEBOOKS)
 
 student: $(STAMP)  ## Write the chapters for students, without solutions, into _build/student
 	@rm -rf _build/student

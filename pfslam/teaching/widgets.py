@@ -127,6 +127,11 @@ class Explorer:
         with garbage_swept():
             return to_rgb(self.draw(**values))
 
+    def tag(self, **values) -> str:
+        """The `<img>` that a move of a slider sends to JupyterLab."""
+        frame = self.frame(**values)
+        return image_tag(quick_uri(frame), self.alt(**values), frame.shape)
+
     def frames(self) -> dict[tuple[int, ...], np.ndarray]:
         """Every picture of the built page, by slider position."""
         return {state: self.frame(**self.values(state)) for state in self.states()}
@@ -173,9 +178,9 @@ def live_view(explorer: Explorer):
     caption = ipywidgets.HTML(f"<b>{explorer.title}</b>")
 
     def redraw(change=None):
-        values = {c.name: slider.value for c, slider in zip(explorer.controls, sliders, strict=True)}
-        frame = explorer.frame(**values)
-        image.value = image_tag(quick_uri(frame), explorer.alt(**values), frame.shape)
+        image.value = explorer.tag(
+            **{c.name: slider.value for c, slider in zip(explorer.controls, sliders, strict=True)}
+        )
 
     for slider in sliders:
         slider.observe(redraw, "value")
