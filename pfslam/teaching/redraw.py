@@ -1,7 +1,8 @@
 """How long a move of a slider takes the kernel: ``python -m pfslam.teaching.redraw NOTEBOOKS...``.
 
 Each notebook runs in a kernel of its own. Then every widget is drawn at all its stops, as a move draws it. What counts
-is the processor's time, the least of three: a busy machine makes the clock on the wall run on, and little else.
+is the processor's time, which other programs lengthen by a half at most, and the clock on the wall by any amount. Each
+stop is drawn once: what a widget remembers of it would make the second time too short.
 """
 
 import argparse
@@ -21,18 +22,15 @@ PROBE = """from pfslam.teaching import redraw
 print(*(redraw.line(shown) for shown in list(Out.values()) if isinstance(shown, redraw.Explorer)), sep="\\n")"""
 
 
-def move_ms(explorer: Explorer, repeats: int = 3) -> np.ndarray:
-    """Processor time ``(stops,)`` (ms) of a move to each stop: the least of ``repeats``, after one to warm up."""
+def move_ms(explorer: Explorer) -> np.ndarray:
+    """Processor time ``(stops,)`` (ms) of a move to each stop, once the widget has been shown."""
     explorer.tag(**explorer.values(explorer.start))
-    least = []
+    times = []
     for state in explorer.states():
-        times = []
-        for _ in range(repeats):
-            begin = time.process_time()
-            explorer.tag(**explorer.values(state))
-            times.append(time.process_time() - begin)
-        least.append(1000 * min(times))
-    return np.array(least)
+        begin = time.process_time()
+        explorer.tag(**explorer.values(state))
+        times.append(1000 * (time.process_time() - begin))
+    return np.array(times)
 
 
 def line(explorer: Explorer) -> str:
