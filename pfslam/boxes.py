@@ -19,6 +19,8 @@ COST_PER_NODE = 0.17
 """Time (ns) to copy one cell of a patch and add it. Only the ratios of the three decide."""
 MAX_SCORES = 20_000_000
 """Scores held at once (80 MB): a box of nodes whose volume or windows would hold more is cut in any case."""
+MAX_SIDE = 4096
+"""Columns or rows of a box: the map is read in one piece around it, gaps included, so that a wider one is cut too."""
 
 
 def volume_cost(extent: np.ndarray, cells: int) -> float:
@@ -68,10 +70,13 @@ def cheapest_boxes(nodes: np.ndarray, reach: np.ndarray, cells: int) -> list[np.
 
 
 def _too_large(nodes: np.ndarray, reach: np.ndarray, cells: int) -> bool:
-    """Whether the windows of ``nodes (U, 3)``, or the volume to read them from, would hold more scores than allowed."""
+    """Whether the windows of ``nodes (U, 3)``, or the volume to read them from, would hold more scores than allowed.
+
+    Or whether they lie so far apart that the piece of the map around them would be large.
+    """
     window, box = 2 * reach + 1, np.ptp(nodes, axis=0) + 2 * reach + 1
     volume = int(np.prod(box)) if volume_is_cheaper(nodes, reach, cells) else 0
-    return max(len(nodes) * int(np.prod(window)), volume) > MAX_SCORES
+    return max(len(nodes) * int(np.prod(window)), volume) > MAX_SCORES or max(box[:2]) > MAX_SIDE
 
 
 def _cut_in_two(nodes: np.ndarray, part: np.ndarray, reach: np.ndarray) -> list[np.ndarray]:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from pfslam.boxes import cheapest_boxes, volume_is_cheaper
-from pfslam.grid import GridSpec
+from pfslam.grid import GridSpec, check_cells
 from pfslam.lattice import Lattice, Window, distinct_nodes
 
 MAX_FIELD_VALUE = 1000
@@ -111,7 +111,9 @@ def search(
     count); ``points_b (M, 2)`` the end points in the body frame (m); ``poses (N, 3)`` the particles. Particles that
     share a node share its scores. The sums are exact, so their order cannot change them.
     """
-    nodes, node_of_particle = distinct_nodes(lattice.nearest(poses))
+    nearest = lattice.nearest(poses)
+    check_cells("particles", np.ptp(nearest[:, :2], axis=0) + 1, "from one end of the cloud to the other")
+    nodes, node_of_particle = distinct_nodes(nearest)
     reach = np.array([window.cells, window.cells, window.yaws])
     middle = lattice.step_yaw * nodes[len(nodes) // 2, 2:]
     cells = len(np.unique(rotated_cells(points_b, middle, spec)[0] @ [1, 1 << 32]))
@@ -216,6 +218,7 @@ def rotated_cells(points_b: np.ndarray, yaws: np.ndarray, spec: GridSpec) -> np.
 
 def _crop(field: np.ndarray, x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
     """Rows y0..y1 and columns x0..x1 (exclusive) of the field, zero outside it."""
+    check_cells("scan matching", (x1 - x0, y1 - y0), "to hold one scan")
     crop = np.zeros((y1 - y0, x1 - x0), dtype=np.float32)
     h, w = field.shape
     inside = np.s_[max(y0, 0) : max(min(y1, h), 0), max(x0, 0) : max(min(x1, w), 0)]

@@ -15,6 +15,22 @@ from pfslam.errors import DataError
 
 LOG_4 = float(np.log(4.0))
 MAX_CELLS = 400_000_000
+"""Most cells of a map, and of any piece of one that is cut out: a kilometre by a kilometre of 5 cm."""
+
+
+def check_cells(what: str, shape, why: str) -> None:
+    """``DataError`` for a rectangle ``shape`` (columns, rows) of more than ``MAX_CELLS``, before it takes memory.
+
+    ``what`` asks for it, and ``why`` says what for.
+    """
+    columns, rows = (int(n) for n in shape)
+    if columns * rows > MAX_CELLS:
+        raise DataError(
+            what,
+            "cells",
+            f"{columns} x {rows} {why}",
+            f"at most {MAX_CELLS} cells: look for a leap in the odometry",
+        )
 
 
 @dataclass(frozen=True)
@@ -120,6 +136,9 @@ class OccupancyGrid:
         right, top = (high[i] - n + 1 + pad if high[i] >= n else 0 for i, n in ((0, width), (1, height)))
         if not (left or right or bottom or top):
             return self
+        low_w, high_w = np.min(points_w, axis=0), np.max(points_w, axis=0)
+        reach = f"to reach from ({low_w[0]:.0f}, {low_w[1]:.0f}) to ({high_w[0]:.0f}, {high_w[1]:.0f}) m"
+        check_cells("map", (left + width + right, bottom + height + top), reach)
         spec = self.spec.grown(int(left), int(right), int(bottom), int(top))
         return OccupancyGrid(spec, embed(self.log_odds, self.spec, spec))
 

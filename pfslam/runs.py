@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pfslam.config import SlamConfig
+from pfslam.errors import DataError
 from pfslam.events import scan_events, used_scans
 from pfslam.grid import OccupancyGrid
 from pfslam.per_particle import Histories, per_particle_step, start_histories
@@ -49,7 +50,11 @@ def slam_steps(
     begin, step = STRATEGIES[config.maps]
     state = None
     for event in scan_events(recording, config)[0]:
-        state, info = begin(event, config, rng) if state is None else step(state, event, config, rng)
+        try:
+            state, info = begin(event, config, rng) if state is None else step(state, event, config, rng)
+        except DataError as error:
+            where = f"{recording.name}, scan at {event.t:.3f} s, {error.source}"
+            raise DataError(where, error.field, error.found, error.expected) from error
         yield state, info
 
 

@@ -153,17 +153,26 @@ def test_a_folder_nobody_may_write_to(work, data, words):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux keeps to RLIMIT_AS")
-def test_odometry_that_leaps_ends_in_one_line_and_takes_no_more_than_two_gigabytes(work, data):
-    """Fifty kilometres in a tenth of a second: the cloud spreads over a country."""
+@pytest.mark.parametrize("method", ["refined", "matching"])
+@pytest.mark.parametrize("leap", [5e4, 1e7])
+def test_odometry_that_leaps_ends_in_one_line_and_takes_no_more_than_two_gigabytes(work, data, leap, method):
+    """Fifty kilometres in a second, or ten thousand: the cloud spreads over a country, the map over a continent."""
     ranges = " ".join(["2.5"] * 90)
-    lines = [f"FLASER 90 {ranges} {x} 0 0 {x} 0 0 {k} robot {k}" for k, x in enumerate([0, 0.1, 5e4, 5e4], 1)]
+    lines = [
+        f"FLASER 90 {ranges} {x} 0 0 {x} 0 0 {k} robot {k}" for k, x in enumerate([0, 0.1, leap, leap], 1)
+    ]
     (work / "leap.log").write_text("\n".join(lines) + "\n")
     limit = ("RLIMIT_AS", 2 * 2**30)
-    code, _, complained = finish(begin("run leap.log --out o --particles 20", work, data, limit))
+    words = f"run leap.log --out o --method {method} --particles {20 if method == 'refined' else 1}"
+    code, _, complained = finish(begin(words, work, data, limit))
     assert code == 2
     assert complained.count("\n") == 1
     assert "Traceback" not in complained
     assert files(work / "o") == []
+    if leap == 1e7:  # over fifty kilometres by fifteen metres a map may be drawn, where there is room for it
+        who = "map" if method == "matching" else "particles"
+        assert complained.startswith(f"pfslam: leap, scan at 3.000 s, {who}: cells: found ")
+        assert complained.endswith("at most 400000000 cells: look for a leap in the odometry\n")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux keeps to RLIMIT_AS")

@@ -3,6 +3,8 @@
 Worlds and drives are made by hand (``rooms``), so the truth is exact.
 """
 
+import re
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +13,10 @@ from rooms import CURVES, LIDAR, ROOM, SQUARE, arcs, box, drive, scan
 
 from pfslam.carmen import load_carmen
 from pfslam.config import PolishConfig, SlamConfig
-from pfslam.correlation import map_correlation
+from pfslam.correlation import map_correlation, search
 from pfslam.errors import DataError
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
+from pfslam.lattice import Lattice, Window
 from pfslam.metrics import trajectory_error
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, between, compose, transform_points
@@ -114,10 +117,65 @@ def test_the_polish_ten_kilometres_away_corrects_as_much():
 
 def test_a_map_that_would_be_too_large_is_refused_before_memory_is_taken():
     grid = OccupancyGrid.empty(GridSpec((0.0, 0.0), CELL, (100, 100)))
-    with pytest.raises(DataError, match=r"GridSpec.*400000000 cells"):
+    with pytest.raises(
+        DataError, match=r"map: cells: found 20\d{4} x 20\d{4} to reach .* at most 400000000 cells"
+    ):
         grid.covering(np.array([FAR]))
     straight = grid.covering(np.array([[2000.0, 1.0]]))  # two kilometres along an axis are fine
     assert straight.spec.shape == (100, 40101)
+
+
+def leaping(metres):
+    """A drive by hand as a log whose odometry leaps, half a second before its end, and never comes back."""
+    log = as_log(drive(SHORT))
+    t, poses = log.odometry.t, log.odometry.poses.copy()
+    poses[t > t[-1] - 0.5, :2] += np.multiply(metres, [0.8, 0.6])
+    return replace(log, odometry=Trajectory(t, poses))
+
+
+METHODS = {
+    "refined": FEW,
+    "report": replace(SlamConfig.report(), particles=10),
+    "matching": SlamConfig.matching(),
+    "a map for each": replace(SlamConfig.per_particle(), particles=3),
+}
+
+
+@pytest.mark.parametrize("metres", [1e5, 1e7, 1e8])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_leap_of_the_odometry_is_refused_before_memory_is_taken(method, metres):
+    """A map that holds it would take a terabyte and more; the run takes some megabytes, as without the leap."""
+    tracemalloc.start()
+    with pytest.raises(DataError, match="at most 400000000 cells: look for a leap in the odometry") as raised:
+        run_slam(leaping(metres), METHODS[method])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    who = (
+        "map" if method in ("matching", "a map for each") else "(map|particles)"
+    )  # one particle spreads nowhere
+    assert re.match(rf"by hand, scan at 2\.100 s, {who}: cells: found \d+ x \d+ ", str(raised.value))
+    assert peak < 50e6
+
+
+def test_a_cloud_that_is_spread_over_half_a_kilometre_is_scored_in_little_memory():
+    """The map is read around each particle, not once around all of them: 10,000 x 10,000 cells would be 400 MB."""
+    spec = GridSpec((-5.0, -5.0), CELL, (200, 200))
+    field = np.random.default_rng(0).integers(0, 1000, spec.shape).astype(np.float32)
+    points, lattice, window = scan_points(scan(ROOM, np.zeros(3)), LIDAR), Lattice(CELL, 0.01), Window(4, 4)
+    poses = np.random.default_rng(1).uniform(-1, 1, (100, 3)) * [250.0, 250.0, np.pi]
+    poses[::2, :2] /= 250.0
+    tracemalloc.start()
+    together = scores_by_particle(search(field, spec, points, poses, lattice, window))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 100e6
+    for k, pose in enumerate(poses):
+        (alone,) = search(field, spec, points, pose[None], lattice, window)
+        np.testing.assert_array_equal(together[k], alone.scores[0])
+
+
+def scores_by_particle(boxes):
+    return {m: box.scores[n] for box in boxes for m, n in zip(box.members, box.node_of, strict=True)}
 
 
 # Resolution
