@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from pfslam.teaching.style import COLOURS
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "book").glob("*.md"))
 
@@ -79,3 +81,17 @@ def test_the_reference_lists_every_public_module():
     modules = {p.stem for p in (ROOT / "pfslam").iterdir() if not p.name.startswith(("_", "."))} - inside
     text = (ROOT / "book" / "api.md").read_text(encoding="utf-8")
     assert set(re.findall(r"automodule:: pfslam\.(\w+)", text)) >= modules
+
+
+def test_the_colours_shown_to_the_reader_are_those_of_the_figures():
+    text = (ROOT / "book" / "how_to_use.md").read_text(encoding="utf-8")
+    names = ("truth", "odometry", "estimate", "particles", "hits", "free", "unknown")
+    assert re.findall(r"background:(#\w+)", text) == [COLOURS[name] for name in names]
+
+
+def test_every_word_of_the_glossary_leads_to_a_chapter():
+    text = (ROOT / "book" / "glossary.md").read_text(encoding="utf-8")
+    words = re.findall(r"^(?=\w)(.+)\n(?=  )", text.split("{glossary}")[1], re.MULTILINE)
+    links = re.findall(r"^  \[(\d\d)\]\(\.\./(notebooks/\1_\w+\.ipynb)\)$", text, re.MULTILINE)
+    assert len(links) == len(words) > 40
+    assert all((ROOT / link).is_file() for _, link in links)
