@@ -28,8 +28,9 @@ PREDICTION_PARTICLES = 5
 
 def draw_map(axes: Axes, grid: OccupancyGrid, title: str = "") -> Axes:
     """The map as a grey picture: black occupied, white free, grey unknown; cut to what has been seen."""
-    seen_y, seen_x = np.nonzero(grid.log_odds)
-    low, high = (seen_x.min(), seen_y.min()), (seen_x.max() + 1, seen_y.max() + 1)
+    known = grid.log_odds != 0
+    seen_y, seen_x = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
+    low, high = (seen_x[0], seen_y[0]), (seen_x[-1] + 1, seen_y[-1] + 1)
     x, y, r = *grid.spec.origin, grid.spec.resolution
     shown = grid.log_odds[low[1] : high[1], low[0] : high[0]]
     # Colours by sign: 0, 1, and -1, which is the last. As bytes with opacity they are drawn fastest.
