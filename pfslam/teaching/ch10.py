@@ -21,7 +21,7 @@ from pfslam.runs import SlamResult
 from pfslam.sensors import scan_points
 from pfslam.teaching.figures import draw_trajectory, map_figure
 from pfslam.teaching.pictures import Picture
-from pfslam.teaching.style import COLOURS, metric_axes, new_figure
+from pfslam.teaching.style import COLOURS, INK, metric_axes, new_figure
 from pfslam.teaching.widgets import Explorer, Slider
 
 HEALTHY = "none"
@@ -150,7 +150,7 @@ def track_explorer(recording: Recording) -> Explorer:
 
     def draw(track: float) -> Figure:
         figure, axes = new_figure(6.8, 3.8)
-        axes.plot(since, np.rad2deg(gyro), color=COLOURS["truth"], linestyle=(0, (1, 1.2)), label="gyro")
+        axes.plot(since, np.rad2deg(gyro), color=INK, linewidth=1.2, label="gyro")
         axes.plot(since, np.rad2deg(wheels(track)), color=COLOURS["odometry"], label="wheels")
         axes.set_xlabel("time [s]")
         axes.set_ylabel("heading [deg]")
