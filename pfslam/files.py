@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import math
 import os
+import re
 import secrets
 import struct
 import zipfile
@@ -39,13 +40,18 @@ UNREADABLE = (
     ValueError,
 )
 """What ``zipfile`` raises for damaged, encrypted or unknown archives."""
+LOT = re.compile(r"[0-9a-f]{8}\.tmp")
+"""How temporary names end: no two writers of one file draw the same."""
+ABANDONED = 86_400.0
+"""A temporary file that nobody has written to for so many seconds was left by a process that was killed."""
 
 
 @contextmanager
 def atomic_write(path: str | Path) -> Iterator[BinaryIO]:
     """A binary file to write; it appears as ``path`` when the block ends well, and not at all otherwise.
 
-    The bytes go to a hidden name in the same folder, which is made if it is missing, and are then renamed.
+    The bytes go to a hidden name in the same folder, which is made if it is missing, and are then renamed. What
+    processes that were killed have left of the same file is removed when it is a day old.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
@@ -54,11 +60,22 @@ def atomic_write(path: str | Path) -> Iterator[BinaryIO]:
         with open(temporary, "xb") as file:
             yield file
         os.replace(temporary, path)
+        _remove_abandoned(path)
     except OSError as error:
         raise DataError(path, "writing", reason(error), "a writable folder with room on the disk") from error
     finally:
         with suppress(OSError):
             temporary.unlink()
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove temporary files of this name that are a day older than the file itself: no clock but the disk's."""
+    begin = f".{path.name}."
+    with suppress(OSError):
+        names = [name for name in os.listdir(path.parent) if name.startswith(begin)]
+        for other in (path.with_name(name) for name in names if LOT.fullmatch(name.removeprefix(begin))):
+            if path.stat().st_mtime - other.stat().st_mtime > ABANDONED:
+                other.unlink()
 
 
 def check_writable(folder: str | Path) -> None:

@@ -230,6 +230,25 @@ def test_what_a_kill_leaves_is_hidden_and_stands_in_nobodys_way(work, data):
     assert len(read_tum(work / "o" / "odometry.tum")) > 10
 
 
+def test_what_a_kill_left_is_removed_a_day_later_by_who_writes_the_same_file(tmp_path):
+    """And nothing else: not what is younger, somebody may be writing it, and not what belongs to other files."""
+    names = {
+        "a day old": ".a.npz.0123abcd.tmp",
+        "young": ".a.npz.4567cdef.tmp",
+        "of another file": ".b.npz.0123abcd.tmp",
+        "of a longer name": ".a.npz.0123abcd.0123abcd.tmp",
+        "of a user": ".a.npz.notes.tmp",
+        "backup": "a.npz.0123abcd.tmp",
+    }
+    for why, name in names.items():
+        (tmp_path / name).write_bytes(b"x")
+        old = time.time() - (3_600 if why == "young" else 90_000)
+        os.utime(tmp_path / name, (old, old))
+    write_npz(tmp_path / "a.npz", x=np.arange(3))
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {"a.npz", *names.values()} - {names["a day old"]}
+
+
 def test_a_study_killed_with_all_its_workers_goes_on_where_it_was(work, data):
     words = "study s.toml --out o --jobs 2"
     process = begin(words, work, data)
