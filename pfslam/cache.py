@@ -47,8 +47,7 @@ def cached_simulation(name: str, progress: Callable | None = None) -> Simulation
         except DataError as error:
             log.warning("pfslam: simulating %s again, the cache is damaged: %s", name, error)
     simulation = simulate(name, progress=progress)
-    if simulation.recording.lidar is not None:
-        _keep(path, name, simulation.recording.lidar.ranges)
+    _keep(path, name, simulation.recording.scans().ranges)
     return simulation
 
 

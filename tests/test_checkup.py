@@ -85,3 +85,20 @@ def test_effective_track_is_the_ratio_of_apart_to_turned():
     skidding = replace(box, encoders=replace(box.encoders, counts=counts))
     per_second = 40 * 4 * box.robot.encoders.metres_per_count
     assert effective_track(skidding) == pytest.approx(per_second / TURN_RATE, rel=0.02)
+
+
+def test_a_robot_that_hardly_turns_or_never_rests_is_not_judged_by_it():
+    """The box's drive turns 0.4 rad/s for 5.6 s from its first moment; a tenth of it is too little to tell."""
+    turning = box_recording(images=0)
+    slow = replace(turning, imu=replace(turning.imu, angular_velocity=0.1 * turning.imu.angular_velocity))
+    found = {f.question: (f.ok, f.found) for f in check_up(slow)}
+    assert found["Do wheels and gyro turn the same way?"] == (None, "too few turns")
+    assert found["What does the gyro show at rest?"] == (None, "only 0 s at rest")
+
+
+def test_a_log_without_wheels_has_no_track():
+    box = box_recording(images=0)
+    log = replace(box, encoders=None, imu=None, odometry=box.truth)
+    found = {f.question: (f.ok, f.found) for f in check_up(log)}
+    assert found["Do wheels and gyro turn the same way?"] == (None, "no encoders and gyro")
+    assert found["What does the gyro show at rest?"] == (None, "no encoders and gyro")

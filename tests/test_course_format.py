@@ -2,6 +2,7 @@
 
 import struct
 import zipfile
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,6 +64,21 @@ def test_saving_twice_gives_the_same_bytes(folder, tmp_path):
     save_course(load_course(7, folder), 7, tmp_path / "again", image_every=1)
     for path in (p for p in folder.rglob("*") if p.is_file()):
         assert path.read_bytes() == (tmp_path / "again" / path.relative_to(folder)).read_bytes()
+
+
+def test_what_a_recording_lacks_is_not_written_and_not_found(tmp_path):
+    poor = replace(box_recording(), lidar=None, truth=None, camera=None)
+    save_course(poor, 7, tmp_path, image_every=1)
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["Encoders7.npz", "Imu7.npz"]
+    back = load_course(7, tmp_path)
+    assert (back.lidar, back.truth, back.camera) == (None, None, None)
+    assert_same(back.encoders.counts, poor.encoders.counts)
+
+
+def test_every_less_than_first_image_is_refused_before_anything_is_written(tmp_path):
+    with pytest.raises(DataError, match="image_every: found 0, expected 1 or more"):
+        save_course(box_recording(), 7, tmp_path, image_every=0)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_every_nth_image_pair_keeps_its_number_and_stamp(tmp_path):
@@ -373,3 +389,20 @@ def test_a_log_without_encoders_cannot_be_saved(tmp_path):
     log = replace(recording, encoders=None, imu=None, odometry=recording.truth)
     with pytest.raises(DataError, match="encoders and IMU"):
         save_course(log, 7, tmp_path)
+
+
+def test_an_image_whose_check_sums_are_right_but_whose_pixels_are_none(folder):
+    """All parts are whole, with lengths and sums, but there are too few bytes of pixels, or no last part."""
+    path = folder / "dataRGBD" / "Disparity7" / "disparity7_1.png"
+    head = path.read_bytes()[:33]  # magic and IHDR: 640 x 480 of 16 bits
+
+    def part(kind, body):
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    reader = load_course(7, folder).camera.read_disparity
+    path.write_bytes(head + part(b"IDAT", b"not what zlib writes") + part(b"IEND", b""))
+    with pytest.raises(DataError, match="pixels that cannot be decoded, expected a whole PNG image"):
+        reader(0)
+    path.write_bytes(head + part(b"IDAT", b"and then the end"))
+    with pytest.raises(DataError, match=r"an end after \d+ bytes"):
+        reader(0)

@@ -112,10 +112,15 @@ def test_a_damaged_cache_is_remade_with_a_notice(casts, tmp_path, caplog, damage
     assert path.read_bytes() == whole
 
 
-def test_scans_of_the_wrong_shape_are_remade(casts, tmp_path, caplog):
+@pytest.mark.parametrize(
+    "ranges",
+    [np.zeros((5, 1081), np.float32), np.zeros(5, np.float32), np.zeros((5, 1081))],
+    ids=["few", "flat", "double"],
+)
+def test_scans_of_the_wrong_shape_or_type_are_remade(casts, tmp_path, caplog, ranges):
     load("hall")
     (path,) = (tmp_path / "the cache").iterdir()
-    np.savez(path, ranges=np.zeros((5, 1081), dtype=np.float32))
+    np.savez(path, ranges=ranges)
     load("hall")
     assert casts == ["hall", "hall"]
     assert len(caplog.records) == 1

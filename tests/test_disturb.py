@@ -121,3 +121,11 @@ def test_unknown_harm_is_named():
         disturb(BOX, {"fog": 1.0}, 0)
     assert disturb(BOX, {}, 0) is BOX
     assert all(function.__doc__ for function, _ in DISTURBANCES.values())
+
+
+def test_carried_off_after_its_end_a_drive_stays_as_it_was():
+    odometry = reckon(BOX)
+    log = Recording("log", BOX.robot, odometry=odometry, lidar=BOX.lidar)
+    late = kidnap(log, 60.0, 1.0)
+    np.testing.assert_array_equal(late.odometry.poses, odometry.poses)
+    np.testing.assert_array_equal(late.lidar.ranges, BOX.lidar.ranges)

@@ -1,5 +1,7 @@
 """Errors by hand, against evo, and the cost of Eq. 2 against its definition."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from evo.core import metrics as evo_metrics
@@ -255,3 +257,8 @@ def test_poses_at_no_scans_time_are_refused():
     recording = drive([(0.2, 0, 0.0)])
     with pytest.raises(DataError, match="lidar time_stamps"):
         slam_cost(Trajectory([0.05, 0.15], np.zeros((2, 3))), GRID, recording)
+
+
+def test_without_scans_there_is_no_cost():
+    with pytest.raises(DataError, match="lidar: found no scans"):
+        slam_cost(Trajectory([0.0, 0.1], np.zeros((2, 3))), GRID, replace(drive([(0.2, 0, 0.0)]), lidar=None))

@@ -112,3 +112,12 @@ def test_walls_block_the_line_of_sight():
     assert not behind[: SPEC.world_to_cell([0.0, 0.4])[1], at:].any()
     assert behind[:, at + 1 :].any()
     assert (behind[:, :at] == open_view[:, :at]).all()
+
+
+def test_a_robot_off_the_grid_or_facing_away_sees_none_of_its_floor():
+    """The grid ends at x = 6 m: 20 m away it is out of reach, and 0.1 m beyond its edge the camera looks outwards."""
+    clear = np.zeros_like(ALL)
+    for pose in ((20.0, 0.0, 0.0), (6.1, 0.0, 0.0)):
+        assert not visible_floor(SPEC, pose, RgbdModel(), clear, max_depth=3.0).any()
+    both = visible_floor(SPEC, [(20.0, 0.0, 0.0), (0.0, 0.0, 0.0)], RgbdModel(), clear, max_depth=3.0)
+    assert (both == visible_floor(SPEC, (0.0, 0.0, 0.0), RgbdModel(), clear, max_depth=3.0)).all()

@@ -190,3 +190,12 @@ def test_trajectory_of_one_pose():
 def test_trajectory_refuses_what_is_not_one(t, poses):
     with pytest.raises(DataError):
         Trajectory(t, poses)
+
+
+@pytest.mark.parametrize(
+    ("t", "named"),
+    [([0.0, 0.5, 0.5], r"t\[2\]: .*0\.5.* after .*0\.5"), ([0.0, 0.5, 0.4, 0.3], r"t\[2\]: .*0\.4.*")],
+)
+def test_the_first_time_that_goes_back_is_named(t, named):
+    with pytest.raises(DataError, match=named):
+        Trajectory(t, np.zeros((len(t), 3)))
