@@ -161,6 +161,31 @@ def test_poses_that_the_truth_does_not_cover_are_counted(tmp_path):
     assert not_compared == np.count_nonzero(recording.lidar.t[::5] > truth.t[-1])
 
 
+def test_a_truth_of_another_day_is_compared_with_nothing(tmp_path, capsys):
+    recording = box_recording(images=0)
+    truth = Trajectory(recording.truth.t - 86_400.0, recording.truth.poses)
+    save_course(replace(recording, truth=truth), 7, tmp_path)
+    assert main(["run", "7", "--data", str(tmp_path), "--out", str(tmp_path), "--particles", "5"]) == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["dropped"]["poses outside the truth's time, not compared"] == summary["scans"] > 5
+    assert {"odometry", "slam"}.isdisjoint(summary)
+    assert "from the truth" not in capsys.readouterr().out
+
+
+def test_a_robot_that_was_lost_is_spoken_of():
+    words = commands.closing_words(box_recording(images=0), {"lost": 2}, "here")
+    assert words.splitlines() == [
+        "the robot seems to have been lost or moved by hand 2 times",
+        "results are in here",
+    ]
+
+
+def test_what_json_has_no_word_for():
+    found = {1: (np.float32(0.5), np.nan), "n": np.int64(3), "far": float("inf"), "on": np.bool_(True)}
+    assert commands.plain(found) == {"1": [0.5, None], "n": 3, "far": None, "on": True}
+    assert json.dumps(commands.plain(found)) == '{"1": [0.5, null], "n": 3, "far": null, "on": true}'
+
+
 def test_options_reach_the_filter(data, tmp_path):
     done = pfslam(
         *("run", 7, "--data", data, "--out", tmp_path, "--method", "report"),
@@ -274,6 +299,7 @@ BAD_LINES = [
     ["run", "7", "--data", "DATA", "--method", "best"],
     ["run", "7", "--data", "DATA", "--particles", "0"],
     ["run", "7", "--data", "DATA", "--particles", "many"],
+    ["run", "7", "--data", "DATA", "--method", "matching", "--particles", "5"],
     ["run", "7", "--data", "DATA", "--particles", "9" * 30],
     ["run", "7", "--data", "DATA", "--every", "0"],
     ["run", "7", "--data", "DATA", "--seed", "-1"],
@@ -349,12 +375,35 @@ def test_a_fault_of_ours_is_one_line_too(data, monkeypatch, capsys):
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
+def test_a_fault_of_ours_shows_where_it_is_to_who_asks(data, monkeypatch):
+    def broken(_):
+        raise ZeroDivisionError("two")
+
+    monkeypatch.setitem(commands.COMMANDS, "run", broken)
+    monkeypatch.setenv("PFSLAM_DEBUG", "1")
+    with pytest.raises(ZeroDivisionError):
+        main(["run", "8", "--data", str(data)])
+
+
+def test_bench_hands_its_options_on(monkeypatch, tmp_path):
+    calls = []
+    monkeypatch.setattr("pfslam.bench.command.bench", lambda *options: calls.append(options))
+    assert main(["bench"]) == 0
+    assert main(["bench", "--quick", "--json", str(tmp_path / "b.json"), "--data", str(tmp_path)]) == 0
+    assert [tuple(map(str, call)) for call in calls] == [
+        ("False", "None", "None"),
+        ("True", str(tmp_path / "b.json"), str(tmp_path)),
+    ]
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-def test_ctrl_c_is_answered_and_leaves_nothing_half_written(data, tmp_path):
+def test_ctrl_c_is_answered_and_leaves_nothing_half_written(tmp_path):
+    """The drive lasts so long that the run cannot end before it is stopped, however busy the machine is."""
+    save_course(box_recording(seconds=300.0, images=0), 7, tmp_path / "data")
     process = subprocess.Popen(
         f"{sys.executable} -m pfslam run 7 --particles 20000 --every 1 --out o".split(),
         cwd=tmp_path,
-        env=os.environ | {"PFSLAM_DATA": str(data)},
+        env=os.environ | {"PFSLAM_DATA": str(tmp_path / "data")},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

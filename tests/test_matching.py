@@ -61,6 +61,16 @@ def test_report_jumps_to_a_pose_of_greatest_count_and_keeps_its_offset():
         assert found.score[k] == pytest.approx(scores.max() / len(points))
 
 
+def test_the_reports_jump_may_be_weighed_by_the_mean_score():
+    """Sharpness times the share of the end points that fall on walls, where the report takes the count itself."""
+    occupied, points, poses = case()
+    config = replace(REPORT, weight="likelihood", sharpness=20.0)
+    found, counted = matched(occupied, points, poses, config), matched(occupied, points, poses, REPORT)
+    np.testing.assert_array_equal(found.poses, counted.poses)
+    best = [window_scores(occupied, points, pose, config)[1].max() for pose in poses]
+    np.testing.assert_allclose(found.log_likelihood, 20.0 * np.array(best) / len(points), rtol=1e-6)
+
+
 def test_ties_are_broken_evenly_at_random():
     # One occupied cell and one end point in it: every shift that keeps the point in the cell scores 1, in all
     # headings.
@@ -106,13 +116,16 @@ def test_on_a_blank_map_the_step_within_a_cell_returns_the_predicted_pose(prior)
     np.testing.assert_allclose(found, poses, atol=1e-12 if prior else 1e-8)
 
 
-def test_step_within_a_cell_is_the_peak_of_the_parabola_through_three_scores():
+@pytest.mark.parametrize(
+    "cells", [(1, 1), (2, 5)]
+)  # three poses along x: the best one has just two neighbours
+def test_step_within_a_cell_is_the_peak_of_the_parabola_through_three_scores(cells):
     # Two cells side by side, one end point: scores along x are known, and the parabola through them by
     # polyfit.
     occupied = np.zeros(SPEC.shape, dtype=bool)
     occupied[20, [24, 25, 28]] = True
     point = SPEC.cell_to_world([[25, 20]])
-    config = replace(CLIMB, sub_cell=True, yaws=(0, 0))
+    config = replace(CLIMB, sub_cell=True, yaws=(0, 0), cells=cells)
     q = np.array([[0.012, 0.0, 0.0]])
     found = matched(occupied, point, q, config).poses[0]
     nodes, scores = window_scores(occupied, point, q[0], config)

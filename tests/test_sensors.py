@@ -81,6 +81,19 @@ def test_principal_point_lies_near_the_middle_of_the_image():
     assert abs(K[0, 2] - camera.width / 2) < 10
     assert abs(K[1, 2] - camera.height / 2) < 10
     assert K[0, 0] == K[1, 1] == 585.05108211
+    assert K[2].tolist() == [0.0, 0.0, 1.0]
+    assert K[0, 1] == K[1, 0] == 0.0
+
+
+def test_the_constants_of_the_camera_are_the_reports():
+    """Eq. 16 and step 2, as printed: dd = -0.00304 d + 3.31, depth = 1.03 / dd, the two lines for i and j."""
+    camera = RgbdModel()
+    assert (camera.disparity_slope, camera.disparity_offset, camera.depth_scale) == (-0.00304, 3.31, 1.03)
+    assert (camera.rgb_focal, camera.rgb_divisor) == (526.37, 585.051)
+    assert (camera.rgb_offset_u, camera.rgb_offset_v) == (19276.0, 16662.0)
+    assert camera.rgb_baseline == pytest.approx(-7877.07)
+    assert (camera.width, camera.height) == (640, 480)
+    assert np.rad2deg(camera.pitch) == pytest.approx(18.0)
 
 
 def test_the_two_presets_differ_only_in_the_camera():
