@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pfslam import carmen, carmen_lines, course_format, files, grid, images
 from pfslam.teaching.pictures import Picture
 from pfslam.teaching.style import COLOURS, new_figure
 
@@ -80,6 +81,25 @@ def ten_hours(drive: dict[str, np.ndarray]) -> str:
         f"whole. For an hour they are most of the {first:.0f} MB of the first minute, so allow "
         f"{setup / 1e3:.1f} GB more for ten."
     )
+
+
+def limit_lines() -> str:
+    """The limits that the package states, from the constants that it keeps to, as Markdown."""
+    metres = 0.05 * np.sqrt(grid.MAX_CELLS)
+    rows = [
+        (
+            "cells of a map, of a piece cut out of one, or from one end of the cloud to the other",
+            f"{grid.MAX_CELLS:,}: {metres:,.0f} m by {metres:,.0f} m of 5 cm",
+        ),
+        ("an array in an archive", f"{files.MAX_FIELD_BYTES / 2**30:.0f} GiB"),
+        ("a text file other than a log", f"{files.MAX_TEXT_BYTES / 2**30:.0f} GiB"),
+        ("a line of a log", f"{carmen_lines.MAX_LINE_BYTES / 2**20:.0f} MiB"),
+        ("an image file", f"{images.MAX_PNG_BYTES / 2**20:.0f} MiB"),
+        ("beams of a scan", f"{carmen_lines.MAX_BEAMS:,}"),
+        ("the reach of a scanner", f"{course_format.MAX_RANGE:,.0f} m"),
+        ("coordinates of a log's odometry", f"{carmen.MAX_COORDINATE:,.0f} m"),
+    ]
+    return "\n".join(["| what | at most |", "|---|---|", *(f"| {name} | {most} |" for name, most in rows)])
 
 
 def mutant_lines(folder: Path = TABLES) -> str:
