@@ -29,6 +29,13 @@ def test_axe_finds_nothing(shared, theme):
     assert shared.evaluate(FINDINGS, RULES) == []
 
 
+def test_nothing_glides_for_who_asked_for_less_motion(shared):
+    gliding = """() => [...document.querySelectorAll('*')].filter(e =>
+      getComputedStyle(e).transitionDuration.split(',').some(d => parseFloat(d) > 0))
+      .map(e => e.outerHTML.slice(0, 80))"""
+    assert shared.evaluate(gliding) == []
+
+
 def test_tab_goes_down_the_page(shared):
     assert shared.locator("[tabindex]:not([tabindex='0']):not([tabindex='-1'])").count() == 0
     shared.evaluate("() => { document.activeElement.blur(); }")
