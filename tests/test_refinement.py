@@ -1,5 +1,7 @@
 """Line polish: exact walls, known offsets, silent directions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -116,6 +118,16 @@ def test_polish_finds_the_true_pose_from_a_known_offset(world, offset):
 def test_polish_at_the_true_pose_stays_there():
     found = polished(ROOM, TRUE_POSE.copy())
     assert (np.abs(found.pose - TRUE_POSE) <= STOP).all()
+
+
+@pytest.mark.parametrize("turn", [0.1, -0.1])
+def test_one_round_turns_by_no_more_than_the_largest_step(turn):
+    """A tenth of a radian takes two rounds at least: the first, held back, turns by 0.05 and no more."""
+    start, moments = TRUE_POSE + [0.0, 0.0, turn], HitMoments.empty(SPEC).add(ROOM)
+    points_b = seen_from(TRUE_POSE, ROOM)
+    one = polish(moments, points_b, start, start, replace(CONFIG, iterations=1))
+    assert one.pose[2] - start[2] == pytest.approx(-np.sign(turn) * MAX_STEP[2], rel=1e-9)
+    assert (np.abs(polish(moments, points_b, start, start, CONFIG).pose - TRUE_POSE) <= 10 * STOP).all()
 
 
 def test_polish_across_pi():
