@@ -211,6 +211,15 @@ def test_a_plane_does_not_depend_on_the_order_of_its_points():
     assert (other.inliers == one.inliers[order]).all()
 
 
+def test_three_points_are_enough_for_a_plane_and_two_are_not():
+    """The vote knows slopes in steps of 0.01; with three points the slope is that of the line through them."""
+    x = np.array([0.8, 1.6, 2.4])
+    points = np.column_stack([x, 0 * x, 0.01 + 0.034 * x])
+    assert np.tan(fit_floor_plane(points).pitch_error) == pytest.approx(0.034, abs=1e-12)
+    voted = np.tan(fit_floor_plane(points[:2]).pitch_error)
+    assert voted == pytest.approx(round(voted, 2), abs=1e-12)
+
+
 def test_no_points_are_no_plane():
     assert fit_floor_plane(np.zeros((0, 3))).inliers.shape == (0,)
 
