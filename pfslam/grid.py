@@ -29,7 +29,7 @@ def check_cells(what: str, shape, why: str) -> None:
             what,
             "cells",
             f"{columns} x {rows} {why}",
-            f"at most {MAX_CELLS} cells: look for a leap in the odometry",
+            f"at most {MAX_CELLS} cells: look for a leap in odometry or ranges",
         )
 
 

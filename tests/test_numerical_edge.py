@@ -146,7 +146,9 @@ METHODS = {
 def test_a_leap_of_the_odometry_is_refused_before_memory_is_taken(method, metres):
     """A map that holds it would take a terabyte and more; the run takes some megabytes, as without the leap."""
     tracemalloc.start()
-    with pytest.raises(DataError, match="at most 400000000 cells: look for a leap in the odometry") as raised:
+    with pytest.raises(
+        DataError, match="at most 400000000 cells: look for a leap in odometry or ranges"
+    ) as raised:
         run_slam(leaping(metres), METHODS[method])
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
@@ -154,6 +156,21 @@ def test_a_leap_of_the_odometry_is_refused_before_memory_is_taken(method, metres
         "map" if method in ("matching", "a map for each") else "(map|particles)"
     )  # one particle spreads nowhere
     assert re.match(rf"by hand, scan at 2\.100 s, {who}: cells: found \d+ x \d+ ", str(raised.value))
+    assert peak < 50e6
+
+
+def test_a_scan_that_reaches_too_far_is_refused_before_memory_is_taken():
+    """Nine kilometres at forty-five degrees: the piece of the map to match it with would take tens of gigabytes."""
+    recording = drive(SHORT, lidar=replace(LIDAR, range_max=1e4))
+    ranges = recording.lidar.ranges.copy()
+    ranges[5, np.argmin(np.abs(LIDAR.angles - np.pi / 4))] = 9000.0
+    tracemalloc.start()
+    with pytest.raises(
+        DataError, match=r"scan at 0\.500 s, scan matching: cells: found \d+ x \d+ to hold one scan"
+    ):
+        run_slam(replace(recording, lidar=LidarScans(recording.lidar.t, ranges)), METHODS["matching"])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
     assert peak < 50e6
 
 
