@@ -18,7 +18,7 @@ from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import scan_points
 from pfslam.teaching.ch01 import true_path
 from pfslam.teaching.figures import draw_map, map_along
-from pfslam.teaching.pictures import Picture
+from pfslam.teaching.pictures import Picture, steady
 from pfslam.teaching.style import COLOURS, new_figure
 
 LATTICE = Lattice(step_xy=0.05, step_yaw=0.005)
@@ -166,7 +166,7 @@ def fit_explorer_frame(place: Place) -> Callable[..., Figure]:
         right.set_title("score at this heading")
         return figure
 
-    return draw
+    return steady(draw)
 
 
 def fit_explorer_alt(place: Place) -> Callable[..., str]:

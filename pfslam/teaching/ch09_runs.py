@@ -20,7 +20,7 @@ from pfslam.refinement import HitMoments, polish
 from pfslam.runs import run_slam
 from pfslam.teaching.ch01 import true_path
 from pfslam.teaching.figures import draw_map, draw_trajectory, map_along
-from pfslam.teaching.pictures import Picture
+from pfslam.teaching.pictures import Picture, steady
 from pfslam.teaching.style import COLOURS, new_figure
 
 SECONDS, EVERY, PARTICLES = 65.0, 20, 20
@@ -86,7 +86,7 @@ def rung_frame(recording: Recording, rungs: dict[str, Rung]) -> Callable[..., Fi
         right.set_yticks([0.002, 0.005, 0.02, 0.05, 0.2, 0.5], minor=True)  # few: each tick takes its time
         return figure
 
-    return draw
+    return steady(draw)
 
 
 def _same_window(axes, recording: Recording, t: np.ndarray) -> None:
