@@ -37,12 +37,14 @@ def spread_line(values: np.ndarray) -> str:
 
 
 def ladder_lines(studies: Iterable[str] = ("ch09_ladder", "ch09_ladder_ramp")) -> str:
-    """One line per rung with median and range for each study, whose drive heads its column."""
+    """One line per rung with the median and the worst run of each study, whose drive heads its column."""
     tables = [read_table(name) for name in studies]
-    lines = [f"{'':28s} " + "".join(f"{table['dataset'][0]:33s}" for table in tables).rstrip()]
+    heads = [str(table["dataset"][0]) for table in tables]
+    lines = [f"{'':29s}" + "".join(f"{head:9s} {'worst':9s} " for head in heads).rstrip()]
     errors = [errors_by_label(table) for table in tables]
     for label in errors[0]:
-        lines.append(f"{label:28s} " + "".join(f"{spread_line(e[label]):33s}" for e in errors).rstrip())
+        cells = [length(f(e[label])) for e in errors for f in (middle, np.max)]
+        lines.append(f"{label:29s}" + " ".join(f"{cell:9s}" for cell in cells).rstrip())
     return "\n".join(lines)
 
 

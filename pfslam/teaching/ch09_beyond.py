@@ -27,12 +27,12 @@ LOG = "intel/intel.log"
 def relations_lines(name: str = "ch09_intel") -> str:
     """Mean error over the relations in metres and degrees: median and worst of the seeds, for each method."""
     table = read_table(name)
-    lines = [f"{'':16s} {'runs':>4s} {'median':>8s} {'worst':>8s} {'median':>9s}"]
+    lines = [f"{'':22s} {'runs':>4s} {'median':>8s} {'worst':>8s} {'median':>9s}"]
     for label in labels_of(table):
         rows = select(table, label=label)
         metres, degrees = rows["relation_xy_m"], rows["relation_deg"]
         lines.append(
-            f"{label:16s} {len(metres):4d} {length(middle(metres)):>8s} {length(metres.max()):>8s} "
+            f"{label:22s} {len(metres):4d} {length(middle(metres)):>8s} {length(metres.max()):>8s} "
             f"{middle(degrees):5.2f} deg"
         )
     return "\n".join(lines)

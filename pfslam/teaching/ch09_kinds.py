@@ -27,14 +27,14 @@ FRAMES = 20
 def kinds_lines() -> str:
     """Accuracy, processor time and memory of each kind, on ``hall``; and accuracy round the loop without polish."""
     hall, loop = read_table("ch09_kinds"), read_table("ch09_loop")
-    lines = [f"{'':20s} {'particles':>9s} {'error':>8s} {'CPU':>7s} {'memory':>8s}   loop, no polish"]
+    lines = [f"{'':20s} {'particles':>9s} {'error':>8s} {'CPU':>7s} {'memory':>8s} {'loop':>8s} {'worst':>8s}"]
     sizes = {"scan matching": 1, "shared map": 200, "per-particle maps": 30}
     for label, particles in sizes.items():
         rows = select(hall, label=label)
         cost = f"{middle(rows['cpu_seconds']):5.0f} s {middle(rows['peak_mb']):5.0f} MB"
         ring = loop_errors(loop, label, particles)
-        spread = f"{length(middle(ring))} ({length(ring.min())} to {length(ring.max())})"
-        lines.append(f"{label:20s} {particles:9d} {length(middle(rows[ERROR])):>8s} {cost}   {spread}")
+        spread = f"{length(middle(ring)):>8s} {length(ring.max()):>8s}"
+        lines.append(f"{label:20s} {particles:9d} {length(middle(rows[ERROR])):>8s} {cost} {spread}")
     return "\n".join(lines)
 
 
