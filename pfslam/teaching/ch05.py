@@ -28,7 +28,7 @@ from pfslam.teaching.figures import (
     draw_trajectory,
     map_along,
 )
-from pfslam.teaching.pictures import Picture
+from pfslam.teaching.pictures import Picture, steady
 from pfslam.teaching.style import COLOURS, new_figure
 
 FRAMES = 20
@@ -147,7 +147,7 @@ def film_frame(runs: dict[str, Played]) -> Callable[..., Figure]:
         _draw_n_eff(axes[1, 1], run, frame)
         return figure
 
-    return draw
+    return steady(draw)
 
 
 def film_alt(runs: dict[str, Played]) -> Callable[..., str]:
