@@ -248,6 +248,9 @@ SAME = [
     ("gain = _gain(best / full_score", "best / full_score -> best * full_score", "the count needs no mean"),
     ("where(curved, curvature, -1.0)", "-1.0 -> +1.0", "what stands there is not used"),
     ("information, beams =", "2 -> 3", "replaced in the first round"),
+    ("reshape(3, -1)", "1 -> 2", "any negative number stands for the rest"),
+    ("extent = np.ptp(nodes", "", "what a box is thought to cost parts the poses and changes no score"),
+    ("COST_PER_", "", "the same"),
     ("1e-9 * np.eye(3)", "1e-09 -> -1e-09", "so small that it only keeps the equations solvable, either way"),
     ("1e-9 * np.eye(3)", "- 1e-09 * np.eye(3)", "the same"),
     (

@@ -8,6 +8,7 @@ import pytest
 from floor_oracle import camera_axes, disparity_image
 
 from pfslam.floor import (
+    _vote,
     associate_rgb,
     back_project,
     depth_for_step,
@@ -200,6 +201,14 @@ def test_a_plane_between_two_bins_of_the_vote_beats_a_smaller_one_within_a_bin()
     x, height = rng.uniform(0.6, 3.0, 1000), np.where(np.arange(1000) < 600, 0.01, 0.08)
     plane = fit_floor_plane(np.column_stack([x, 0 * x, height + rng.normal(0, 0.002, 1000)]), tolerance=0.02)
     assert plane.height == pytest.approx(0.01, abs=0.002)
+
+
+@pytest.mark.parametrize("slope", [-0.2, 0.05, 0.2])  # the outermost slopes are tried as well
+@pytest.mark.parametrize("height", [-0.05, 0.03])
+def test_the_vote_names_slope_and_height_of_a_plane_between_two_bins(slope, height):
+    x = np.linspace(0.6, 3.0, 999)
+    z = height + slope * x + np.resize([-0.008, 0.0, 0.008], 999)  # bins of 0.02 m meet at odd centimetres
+    assert _vote(x, z, 0.02, 0.2, 0.1) == pytest.approx((slope, height), abs=1e-12)
 
 
 def test_a_plane_does_not_depend_on_the_order_of_its_points():

@@ -374,6 +374,21 @@ def test_variance_of_white_noise_is_the_sum_over_its_samples(per_root_second):
     assert after.poses[:, 2].var() == pytest.approx(variance[1], rel=5 * np.sqrt(2 / 20_000))
 
 
+def test_noise_between_scans_is_sigma_times_the_draw_in_the_particles_own_frame():
+    """0.5 m and 0.5 rad: sigmas 0.01 + 0.1 * 0.5 m and 0.02 + 0.2 * 0.5 + 0.3 * 0.5 rad; every draw is two."""
+
+    class Twos:
+        def standard_normal(self, shape):
+            return np.full(shape, 2.0)
+
+    config = replace(REFINED, noise=MotionNoise(0.01, 0.1, 0.02, 0.2, 0.3))
+    event = replace(list(scan_events(SHORT, REFINED)[0])[3], motion=np.array([0.3, 0.4, -0.5]))
+    after, variance = predict_motion(Particles.at([1.0, 2.0, np.pi / 2], 3), event, config, Twos())
+    expected = [1.0 - (0.4 + 0.12), 2.0 + (0.3 + 0.12), np.pi / 2 - 0.5 + 0.54]
+    np.testing.assert_allclose(after.poses, np.tile(expected, (3, 1)), rtol=1e-12)
+    np.testing.assert_allclose(variance, [0.06**2, 0.27**2], rtol=1e-12)
+
+
 def test_cloud_moves_with_the_polished_estimate():
     # The estimate is the mean of the cloud before the polish and must be its mean after it.
     for info in run_slam(SHORT, replace(REFINED, particles=15)).infos:
