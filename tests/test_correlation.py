@@ -266,3 +266,22 @@ def test_sums_of_the_longest_scan_stay_exact_in_float32():
         Window(0, 0),
     )
     assert int(next(iter(found)).scores[0, 0]) == beams * MAX_FIELD_VALUE < 2**24
+
+
+@pytest.mark.parametrize(
+    ("cheaper", "scores", "side", "too_large"),
+    [
+        (False, 18, 12, False),
+        (False, 17, 12, True),
+        (False, 18, 11, True),
+        (True, 36, 12, False),
+        (True, 35, 12, True),
+    ],
+)
+def test_a_box_is_cut_beyond_its_limits_and_not_before(monkeypatch, cheaper, scores, side, too_large):
+    """Two nodes nine apart, reached by one: two windows of 3 x 3, in one volume of 12 x 3."""
+    monkeypatch.setattr(boxes, "volume_is_cheaper", lambda *_: cheaper)
+    monkeypatch.setattr(boxes, "MAX_SCORES", scores)
+    monkeypatch.setattr(boxes, "MAX_SIDE", side)
+    nodes, reach = np.array([[0, 0, 0], [9, 0, 0]]), np.array([1, 1, 0])
+    assert boxes._too_large(nodes, reach, 5) == too_large

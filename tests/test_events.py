@@ -7,7 +7,7 @@ import pytest
 from rooms import ENCODER_STEP, LIDAR, ROOM, SQUARE, arcs, drive, ray_cast, sensor_position
 
 from pfslam.config import SlamConfig
-from pfslam.events import scan_events, unswept
+from pfslam.events import scan_events, scan_motions, unswept
 from pfslam.poses import transform_points
 from pfslam.recording import LidarScans
 
@@ -73,3 +73,12 @@ def test_first_middle_and_last_beam_by_hand(beam):
     share = beam / 360 - 0.5
     turn = share * np.pi / 2
     np.testing.assert_allclose(point, [share + 2 * np.cos(turn), 2 * np.sin(turn)], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "config", [CONFIG, replace(CONFIG, every=3), SlamConfig.report()], ids=["all", "third", "report"]
+)
+def test_motions_asked_for_at_once_are_those_of_the_events(config):
+    recording = drive(LEGS)
+    one_by_one = np.array([event.motion for event in scan_events(recording, config)[0]])
+    np.testing.assert_allclose(scan_motions(recording, config), one_by_one, atol=1e-12)
