@@ -280,8 +280,10 @@ def only(name: str | None, work: list) -> list:
 def write(out: Path, rows: list, core: bool) -> None:
     """The table: by equation, or by module with how many of its mutants were tried."""
     if core:
-        lines = [f"{module},{made},{tried},{seen}" for _, module, made, tried, seen in rows]
-        head = "module,mutants,tried,noticed"
+        lines = [f"{module},{made},{tried},{seen},{seen}" for _, module, made, tried, seen in rows]
+        head = (
+            "module,mutants,tried,noticed,at_first"  # the last: before the survivors got tests of their own
+        )
     else:
         lines = [f'"{equation}",{names},{tried},{seen}' for equation, names, _, tried, seen in rows]
         head = "equation,functions,mutants,noticed"

@@ -112,3 +112,20 @@ def mutant_lines(folder: Path = TABLES) -> str:
         lines.append(f"| {row['equation']} | {names} | {row['mutants']} | {row['noticed']} |")
     made, noticed = (sum(int(row[name]) for row in rows) for name in ("mutants", "noticed"))
     return "\n".join([*lines, f"| all | | {made} | {noticed} |"])
+
+
+def core_words(folder: Path = TABLES) -> str:
+    """What the sample of changes says: noticed at first, with its standard error, and after tests for the survivors."""
+    with open(folder / "mutants_core.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    made, tried, now, first = (
+        sum(int(row[name]) for row in rows) for name in ("mutants", "tried", "noticed", "at_first")
+    )
+    share = first / tried
+    error = np.sqrt(share * (1.0 - share) / tried * (1.0 - tried / made))
+    return (
+        f"Of {made:,} possible changes, {tried} were tried, evenly spread. {first} were noticed at once: "
+        f"{100 * share:.1f} %, with a standard error of {100 * error:.1f} % for all changes. Then tests were written "
+        f"for those that were missed. Of the same sample {now} are noticed now, {100 * now / tried:.1f} %. That is not an "
+        f"estimate for changes outside the sample."
+    )
