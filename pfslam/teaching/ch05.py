@@ -125,7 +125,7 @@ def n_eff_picture(runs: dict[str, Played]) -> Picture:
         resamplings = sum(info.resampled for info in run.infos)
         words.append(f"{name}: median {np.median(run.n_eff_share[1:]):.2f}, {resamplings} resamplings")
     axes.set(xlabel="time [s]", ylabel="$N_{eff}$ / $N_p$", ylim=(0, 1.05))
-    axes.legend(loc="lower right")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(runs))
     alt = f"Effective share of particles over the drive. {'; '.join(words)}. Dotted: the thresholds for resampling."
     return Picture(figure, alt)
 

@@ -48,9 +48,11 @@ def sharpness_explorer() -> Explorer:
             counts, PARTICLES * raw_count_weights(counts), s=8, color=COLOURS["odometry"], label="count"
         )
         above.scatter(counts, PARTICLES * weights, s=14, color=COLOURS["particles"], label="exp(b count)")
-        above.set(ylabel="weight x N", yscale="symlog", ylim=(0, 300), yticks=(0, 1, 10, 100))
+        above.set(ylabel="weight × $N_p$", yscale="symlog", ylim=(0, 300), yticks=(0, 1, 10, 100))
         above.set_yticklabels(("0", "1", "10", "100"))
-        above.set_title(f"N_eff = {n_eff:.0f} of {PARTICLES}, {np.count_nonzero(copies)} survive")
+        above.set_title(
+            f"$N_\\mathrm{{eff}}$ = {n_eff:.0f} of {PARTICLES}, {np.count_nonzero(copies)} survive"
+        )
         above.legend(loc="upper left")
         below.vlines(counts, 0, copies, color=COLOURS["estimate"], linewidth=1.6)
         below.set(xlabel="end points on occupied cells", ylabel="copies", yscale="symlog", ylim=(0, 300))

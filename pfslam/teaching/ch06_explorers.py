@@ -68,7 +68,7 @@ def journey_explorer(shot: Shot, spec: GridSpec) -> Explorer:
 
     controls = [
         Slider("pixel", list(pixels), label="Pixel"),
-        Slider("step", list(STEPS), start=0, label="Step"),
+        Slider("step", list(STEPS), start=2, label="Step"),
     ]
     return Explorer(draw, controls, alt=alt, title="The journey of one pixel", play="step", pause=1200)
 
@@ -146,15 +146,22 @@ def floor_explorer(shot: Shot) -> Explorer:
         points, chosen, (found, wrong) = choice(pitch, tolerance, z_max)
         far = points.points_b[chosen, 0].max() if chosen.any() else 0.0
         return (
-            f"Pitch {pitch:g} degrees (true: 18), tolerance {tolerance:g} cm, Z_MAX {z_max:g} m: "
+            f"Pitch {pitch:g} degrees (true: 18), tolerance {tolerance:g} cm, greatest depth {z_max:g} m: "
             f"{100 * found:.0f} % of the floor's pixels count as floor, the farthest {far:.1f} m ahead; "
             f"{100 * wrong:.1f} % of those that count are not floor."
         )
 
     controls = [
-        Slider("pitch", [15.0, 17.0, 18.0, 19.0, 20.6], start=2, label="Pitch", unit="°", live=(14, 22, 0.1)),
+        Slider(
+            "pitch",
+            [15.0, 17.0, 18.0, 19.0, 20.6],
+            start=2,
+            label="Pitch",
+            unit="degrees",
+            live=(14, 22, 0.1),
+        ),
         Slider("tolerance", [1.0, 3.0, 10.0], label="Tolerance", unit="cm", live=(0.2, 15, 0.1)),
-        Slider("z_max", [3.0, 10.0], start=1, label="Z_MAX", unit="m", live=(0.5, 10, 0.1)),
+        Slider("z_max", [3.0, 10.0], start=1, label="Greatest depth", unit="m", live=(0.5, 10, 0.1)),
     ]
     return Explorer(draw, controls, alt=alt, title="Which pixels are floor?")
 

@@ -27,7 +27,7 @@ LOG = "intel/intel.log"
 def relations_lines(name: str = "ch09_intel") -> str:
     """Mean error over the relations in metres and degrees: median and worst of the seeds, for each method."""
     table = read_table(name)
-    lines = [f"{'':22s} {'runs':>4s} {'median':>8s} {'worst':>8s} {'median':>9s}"]
+    lines = [f"{'':22s} {'runs':>4s} {'median':>8s} {'worst':>8s} {'heading':>9s}"]
     for label in labels_of(table):
         rows = select(table, label=label)
         metres, degrees = rows["relation_xy_m"], rows["relation_deg"]

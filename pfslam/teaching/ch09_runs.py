@@ -76,11 +76,10 @@ def rung_frame(recording: Recording, rungs: dict[str, Rung]) -> Callable[..., Fi
         _same_window(left, recording, run.path.t)
         left.legend(loc="upper left", fontsize=10)
         for name, other in rungs.items():
-            colour = COLOURS["estimate"] if name == rung else COLOURS["unknown"]
-            seconds = other.path.t - other.path.t[0]
-            right.plot(
-                seconds, _distance(recording, other.path), color=colour, zorder=3 if name == rung else 1
-            )
+            seconds, away = other.path.t - other.path.t[0], _distance(recording, other.path)
+            own = COLOURS["odometry" if name == "dead reckoning" else "estimate"]
+            chosen = name == rung
+            right.plot(seconds, away, color=own if chosen else COLOURS["unknown"], zorder=3 if chosen else 1)
         right.set(yscale="log", ylim=(0.0005, 3), xlabel="time [s]", title="off the truth by")
         right.set_yticks([0.001, 0.01, 0.1, 1], ["1 mm", "1 cm", "10 cm", "1 m"])
         right.set_yticks([0.002, 0.005, 0.02, 0.05, 0.2, 0.5], minor=True)  # few: each tick takes its time
