@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pfslam.particles import RESAMPLERS, effective_sample_size, systematic_resample
+from pfslam.teaching.pictures import steady
 from pfslam.teaching.style import COLOURS, new_figure
 from pfslam.teaching.widgets import Explorer, Slider
 
@@ -66,7 +67,7 @@ def sharpness_explorer() -> Explorer:
         resampling, the luckiest with {copies.max()} copies."""
 
     slider = Slider("sharpness", SHARPNESS, 3, "Sharpness b", live=(0.0, 1.0, 0.005))
-    return Explorer(draw, [slider], alt=alt, title="How sharp may a likelihood be?")
+    return Explorer(steady(draw), [slider], alt=alt, title="How sharp may a likelihood be?")
 
 
 def copies_table(weight: float = 0.3, n: int = 10, trials: int = 2000) -> dict[str, tuple[float, float]]:

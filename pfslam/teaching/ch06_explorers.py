@@ -28,6 +28,7 @@ from pfslam.teaching.ch06 import (
     points_of,
     registered_colours,
 )
+from pfslam.teaching.pictures import steady
 from pfslam.teaching.style import COLOURS, new_figure
 from pfslam.teaching.widgets import Explorer, Slider
 
@@ -70,7 +71,9 @@ def journey_explorer(shot: Shot, spec: GridSpec) -> Explorer:
         Slider("pixel", list(pixels), label="Pixel"),
         Slider("step", list(STEPS), start=2, label="Step"),
     ]
-    return Explorer(draw, controls, alt=alt, title="The journey of one pixel", play="step", pause=1200)
+    return Explorer(
+        steady(draw), controls, alt=alt, title="The journey of one pixel", play="step", pause=1200
+    )
 
 
 def _goes_on(rows: list[tuple[str, str]]) -> bool:
@@ -163,7 +166,7 @@ def floor_explorer(shot: Shot) -> Explorer:
         Slider("tolerance", [1.0, 3.0, 10.0], label="Tolerance", unit="cm", live=(0.2, 15, 0.1)),
         Slider("z_max", [3.0, 10.0], start=1, label="Greatest depth", unit="m", live=(0.5, 10, 0.1)),
     ]
-    return Explorer(draw, controls, alt=alt, title="Which pixels are floor?")
+    return Explorer(steady(draw), controls, alt=alt, title="Which pixels are floor?")
 
 
 def draw_floor_choice(shot: Shot, points, chosen, tolerance: float, found: float, wrong: float) -> Figure:

@@ -18,6 +18,7 @@ from pfslam.study.table import Table
 from pfslam.teaching.ch01 import true_path
 from pfslam.teaching.ch09 import length, middle
 from pfslam.teaching.figures import draw_map, draw_trajectory
+from pfslam.teaching.pictures import steady
 from pfslam.teaching.style import COLOURS, new_figure
 from pfslam.teaching.tables import ERROR, labels_of, read_table, select
 
@@ -27,7 +28,9 @@ FRAMES = 20
 def kinds_lines() -> str:
     """Accuracy, processor time and memory of each kind, on ``hall``; and accuracy round the loop without polish."""
     hall, loop = read_table("ch09_kinds"), read_table("ch09_loop")
-    lines = [f"{'':20s} {'particles':>9s} {'error':>8s} {'CPU':>7s} {'memory':>8s} {'loop':>8s} {'worst':>8s}"]
+    lines = [
+        f"{'':20s} {'particles':>9s} {'error':>8s} {'CPU':>7s} {'memory':>8s} {'loop':>8s} {'worst':>8s}"
+    ]
     sizes = {"scan matching": 1, "shared map": 200, "per-particle maps": 30}
     for label, particles in sizes.items():
         rows = select(hall, label=label)
@@ -115,29 +118,25 @@ def play_histories(recording: Recording, particles: int = 10, every: int = 40, s
 
 def histories_frame(run: Histories) -> Callable[..., Figure]:
     """The drawing function of the player: paths on the heaviest particle's map, and errors as a family tree."""
+    seconds = run.t - run.t[0]
+    everyone = 100 * run.away(run.clouds, np.arange(len(run.t)))
 
     def draw(frame: int) -> Figure:
         k = run.shown[frame - 1]
         paths = run.paths(k)
         figure, (left, right) = new_figure(6.4, 4.0, columns=2, width_ratios=[1.1, 1])
         draw_map(left, run.maps[frame - 1], f"{run.t[k] - run.t[0]:.0f} s")
-        for n in range(paths.shape[1]):
-            left.plot(*paths[:, n, :2].T, color=COLOURS["particles"], linewidth=1.2)
+        left.plot(paths[..., 0], paths[..., 1], color=COLOURS["particles"], linewidth=1.2)
         draw_trajectory(left, Trajectory(run.t, true_path(run.recording).at(run.t)), "truth")
         left.set_facecolor(COLOURS["unknown"])
-        seconds = run.t - run.t[0]
-        everyone = run.away(run.clouds[: k + 1], np.arange(k + 1))
-        right.plot(seconds[: k + 1], 100 * everyone, ".", color=COLOURS["unknown"], markersize=3)
-        right.plot(
-            seconds[: k + 1], 100 * run.away(paths, np.arange(k + 1)), color=COLOURS["particles"], lw=1.2
-        )
-        highest = 100 * run.away(run.clouds, np.arange(len(run.t))).max()
-        right.set(
-            xlim=(0, seconds[-1]), ylim=(0, 1.05 * highest), xlabel="time [s]", title="off the truth [cm]"
-        )
+        till = seconds[: k + 1]
+        right.plot(till, everyone[: k + 1], ".", color=COLOURS["unknown"], markersize=3)
+        right.plot(till, 100 * run.away(paths, np.arange(k + 1)), color=COLOURS["particles"], lw=1.2)
+        right.set(xlim=(0, seconds[-1]), ylim=(0, 1.05 * everyone.max()))
+        right.set(xlabel="time [s]", title="off the truth [cm]")
         return figure
 
-    return draw
+    return steady(draw)
 
 
 def histories_alt(run: Histories) -> Callable[..., str]:

@@ -90,7 +90,8 @@ def particles_frame(table: Table) -> Callable[..., Figure]:
         axes.set_xticks(NUMBERS, [str(n) for n in NUMBERS])
         axes.set_xticks([], minor=True)
         axes.set_yticks([0.001, 0.01, 0.1, 1, 10], ["1 mm", "1 cm", "10 cm", "1 m", "10 m"])
-        axes.set_yticks(np.outer([0.001, 0.01, 0.1, 1], [2, 5]).ravel(), minor=True)  # few: each takes its time
+        # Few of the small ticks: each takes its time.
+        axes.set_yticks(np.outer([0.001, 0.01, 0.1, 1], [2, 5]).ravel(), minor=True)
         axes.legend(loc="upper right")
         return figure
 
