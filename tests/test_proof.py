@@ -106,6 +106,20 @@ def test_a_module_below_its_floor_fails_and_is_in_the_table(tmp_path, monkeypatc
     )
 
 
+def test_the_stored_coverage_is_of_the_core_and_above_its_floors():
+    rows = {row["module"]: float(row["share"]) for row in table("coverage")}
+    package = mutation.ROOT / "pfslam"
+    core = {
+        path.relative_to(package).with_suffix("").as_posix()
+        for path in package.rglob("*.py")
+        if path.relative_to(package).parts[0] not in ("teaching", "bench")
+    }
+    assert rows.pop("all") >= coverage_table.ALL
+    assert set(rows) <= core
+    assert len(rows) > 0.9 * len(core)  # a new module is in it when it is made again
+    assert min(rows.values()) >= coverage_table.EACH
+
+
 @pytest.mark.parametrize(("name", "tried"), [("mutants", "mutants"), ("mutants_core", "tried")])
 def test_the_stored_mutants_are_noticed(name, tried):
     rows = table(name)

@@ -114,6 +114,27 @@ def mutant_lines(folder: Path = TABLES) -> str:
     return "\n".join([*lines, f"| all | | {made} | {noticed} |"])
 
 
+def core_lines(folder: Path = TABLES) -> str:
+    """The stored tables of the core by module, as Markdown: what the tests run, and what they notice of a sample."""
+    with open(folder / "coverage.csv", encoding="utf-8") as file:
+        run = {row["module"]: row for row in csv.DictReader(file)}
+    with open(folder / "mutants_core.csv", encoding="utf-8") as file:
+        spoilt = {row["module"]: row for row in csv.DictReader(file)}
+    tried, noticed = (sum(int(row[name]) for row in spoilt.values()) for name in ("tried", "noticed"))
+    spoilt["all"] = {"tried": tried, "noticed": noticed}
+    lines = [
+        "| module | lines | branches | run by the tests | changes tried | noticed |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, row in run.items():
+        sample = spoilt.get(name, {"tried": "", "noticed": ""})
+        lines.append(
+            f"| {name if name == 'all' else f'`{name}`'} | {row['lines']} | {row['branches']} | {row['share']} % | "
+            f"{sample['tried']} | {sample['noticed']} |"
+        )
+    return "\n".join(lines)
+
+
 def core_words(folder: Path = TABLES) -> str:
     """What the sample of changes says: noticed at first, with its standard error, and after tests for the survivors."""
     with open(folder / "mutants_core.csv", encoding="utf-8") as file:
