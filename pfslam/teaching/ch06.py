@@ -29,7 +29,7 @@ from pfslam.sensors import RgbdModel
 from pfslam.simulator import Simulation
 from pfslam.texture import FloorTexture, TextureConfig, map_texture, project_floor
 
-EVERY = 36  # of the chapter's image pairs; the command line takes every 8th
+EVERY = 48  # of the chapter's image pairs; the command line takes every 8th
 WORD_SHOT = 1091  # the disparity image with the letter C in front of the robot
 VISIBLE_TO = 4.0  # m: floor that an image shows no nearer than this is not asked for
 
