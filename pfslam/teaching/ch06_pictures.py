@@ -185,7 +185,7 @@ def word_picture(judge: Judge, maps: dict[str, tuple[FloorTexture, TextureError]
         ax.set_xlabel("")
     axes[-1].set_xlabel("x [m]")
     alt = f"""Three pictures of the corridor floor with the words TEXTURE MAP. On the true floor they are sharp.
-        With the report's settings the letters are torn, with doubled edges, and the colours are off by
+        With the report's settings the letters are ragged, and the colours are off by
         {wrong.colour_mean:.0f} levels of 255 on average over the whole map. Refined, they read with ease; the colours
         are off by {right.colour_mean:.0f} levels."""
     return Picture(figure, alt)
