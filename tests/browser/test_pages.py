@@ -8,6 +8,10 @@ import pytest
 
 pytestmark = pytest.mark.browser
 
+BEYOND_SCREEN = """() => [...document.querySelectorAll(
+    'article :is(table, mjx-container[display="true"] > mjx-math, figure.pfslam-explorer, figure.pfslam-explorer *)')]
+  .filter(e => e.getBoundingClientRect().right > document.documentElement.clientWidth)
+  .map(e => e.tagName + ': ' + e.textContent.trim().slice(0, 60))"""
 WIDTH_BEYOND_SCREEN = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
 
@@ -119,6 +123,11 @@ def test_equations_are_drawn(shared):
 def test_no_sideways_scroll(shared, width):
     shared.set_viewport_size({"width": width, "height": 900})
     assert shared.evaluate(WIDTH_BEYOND_SCREEN) <= 0
+
+
+def test_tables_equations_and_explorers_fit_a_phone(shared):
+    shared.set_viewport_size({"width": 390, "height": 900})
+    assert shared.evaluate(BEYOND_SCREEN) == []
 
 
 @pytest.mark.parametrize("scheme", ["http", "file"])
