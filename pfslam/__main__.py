@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pfslam.errors import DataError
+from pfslam.interrupts import ctrl_c_held_back
 
 METHODS = ("report", "refined", "per-particle", "matching")
 MAX_PARTICLES = 100_000
@@ -120,7 +121,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command. Returns 0; after one line: 2 for bad input, 130 for Ctrl-C, 1 for a fault of ours."""
     try:
         arguments = build_parser().parse_args(argv)
-        from pfslam import commands
+        with ctrl_c_held_back():
+            from pfslam import commands
 
         commands.COMMANDS[arguments.command](arguments)
         sys.stdout.flush()

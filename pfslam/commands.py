@@ -9,27 +9,30 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import numpy.random  # numpy itself waits until it is used, and then a Ctrl-C may be lost
 from tqdm import tqdm
 
-from pfslam.calibration import calibrate
+from pfslam.cache import cached_simulation
 from pfslam.config import SlamConfig
-from pfslam.consistency import alarms
 from pfslam.course_format import save_course
 from pfslam.datasets import dataset_name, load
 from pfslam.errors import DataError
 from pfslam.files import atomic_write, check_writable, write_text
 from pfslam.formats import write_map, write_texture, write_tum
-from pfslam.metrics import trajectory_error
+from pfslam.interrupts import ctrl_c_held_back
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.runs import SlamResult, run_slam
+from pfslam.simulator import simulate
+from pfslam.study import read_study, run_study
+from pfslam.study.table import read_table
+from pfslam.summary import closing_words, plain, summarise
 from pfslam.texture import FloorTexture, map_texture
 
 PRESETS = {
@@ -71,9 +74,6 @@ class Stopwatch:
 
 def simulate_command(arguments: argparse.Namespace) -> None:
     """Write ``hall`` as set 20 or ``ramp`` as set 21, with truth and, if asked for, images."""
-    from pfslam.cache import cached_simulation
-    from pfslam.simulator import simulate
-
     check_writable(arguments.out)
     bar = progress_bar("simulating")
     if arguments.seed is None:
@@ -153,65 +153,11 @@ def write_results(
     return [*files, "summary.json"]
 
 
-def summarise(
-    recording: Recording, odometry: Trajectory, result: SlamResult | None, texture: FloorTexture | None
-) -> dict[str, Any]:
-    """The figures of a run: counts, what was dropped and why, and the errors where the truth is known."""
-    parts = [recording.dropped, result.dropped if result else {}, texture.dropped if texture else {}]
-    summary: dict[str, Any] = {
-        "scans_recorded": 0 if recording.lidar is None else len(recording.lidar.t),
-        "scans": len(result.trajectory) if result else 0,
-        "updates": result.updates if result else 0,
-        "resamplings": result.resamplings if result else 0,
-        "lost": len(alarms(result.infos)) if result else 0,
-        "dropped": {reason: count for part in parts for reason, count in part.items()},
-    }
-    if recording.encoders is not None and recording.imu is not None:
-        summary["calibration"] = {"applied": False} | asdict(calibrate(recording, result))
-    if texture is not None:
-        summary["image_pairs"] = texture.pairs
-    estimates = {"odometry": odometry} | ({"slam": result.trajectory} if result else {})
-    if recording.truth is None:
-        return summary
-    known = recording.truth.covers(odometry.t)
-    if not known.all():
-        summary["dropped"]["poses outside the truth's time, not compared"] = int(np.count_nonzero(~known))
-    if known.any():
-        summary |= {
-            name: asdict(trajectory_error(poses, recording.truth)) for name, poses in estimates.items()
-        }
-    return summary
-
-
-def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> str:
-    """One or two lines for the user."""
-    lines = [] if recording.lidar is not None else ["no LiDAR in this data set: dead reckoning only"]
-    if summary["lost"]:
-        lines.append(f"the robot seems to have been lost or moved by hand {summary['lost']} times")
-    errors = [
-        f"{name} {summary[name]['ate_rmse_m']:.3f} m" for name in ("odometry", "slam") if name in summary
-    ]
-    found = f" ({', '.join(errors)} from the truth, root mean square)" if errors else ""
-    return "\n".join([*lines, f"results are in {out}{found}"])
-
-
-def plain(value: Any) -> Any:
-    """A value as JSON knows it: NumPy numbers become numbers, what is not finite becomes null."""
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
-
-
 def report_command(arguments: argparse.Namespace) -> None:
     """The report's figures as PNG files."""
     try:
-        from pfslam.teaching.figures import report_figures
+        with ctrl_c_held_back():
+            from pfslam.teaching.figures import report_figures
     except ImportError as error:
         raise DataError(
             "pfslam report", "package", error.name or error, "the extra: pip install pfslam[plots]"
@@ -231,16 +177,14 @@ def report_command(arguments: argparse.Namespace) -> None:
 
 def bench_command(arguments: argparse.Namespace) -> None:
     """Speed and memory, measured and printed; with ``--json`` also written."""
-    from pfslam.bench.command import bench
+    with ctrl_c_held_back():
+        from pfslam.bench.command import bench
 
     bench(arguments.quick, arguments.json, arguments.data)
 
 
 def study_command(arguments: argparse.Namespace) -> None:
     """All runs of a study that are not there yet, and its table."""
-    from pfslam.study import read_study, run_study
-    from pfslam.study.table import read_table
-
     study = read_study(arguments.file)
     out = arguments.out if arguments.out is not None else Path("out") / study.name
     path = run_study(study, out, jobs=arguments.jobs, progress=progress_bar("runs"))

@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "pfslam"
 
 # Each module imports only from those above it. A package (simulator, teaching) is one entry.
 ORDER = [
-    *("errors", "poses", "sensors", "recording", "disturb", "motion", "grid", "particles"),
+    *("errors", "interrupts", "poses", "sensors", "recording", "disturb", "motion", "grid", "particles"),
     *("lattice", "boxes", "correlation"),
     *(
         "tilt",
@@ -37,7 +37,18 @@ ORDER = [
         "metrics_texture",
     ),
     *("files", "images", "formats", "carmen_lines", "carmen", "course_writer", "course_format"),
-    *("simulator", "streams", "cache", "datasets", "study", "bench", "teaching", "commands", "__main__"),
+    *(
+        "simulator",
+        "streams",
+        "cache",
+        "datasets",
+        "study",
+        "bench",
+        "teaching",
+        "summary",
+        "commands",
+        "__main__",
+    ),
 ]
 MODULES = sorted(PACKAGE.rglob("*.py"))
 PLOTTING = {"matplotlib", "ipywidgets", "IPython", "PIL"}

@@ -9,6 +9,8 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -68,6 +70,17 @@ def begin(words, folder, data, limit=None):
         text=True,
         start_new_session=True,
     )
+
+
+def workers(process):
+    """For each of joblib's workers for a process whether Ctrl-C is blocked in it; none where there is no /proc."""
+    held_back = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # gone meanwhile
+            status = dict(line.split(":", 1) for line in (folder / "status").read_text().splitlines())
+            if int(status["PPid"]) == process.pid and b"popen_loky" in (folder / "cmdline").read_bytes():
+                held_back.append(int(status["SigBlk"], 16) >> (signal.SIGINT - 1) & 1 == 1)
+    return held_back
 
 
 def finish(process):
@@ -203,6 +216,8 @@ def test_ctrl_c(work, data, words, begun):
     )
     process = begin(words, work, data)
     wait_for(work, begun, process)
+    if sys.platform == "linux":
+        assert workers(process) == ([True, True] if words.startswith("study") else [])
     os.killpg(process.pid, signal.SIGINT)
     code, said, complained = finish(process)
     assert (code, said) == (130, "")

@@ -20,6 +20,7 @@ from typing import Any
 
 from pfslam.errors import DataError
 from pfslam.files import check_writable, write_text
+from pfslam.interrupts import ctrl_c_held_back, starting_workers
 from pfslam.study.definition import Case, Study, read_study
 from pfslam.study.provenance import (
     code_fingerprint,
@@ -133,7 +134,9 @@ def _through_joblib(joblib: ModuleType, todo: list[Task], jobs: int) -> Iterator
         work = joblib.delayed(run_and_keep)
         try:
             pool = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
-            for path, row in pool(work(case, path, os.getpid()) for case, path in todo):
+            with starting_workers():
+                results = pool(work(case, path, os.getpid()) for case, path in todo)
+            for path, row in results:
                 done.add(path)
                 yield path, row
             return
@@ -152,8 +155,9 @@ def _through_joblib(joblib: ModuleType, todo: list[Task], jobs: int) -> Iterator
 def _alone(joblib: ModuleType, task: Task) -> Result:
     """One run in a process of its own, so that if it kills its worker again it is known which it was."""
     try:
-        with joblib.parallel_config("loky"):
-            return next(iter(joblib.Parallel(n_jobs=2)([joblib.delayed(run_and_keep)(*task)])))
+        with joblib.parallel_config("loky"), starting_workers():
+            results = joblib.Parallel(n_jobs=2, return_as="generator")([joblib.delayed(run_and_keep)(*task)])
+        return next(results)
     except BrokenProcessPool:
         return task[1], _again(WORKER_DIED)
 
@@ -242,7 +246,8 @@ def _shared(study: Study, label: str) -> dict[str, Any]:
 
 def _joblib() -> ModuleType:
     try:
-        import joblib
+        with ctrl_c_held_back():
+            import joblib
     except ImportError as error:
         raise DataError("pfslam study", "package", error.name, "joblib: pip install pfslam[study]") from error
     return joblib

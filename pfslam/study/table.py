@@ -17,6 +17,7 @@ import numpy as np
 
 from pfslam.errors import DataError
 from pfslam.files import atomic_write, read_text, write_text
+from pfslam.interrupts import ctrl_c_held_back
 
 TEXT_COLUMNS = ("label", "dataset", "data_dir", "method", "error")
 RESULTS = (
@@ -57,8 +58,9 @@ def _plain(value: Any) -> Any:
 
 def _write_parquet(path: Path, columns: dict[str, list]) -> None:
     try:
-        import pyarrow
-        from pyarrow import parquet
+        with ctrl_c_held_back():
+            import pyarrow
+            from pyarrow import parquet
     except ImportError:
         return
     arrays = {}
