@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
+WIDTH_BEYOND_SCREEN = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+
 REQUIRED = os.environ.get("PFSLAM_REQUIRE_BROWSER") == "1"
 CHROMIUM_FLAGS = [
     "--no-sandbox",

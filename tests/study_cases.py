@@ -32,7 +32,7 @@ def deadly(case, path, owner=None):
     import os
     import signal
 
-    from pfslam.study.runner import run_and_keep
+    from pfslam.study.workers import run_and_keep
 
     if case.label == "odometry" and case.get("seed") == 1:
         os.kill(os.getpid(), signal.SIGKILL)

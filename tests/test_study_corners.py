@@ -15,7 +15,8 @@ from pfslam.study import cost as cost_module
 from pfslam.study import make_study, read_table, run_case, run_study
 from pfslam.study.cost import Meter, peak_megabytes
 from pfslam.study.provenance import machine, processor_features
-from pfslam.study.runner import WORKER_DIED, _outcome, _row, run_and_keep, run_path
+from pfslam.study.runner import _row, run_path
+from pfslam.study.workers import WORKER_DIED, _outcome, run_and_keep
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +91,7 @@ def test_a_table_that_is_none_is_named(tmp_path, text, complaint):
 def test_a_worker_whose_owner_is_gone_does_nothing(box, tmp_path):
     """1 is the mother of orphans: neither the worker itself nor its parent."""
     code = (
-        "import sys; from study_cases import box_study; from pfslam.study.runner import run_and_keep\n"
+        "import sys; from study_cases import box_study; from pfslam.study.workers import run_and_keep\n"
         f"run_and_keep(box_study({str(box)!r}).cases[0], {str(tmp_path / 'run.json')!r}, owner=int(sys.argv[1]))"
     )
     paths = os.pathsep.join([os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")])
@@ -126,7 +127,7 @@ def elsewhere(case, path, owner=None):
 
 def test_results_of_workers_elsewhere_are_kept_here(box, tmp_path, monkeypatch):
     expected = rows(run_study(box_study(box, seeds=1), tmp_path / "here", jobs=1))
-    monkeypatch.setattr("pfslam.study.runner.run_and_keep", elsewhere)
+    monkeypatch.setattr("pfslam.study.workers.run_and_keep", elsewhere)
     study = box_study(box, seeds=1)
     assert rows(run_study(study, tmp_path / "there", jobs=1)) == expected
     assert all(run_path(tmp_path / "there", case).exists() for case in study.cases)

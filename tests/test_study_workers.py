@@ -166,7 +166,7 @@ def test_the_whole_process_killed_eight_times(box, expected, tmp_path):
 def test_a_run_that_kills_every_worker_is_one_row(backend, box, expected, tmp_path, monkeypatch, request):
     if backend == "dask":
         request.getfixturevalue("cluster")
-    monkeypatch.setattr("pfslam.study.runner.run_and_keep", deadly)
+    monkeypatch.setattr("pfslam.study.workers.run_and_keep", deadly)
     study = box_study(box, 3)
     with joblib.parallel_config(backend):
         found = rows(run_study(study, tmp_path, jobs=2))

@@ -8,19 +8,13 @@ Only runs that failed are tried again.
 
 from __future__ import annotations
 
-import itertools
 import json
-import os
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from pfslam.errors import DataError
 from pfslam.files import check_writable, write_text
-from pfslam.interrupts import ctrl_c_held_back, starting_workers
 from pfslam.study.definition import Case, Study, read_study
 from pfslam.study.provenance import (
     code_fingerprint,
@@ -30,18 +24,9 @@ from pfslam.study.provenance import (
     version_key,
     versions,
 )
-from pfslam.study.run import COSTS, recording_key, run_case
+from pfslam.study.run import COSTS, recording_key
 from pfslam.study.table import write_table
-
-Task = tuple[Case, str]
-"""A case, and the path of the file that keeps its run."""
-Result = tuple[str, dict[str, Any]]
-"""That path, and the row that the run gave."""
-AT_ONCE = 10_000
-"""So many tasks are known to a Dask scheduler at a time."""
-WORKER_DIED = "WorkerDied: the process was killed, perhaps for its memory"
-FRUITLESS = 2
-"""After so many deaths of workers without a single run finished in between, runs get a process each."""
+from pfslam.study.workers import Task, finish, import_joblib, read_run
 
 
 def run_study(
@@ -52,13 +37,13 @@ def run_study(
     ``jobs`` counts processes, -1 is one for each core. ``progress(iterable, total=n)`` may wrap the loop, as tqdm
     does. Finished runs lie in ``folder/runs``; what made the table is said in ``folder/NAME.json``.
     """
-    joblib = _joblib()
+    joblib = import_joblib()
     study = study if isinstance(study, Study) else read_study(study)
     folder = Path(folder)
     check_writable(folder)
     tasks = [(case, str(run_path(folder, case))) for case in study.cases]
     todo = missing(tasks)
-    results = _finish(joblib, todo, jobs)
+    results = finish(joblib, todo, jobs)
     failed = {
         path: row
         for path, row in (progress(results, total=len(todo)) if progress else results)
@@ -75,132 +60,10 @@ def run_path(folder: Path, case: Case) -> Path:
     return folder / "runs" / case.key[:2] / f"{case.key}-{version_key()}.json"
 
 
-def run_and_keep(case: Case, path: str, owner: int | None = None) -> Result:
-    """What a worker does: run a case unless its result is there, and put the result there.
-
-    ``owner`` is the process that the worker works for: when that is gone, so is the worker, which would otherwise
-    run on beside whoever takes the study up again.
-    """
-    if os.name == "posix" and owner not in (None, os.getpid(), os.getppid()):
-        os._exit(1)
-    kept = read_run(path)
-    if kept is not None:
-        return path, kept
-    try:
-        row = run_case(case)
-        row = {key: None if value != value else value for key, value in row.items() if key != "label"}
-        if row["error"]:
-            return path, row | {"again": True}
-        write_text(path, json.dumps(row) + "\n")
-    except (MemoryError, OSError, DataError) as error:  # no room, in memory or on the disk
-        return path, _again(f"{type(error).__name__}: {error}")
-    return path, row
-
-
-def _again(error: str) -> dict[str, Any]:
-    """What stands for a run that failed: it is not kept, so that the next call tries it again."""
-    return {"error": error, "again": True}
-
-
-def read_run(path: str | Path) -> dict[str, Any] | None:
-    """A kept run; None if there is none, or if the file is damaged."""
-    with suppress(OSError, ValueError):
-        row = json.loads(Path(path).read_bytes())
-        return row if isinstance(row, dict) and "error" in row else None
-    return None
-
-
 def missing(tasks: Iterable[Task]) -> list[Task]:
     """Tasks without a result, each once, those of one recording side by side."""
     found = {path: (case, path) for case, path in tasks if read_run(path) is None}
     return sorted(found.values(), key=lambda task: repr(recording_key(task[0])))
-
-
-def _finish(joblib: ModuleType, todo: list[Task], jobs: int) -> Iterator[Result]:
-    """Results in the order in which they come in."""
-    client = getattr(joblib.parallel.get_active_backend()[0], "client", None)
-    results = _through_dask(client, todo) if client is not None else _through_joblib(joblib, todo, jobs)
-    for path, row in results:
-        if not row.get("again") and read_run(path) is None:  # the worker keeps it elsewhere
-            write_text(path, json.dumps(row) + "\n")
-        yield path, row
-
-
-def _through_joblib(joblib: ModuleType, todo: list[Task], jobs: int) -> Iterator[Result]:
-    """Results from joblib's workers; those that die are replaced, and what they had not finished is run again."""
-    fruitless = 0
-    while todo and fruitless < FRUITLESS:
-        done = set()
-        work = joblib.delayed(run_and_keep)
-        try:
-            pool = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
-            with starting_workers():
-                results = pool(work(case, path, os.getpid()) for case, path in todo)
-            for path, row in results:
-                done.add(path)
-                yield path, row
-            return
-        except BrokenProcessPool:
-            for _, path in todo:
-                row = read_run(path) if path not in done else None
-                if row is not None:  # finished, but its message went down with the pool
-                    done.add(path)
-                    yield path, row
-        todo = [task for task in todo if task[1] not in done]
-        fruitless = 0 if done else fruitless + 1
-    for task in todo:
-        yield _alone(joblib, task)
-
-
-def _alone(joblib: ModuleType, task: Task) -> Result:
-    """One run in a process of its own, so that if it kills its worker again it is known which it was."""
-    try:
-        with joblib.parallel_config("loky"), starting_workers():
-            results = joblib.Parallel(n_jobs=2, return_as="generator")([joblib.delayed(run_and_keep)(*task)])
-        return next(results)
-    except BrokenProcessPool:
-        return task[1], _again(WORKER_DIED)
-
-
-def _through_dask(client: Any, todo: list[Task]) -> Iterator[Result]:
-    """Results from a Dask cluster. Its scheduler gives a task that lost its worker to another, three times.
-
-    joblib's own way to Dask waits for ever for a task that was given up, so tasks go to the client directly.
-    """
-    from dask.distributed import as_completed
-
-    waiting, given, running = iter(todo), {}, as_completed()
-
-    def submit(tasks: Iterable[Task]) -> None:
-        for task in tasks:
-            future = client.submit(run_and_keep, *task, pure=False)
-            given[future.key] = task
-            running.add(future)
-
-    submit(itertools.islice(waiting, AT_ONCE))
-    for future in running:
-        task = given.pop(future.key)
-        row = _outcome(future, task[1])
-        if row is None:
-            submit([task])
-        else:
-            yield task[1], row
-            submit(itertools.islice(waiting, 1))
-
-
-def _outcome(future: Any, path: str) -> dict[str, Any] | None:
-    """What a finished task of Dask gave; None if its message was lost with a worker before it came here."""
-    row = read_run(path)
-    if row is not None:
-        return row
-    if future.status == "finished":
-        with suppress(Exception):  # the worker may die while it is asked
-            return future.result()[1]
-    if future.status == "error":
-        error = future.exception()
-        died = type(error).__name__ == "KilledWorker"
-        return _again(WORKER_DIED if died else f"{type(error).__name__}: {error}")
-    return None
 
 
 def _row(case: Case, path: str, failed: dict[str, dict]) -> dict[str, Any]:
@@ -242,12 +105,3 @@ def _shared(study: Study, label: str) -> dict[str, Any]:
             for key, value in case.settings:
                 values.setdefault(key, {})[json.dumps(value)] = value
     return {key: list(found.values()) for key, found in values.items()}
-
-
-def _joblib() -> ModuleType:
-    try:
-        with ctrl_c_held_back():
-            import joblib
-    except ImportError as error:
-        raise DataError("pfslam study", "package", error.name, "joblib: pip install pfslam[study]") from error
-    return joblib

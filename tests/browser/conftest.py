@@ -11,12 +11,9 @@ from headless import missing
 
 SITE = Path(__file__).resolve().parents[2] / "_build" / "html"
 ALL_PAGES = sorted(p.relative_to(SITE).as_posix() for p in SITE.rglob("*.html") if "_static" not in p.parts)
-# The pages of source code are one like the other: their index and a short one stand for all.
-PAGES = [
-    name
-    for name in ALL_PAGES
-    if not name.startswith("_modules/") or name in ("_modules/index.html", "_modules/pfslam/errors.html")
-]
+# The pages of source code hold no widgets and no equations: one test looks at each.
+SOURCES = [name for name in ALL_PAGES if name.startswith("_modules/pfslam/")]
+PAGES = [name for name in ALL_PAGES if name not in SOURCES]
 
 
 def explorer_pages() -> list[str]:
@@ -25,7 +22,8 @@ def explorer_pages() -> list[str]:
 
 def pytest_generate_tests(metafunc):
     """All tests of one page run in one worker, one after the other: the page is opened once for most of them."""
-    for argument, names in (("page_name", PAGES), ("explorer_page", explorer_pages())):
+    pages_for = {"page_name": PAGES, "explorer_page": explorer_pages(), "source_page": SOURCES}
+    for argument, names in pages_for.items():
         if argument in metafunc.fixturenames:
             pages = [pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in names or ["no page"]]
             metafunc.parametrize(argument, pages, scope="session")

@@ -5,6 +5,7 @@ from html.parser import HTMLParser
 from urllib.parse import unquote, urldefrag
 
 import pytest
+from headless import WIDTH_BEYOND_SCREEN
 
 pytestmark = pytest.mark.browser
 
@@ -12,7 +13,6 @@ BEYOND_SCREEN = """() => [...document.querySelectorAll(
     'article :is(table, mjx-container[display="true"] > mjx-math, figure.pfslam-explorer, figure.pfslam-explorer *)')]
   .filter(e => e.getBoundingClientRect().right > document.documentElement.clientWidth)
   .map(e => e.tagName + ': ' + e.textContent.trim().slice(0, 60))"""
-WIDTH_BEYOND_SCREEN = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
 
 class Anatomy(HTMLParser):
