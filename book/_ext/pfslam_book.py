@@ -43,6 +43,10 @@ BETTER_MARKUP = (
 MODULE_LIST = re.compile(
     r"(All modules for which code is available</h1>\s*)(<ul>.*</ul>)(?=\s*</article>)", re.DOTALL
 )
+TABLE = re.compile(r"<table.*?</table>", re.DOTALL)
+NAME = re.compile(r'(?<=<span class="(?:pre|doc)">)[^<]+')
+JOINT = re.compile(r"(?<=[._/])(?=[A-Za-z])")
+COLUMNS = re.compile(r"\S {2,}\S")
 # The lines around what a search finds are fetched from its page, which a browser forbids from file://.
 SEARCH_SUMMARY = ("SHOW_SEARCH_SUMMARY: true", "SHOW_SEARCH_SUMMARY: location.protocol !== 'file:'")
 
@@ -64,6 +68,7 @@ def clean_page(page: str) -> str:
         page = first + (keep if found else "") + rest.replace(markup, "")
     for pattern, better in BETTER_MARKUP:
         page = re.sub(pattern, better, page)
+    page = TABLE.sub(lambda table: NAME.sub(lambda name: JOINT.sub("<wbr>", name[0]), table[0]), page)
     return MODULE_LIST.sub(one_list, page)
 
 
@@ -103,6 +108,13 @@ def number_equations(app, doctree) -> None:
             node.children = [nodes.Text(re.sub(r"\\tag\{\d+\}", "", node.astext()))]
 
 
+def wrap_sentences(app, doctree) -> None:
+    """Output without columns is sentences, which wrap on a phone; a table would not survive that."""
+    for block in doctree.findall(nodes.literal_block):
+        if "output" in block["classes"] and not COLUMNS.search(block.astext()):
+            block["classes"].append("pfslam-sentences")
+
+
 def draw_hero(app, error) -> None:
     """Run the filter for the moving picture on the first page."""
     if error is None and app.builder.format == "html":
@@ -130,6 +142,7 @@ def setup(app):
     app.connect("config-inited", read_in_parallel)
     app.connect("env-before-read-docs", deal_out)
     app.connect("doctree-read", number_equations)
+    app.connect("doctree-read", wrap_sentences)
     app.connect("build-finished", finish_site)
     app.connect("build-finished", draw_hero)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

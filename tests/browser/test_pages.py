@@ -9,6 +9,8 @@ from headless import WIDTH_BEYOND_SCREEN
 
 pytestmark = pytest.mark.browser
 
+SENTENCES_CUT_OFF = """() => [...document.querySelectorAll('.pfslam-sentences pre')]
+  .filter(e => e.scrollWidth > e.clientWidth).map(e => e.textContent.trim().slice(0, 60))"""
 BEYOND_SCREEN = """() => [...document.querySelectorAll(
     'article :is(table, mjx-container[display="true"] > mjx-math, figure.pfslam-explorer, figure.pfslam-explorer *)')]
   .filter(e => e.getBoundingClientRect().right > document.documentElement.clientWidth)
@@ -128,6 +130,13 @@ def test_no_sideways_scroll(shared, width):
 def test_tables_equations_and_explorers_fit_a_phone(shared):
     shared.set_viewport_size({"width": 390, "height": 900})
     assert shared.evaluate(BEYOND_SCREEN) == []
+
+
+def test_sentences_that_cells_print_wrap_on_a_phone(shared, page_name):
+    shared.set_viewport_size({"width": 390, "height": 900})
+    assert shared.evaluate(SENTENCES_CUT_OFF) == []
+    printed = shared.locator(".pfslam-sentences").count()
+    assert printed > 0 or not page_name.startswith("notebooks/")
 
 
 @pytest.mark.parametrize("scheme", ["http", "file"])
