@@ -12,7 +12,7 @@ pytestmark = pytest.mark.browser
 SENTENCES_CUT_OFF = """() => [...document.querySelectorAll('.pfslam-sentences pre')]
   .filter(e => e.scrollWidth > e.clientWidth).map(e => e.textContent.trim().slice(0, 60))"""
 BEYOND_SCREEN = """() => [...document.querySelectorAll(
-    'article :is(table, mjx-container[display="true"] > mjx-math, figure.pfslam-explorer, figure.pfslam-explorer *)')]
+    'article :is(table, mjx-container > svg, figure.pfslam-explorer, figure.pfslam-explorer *)')]
   .filter(e => e.getBoundingClientRect().right > document.documentElement.clientWidth)
   .map(e => e.tagName + ': ' + e.textContent.trim().slice(0, 60))"""
 
