@@ -6,7 +6,7 @@ import pytest
 from pfslam.metrics import trajectory_error
 from pfslam.poses import Trajectory, compose
 from pfslam.teaching import ch09, ch09_beyond, ch09_kinds, ch09_particles, ch09_runs, ch09_walls
-from pfslam.teaching.ch09_texture import measured_steps, read_steps
+from pfslam.teaching.ch09_texture import SEEDS, measured_steps, read_steps
 from pfslam.texture import TextureConfig
 
 
@@ -73,8 +73,11 @@ def test_every_situation_has_runs_for_every_number_of_particles(situation):
 
 def test_the_stored_texture_table_is_complete_and_one_row_of_it_comes_out_again():
     rows = read_steps()
-    assert [row["step"] for row in rows] == 2 * list(TextureConfig.steps())
-    (again,) = measured_steps("hall", steps=("report",))
+    each = [(row["drive"], int(row["seed"]), row["step"]) for row in rows]
+    assert each == [
+        (d, seed, step) for d in ("hall", "ramp") for seed in SEEDS for step in TextureConfig.steps()
+    ]
+    (again,) = measured_steps("hall", seeds=(0,), steps=("report",))
     stored = rows[0]
     assert again["coverage"] == pytest.approx(stored["coverage"], abs=0.01)
     assert again["position_median_cells"] == pytest.approx(stored["position_median_cells"], abs=0.1)

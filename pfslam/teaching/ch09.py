@@ -11,6 +11,8 @@ from pfslam.teaching.style import COLOURS, new_figure
 from pfslam.teaching.tables import ERROR, errors_by_label, labels_of, read_table, select
 
 NO_POLISH = ", and no polish"
+LEAVE_ONE_OUT = {"hall": "ch09_leave_one_out", "ramp": "ch09_leave_one_out_ramp"}
+"""The study of each drive."""
 
 
 def middle(values: np.ndarray) -> float:
@@ -48,20 +50,21 @@ def ladder_lines(studies: Iterable[str] = ("ch09_ladder", "ch09_ladder_ramp")) -
     return "\n".join(lines)
 
 
-def leave_one_out_lines() -> str:
-    """The median error with one ingredient taken away, without the polish and with it, on both drives."""
-    table = read_table("ch09_leave_one_out")
-    lines = [
-        f"{'':20s} {'no polish':21s} polish",
-        f"{'taken away':20s} {'hall':10s} {'ramp':10s} {'hall':10s} ramp",
-    ]
-    for label in (name for name in labels_of(table) if not name.endswith(NO_POLISH)):
-        found = [
-            length(middle(select(table, label=label + ending, dataset=drive)[ERROR]))
-            for ending in (NO_POLISH, "")
-            for drive in ("hall", "ramp")
+def left_out(drive: str, *, polish: bool, particles: int = 20) -> dict[str, np.ndarray]:
+    """The errors of all runs on ``hall`` or ``ramp`` with one ingredient taken away, by the name of that ingredient."""
+    rows = select(read_table(LEAVE_ONE_OUT[drive]), particles=float(particles))
+    wanted = [label for label in labels_of(rows) if label.endswith(NO_POLISH) != polish]
+    return {label.removesuffix(NO_POLISH): select(rows, label=label)[ERROR] for label in wanted}
+
+
+def left_out_lines(columns: dict[str, dict[str, np.ndarray]]) -> str:
+    """One line per ingredient with the median and the worst run of each column."""
+    lines = [f"{'taken away':20s}" + "".join(f"{head:20s}" for head in columns).rstrip()]
+    for label in next(iter(columns.values())):
+        cells = [
+            f"{length(middle(found[label]))} ({length(found[label].max())})" for found in columns.values()
         ]
-        lines.append(f"{label:20s} " + " ".join(f"{cell:10s}" for cell in found).rstrip())
+        lines.append(f"{label:20s}" + "".join(f"{cell:20s}" for cell in cells).rstrip())
     return "\n".join(lines)
 
 

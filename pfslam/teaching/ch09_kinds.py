@@ -25,19 +25,20 @@ from pfslam.teaching.tables import ERROR, labels_of, read_table, select
 FRAMES = 20
 
 
+KINDS = {"scan matching": 1, "shared map": 200, "shared map, drawn as rarely": 200, "per-particle maps": 30}
+"""Particles of each kind in the two studies."""
+
+
 def kinds_lines() -> str:
     """Accuracy, processor time and memory of each kind, on ``hall``; and accuracy round the loop without polish."""
     hall, loop = read_table("ch09_kinds"), read_table("ch09_loop")
-    lines = [
-        f"{'':20s} {'particles':>9s} {'error':>8s} {'CPU':>7s} {'memory':>8s} {'loop':>8s} {'worst':>8s}"
-    ]
-    sizes = {"scan matching": 1, "shared map": 200, "per-particle maps": 30}
-    for label, particles in sizes.items():
+    lines = [f"{'':28s}{'N':>3s} {'error':>7s} {'CPU':>6s} {'memory':>7s} {'loop':>8s} {'worst':>8s}"]
+    for label, particles in KINDS.items():
         rows = select(hall, label=label)
-        cost = f"{middle(rows['cpu_seconds']):5.0f} s {middle(rows['peak_mb']):5.0f} MB"
+        cost = f"{middle(rows['cpu_seconds']):4.0f} s {middle(rows['peak_mb']):4.0f} MB"
         ring = loop_errors(loop, label, particles)
         spread = f"{length(middle(ring)):>8s} {length(ring.max()):>8s}"
-        lines.append(f"{label:20s} {particles:9d} {length(middle(rows[ERROR])):>8s} {cost} {spread}")
+        lines.append(f"{label:28s}{particles:3d} {length(middle(rows[ERROR])):>7s} {cost} {spread}")
     return "\n".join(lines)
 
 
