@@ -3,12 +3,14 @@
 Read are the old laser message FLASER, the new one ROBOTLASER1, and RAWLASER1 with ODOM. The time of a scan is
 when its message was sent (``ipc_timestamp``); the relations of the benchmark use the same.
 
-``load_carmen`` holds all scans. ``streams.carmen_to_file`` does the same with logs too long for that: it reads all
-lines once for their stamps and poses, and those of the scans again, one by one, for their ranges.
+A log too long to hold its scans in memory is read twice: all lines for their stamps and poses, and those of the scans
+again, one by one, for their ranges, which go into a file. ``streams.carmen_to_file`` does the same with a file to keep.
 """
 
 from __future__ import annotations
 
+import os
+import tempfile
 from array import array
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,14 +18,17 @@ from pathlib import Path
 
 import numpy as np
 
-from pfslam.carmen_lines import CarmenLog, read_log
+from pfslam.carmen_lines import CarmenLog, ranges_again, read_log
 from pfslam.errors import DataError
+from pfslam.files import reason
 from pfslam.formats import numbers
 from pfslam.poses import Trajectory, between
 from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import LidarModel, RobotModel
 
 MAX_COORDINATE = 1e8
+LONG_LOG_BYTES = 256 * 2**20
+"""A log of so many bytes is long: its ranges are not held in memory."""
 SENSOR_HEIGHT = 0.35
 """The logs do not say how high the scanner sits; for a flat floor it does not matter."""
 
@@ -32,11 +37,30 @@ def load_carmen(path: str | Path) -> Recording:
     """The recording of a CARMEN log: scans, odometry poses as logged, and the laser as the log describes it.
 
     Lines are put in the order of their stamps; of those with the same stamp the first counts. What is left
-    out is counted in ``recording.dropped``. Raises ``DataError`` naming the line for what cannot be read.
+    out is counted in ``recording.dropped``. The ranges of a long log lie in a nameless file in the system's temporary
+    folder, and cannot be changed. Raises ``DataError`` naming the line for what cannot be read.
     """
+    if os.path.isfile(path) and os.path.getsize(path) >= LONG_LOG_BYTES:
+        log = read_log(path, lambda ranges: None)
+        return log_recording(log, lambda order: _ranges_in_a_file(log, order))
     ranges: list[np.ndarray] = []
     log = read_log(path, ranges.append)
     return log_recording(log, lambda order: np.stack([ranges[k] for k in order]))
+
+
+def _ranges_in_a_file(log: CarmenLog, order: np.ndarray) -> np.ndarray:
+    """The ranges ``(K, beams)`` of scans by number, in a file without a name: it goes with its last reader."""
+    try:
+        with tempfile.TemporaryFile() as file:
+            for ranges in ranges_again(log, order):
+                file.write(ranges.astype("<f4").tobytes())
+            file.flush()
+            return np.memmap(file, "<f4", "r", shape=(len(order), log.beams))
+    except OSError as error:
+        room = (
+            f"{4 * len(order) * log.beams / 1e6:.0f} MB of room in the temporary folder, which TMPDIR names"
+        )
+        raise DataError(log.path, "scans", reason(error), room) from error
 
 
 def log_recording(log: CarmenLog, ranges_of: Callable[[np.ndarray], np.ndarray]) -> Recording:

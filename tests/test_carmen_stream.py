@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -11,6 +12,8 @@ import pytest
 from rooms import CURVES, drive
 from test_formats import BAD_LOGS, flaser, rawlaser, robotlaser
 
+from pfslam import carmen
+from pfslam.__main__ import main
 from pfslam.carmen import load_carmen
 from pfslam.carmen_lines import ranges_again, read_log
 from pfslam.config import SlamConfig
@@ -57,6 +60,37 @@ def test_a_streamed_log_is_the_log(tmp_path, case, end):
     assert as_dictionary(found) == as_dictionary(load_carmen(log))
     with np.load(tmp_path / "scans.npz") as archive:
         np.testing.assert_array_equal(archive["ranges"], found.lidar.ranges)
+
+
+@pytest.mark.parametrize("case", LOGS)
+def test_a_long_log_is_the_log(tmp_path, monkeypatch, case):
+    log = write(tmp_path, LOGS[case])
+    held = load_carmen(log)
+    monkeypatch.setattr(carmen, "LONG_LOG_BYTES", log.stat().st_size)
+    found = load_carmen(log)
+    assert isinstance(found.lidar.ranges, np.memmap)
+    assert not isinstance(held.lidar.ranges, np.memmap)
+    assert as_dictionary(found) == as_dictionary(held)
+    assert list(tmp_path.iterdir()) == [log]
+
+
+def test_a_long_log_runs_from_the_command_line_like_a_short_one(tmp_path, monkeypatch):
+    log = written_drive(tmp_path)
+    for out, long in (("short", carmen.LONG_LOG_BYTES), ("long", 0)):
+        monkeypatch.setattr(carmen, "LONG_LOG_BYTES", long)
+        assert main(["run", str(log), "--particles", "5", "--out", str(tmp_path / out)]) == 0
+    for name in ("trajectory.tum", "odometry.tum", "map.pgm"):
+        assert (tmp_path / "long" / name).read_bytes() == (tmp_path / "short" / name).read_bytes()
+
+
+def test_a_long_log_needs_room_in_the_temporary_folder(tmp_path, monkeypatch, capsys):
+    log = write(tmp_path, LOGS["old messages"])
+    monkeypatch.setattr(carmen, "LONG_LOG_BYTES", 0)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
+    assert main(["run", str(log), "--out", str(tmp_path / "out")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert re.search(r"a\.log: scans: found .*, expected 0 MB of room in the temporary folder", line)
+    assert list(tmp_path.iterdir()) == [log]
 
 
 def test_any_order_of_lines(tmp_path):
@@ -182,6 +216,8 @@ import sys, tracemalloc
 import pfslam.streams, pfslam.carmen
 small, large = sys.argv[1:3]
 pfslam.streams.carmen_to_file(small, sys.argv[3])
+if sys.argv[4] == "long":
+    pfslam.carmen.LONG_LOG_BYTES = 0
 peaks = []
 for log in (small, large):
     tracemalloc.start()
@@ -196,11 +232,12 @@ print(peaks)
     logs = long_log(tmp_path, 300), long_log(tmp_path, 1200)
     longer = logs[1].stat().st_size - logs[0].stat().st_size
     share = {}
-    for how in ("streamed", "held"):
+    for how in ("streamed", "long", "held"):
         small, large = in_a_process(code, *logs, tmp_path / "scans.npz", how)
         share[how] = (large - small) / longer
     assert share["held"] > 0.5
     assert share["streamed"] < 0.05
+    assert share["long"] < 0.05
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts private memory against RLIMIT_DATA")
