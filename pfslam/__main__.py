@@ -10,9 +10,9 @@ from pathlib import Path
 
 from pfslam.errors import DataError
 from pfslam.interrupts import ctrl_c_held_back
+from pfslam.limits import MAX_EVERY, MAX_PARTICLES
 
 METHODS = ("report", "refined", "per-particle", "matching")
-MAX_PARTICLES = 100_000
 BAD_INPUT, INTERRUPTED, FAULT = 2, 130, 1
 LONGEST_LINE = 600
 """Characters of a complaint; an argument can be any length."""
@@ -72,7 +72,7 @@ def build_parser() -> Parser:
         help="default 200; 30 with a map for each, 1 for matching",
     )
     every_help = "use every K-th scan (default 5, for logs 1)"
-    command.add_argument("--every", type=whole(1, 10**6), metavar="K", help=every_help)
+    command.add_argument("--every", type=whole(1, MAX_EVERY), metavar="K", help=every_help)
     command.add_argument(
         "--seed", type=seed, default=0, metavar="S", help="of the filter's random numbers (default 0)"
     )

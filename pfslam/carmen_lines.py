@@ -17,9 +17,9 @@ import numpy as np
 from pfslam.errors import DataError
 from pfslam.files import reason
 from pfslam.formats import numbers
+from pfslam.limits import MAX_BEAMS
 
 MAX_LINE_BYTES = 2**20
-MAX_BEAMS = 20_000
 MAX_STAMP = 1e11
 NO_RETURN = 80.0
 """SICK scanners report 81.83 m and the like where nothing came back."""

@@ -7,10 +7,12 @@ another; each can be switched by itself with ``dataclasses.replace``, which is h
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
-from math import sqrt
+from math import inf, sqrt
 
+from pfslam.boxes import MAX_SCORES
 from pfslam.errors import DataError
 from pfslam.grid import LOG_4, MapConfig
+from pfslam.limits import MAX_EVERY, MAX_PARTICLES, check_numbers
 from pfslam.particles import RESAMPLERS, ControlNoise
 from pfslam.tilt import TiltConfig
 
@@ -26,6 +28,10 @@ class MotionNoise:
     yaw_per_metre: float = 0.06
     sampled: bool = True
     """Whether particles are moved by noise of this size. If not, it only sets the search window and the prior."""
+
+    def __post_init__(self):
+        check_numbers(self, xy=(0.0, 100.0), xy_per_metre=(0.0, 100.0))
+        check_numbers(self, yaw=(0.0, 100.0), yaw_per_radian=(0.0, 100.0), yaw_per_metre=(0.0, 100.0))
 
     def sigmas(self, metres: float, radians: float) -> tuple[float, float]:
         """Standard deviations (m, rad) of position (each axis) and heading."""
@@ -60,6 +66,20 @@ class SearchConfig:
     weight: str = "count"
     """"count": weights multiply by the score (Eq. 12). "likelihood": by exp(sharpness * mean score - prior cost)."""
 
+    def __post_init__(self):
+        check_numbers(self, yaw_step=(1e-5, 1.0), beam_stride=(1, 10_000), sharpness=(0.0, 1e6))
+        check_numbers(self, cells=(0, 10_000), yaws=(0, 10_000))
+        for name in ("cells", "yaws"):
+            if not (len(getattr(self, name)) == 2 and getattr(self, name)[0] <= getattr(self, name)[1]):
+                raise DataError(
+                    "SearchConfig", name, getattr(self, name), "a least and a greatest half width"
+                )
+        poses = (2 * self.cells[1] + 1) ** 2 * (2 * self.yaws[1] + 1)
+        if poses > MAX_SCORES:
+            raise DataError(
+                "SearchConfig", "cells, yaws", f"{poses} poses in a window", f"at most {MAX_SCORES}"
+            )
+
 
 @dataclass(frozen=True)
 class PolishConfig:
@@ -78,6 +98,13 @@ class PolishConfig:
     beam_stride: int = 2
     degenerate_below: float = 0.01
     """Least share of normals along a direction for the map to have a say in it; below, odometry decides."""
+
+    def __post_init__(self):
+        check_numbers(
+            self, iterations=(1, 1000), min_hits=(1, 10_000), reach=(0, 10), beam_stride=(1, 10_000)
+        )
+        check_numbers(self, elongation=(0.0, 1e6), floor=(1e-6, 1e6), rho=(1e-6, 1e6))
+        check_numbers(self, degenerate_below=(0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -110,7 +137,7 @@ class SlamConfig:
     resampler: str = "systematic"
     draw_metres: float = 0.0
     draw_radians: float = 0.0
-    """The scan is drawn into the map after moving or turning by at least so much since the last one drawn."""
+    """The scan is drawn into the map after moving or turning by at least so much since the last one; inf: never."""
     min_beams: int = 10
     """Scans with fewer valid beams are predicted through, not matched, and counted."""
 
@@ -125,15 +152,8 @@ class SlamConfig:
         for name, (value, allowed) in choices.items():
             if value not in allowed:
                 raise DataError("SlamConfig", name, repr(value), "one of " + ", ".join(allowed))
-        if not (isinstance(self.particles, int) and self.particles >= 1):
-            raise DataError("SlamConfig", "particles", self.particles, "a whole number, at least 1")
-        if self.every is not None and not (isinstance(self.every, int) and self.every >= 1):
-            raise DataError("SlamConfig", "every", self.every, "a whole number, at least 1")
-        if not (isinstance(self.min_beams, int) and self.min_beams >= 1):
-            raise DataError("SlamConfig", "min_beams", self.min_beams, "a whole number, at least 1")
-        share = self.resample_below
-        if not (isinstance(share, (int, float)) and 0.0 <= share <= 1.0):
-            raise DataError("SlamConfig", "resample_below", self.resample_below, "a share of N from 0 to 1")
+        check_numbers(self, particles=(1, MAX_PARTICLES), every=(1, MAX_EVERY), min_beams=(1, 10**6))
+        check_numbers(self, resample_below=(0.0, 1.0), draw_metres=(0.0, inf), draw_radians=(0.0, inf))
 
     @classmethod
     def report(cls, sigma_v: float = sqrt(0.1), sigma_omega: float = sqrt(0.02)) -> SlamConfig:

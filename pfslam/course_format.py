@@ -17,6 +17,7 @@ from pfslam.course_writer import save_course, set_number
 from pfslam.errors import DataError
 from pfslam.files import read_npz
 from pfslam.images import ImageReader, numbered_images
+from pfslam.limits import MAX_BEAMS, MAX_RANGE
 from pfslam.poses import Trajectory
 from pfslam.recording import (
     Encoders,
@@ -31,7 +32,6 @@ from pfslam.sensors import LidarModel, RgbdModel, RobotModel
 
 __all__ = ["find_file", "load_course", "save_course", "set_number"]
 
-MAX_BEAMS = 20_000
 STAMP_LIMIT = (1e11, "seconds")  # the year 5138
 LIMITS = {
     "time_stamps": STAMP_LIMIT,
@@ -43,7 +43,6 @@ LIMITS = {
     "pose": (1e8, "m and rad"),
 }
 """Largest magnitude of each field, and its unit. Generous: what is beyond is damage or another unit."""
-MAX_RANGE = 1e4
 FULL_TURN = 2.0 * np.pi + 1e-3
 
 

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from pfslam.errors import DataError
+from pfslam.limits import check_numbers
 
 LOG_4 = float(np.log(4.0))
 MAX_CELLS = 400_000_000
@@ -184,6 +185,9 @@ class MapConfig:
     def __post_init__(self):
         if self.rays not in ("bresenham", "polygon"):
             raise DataError("MapConfig", "rays", self.rays, "'bresenham' or 'polygon'")
+        check_numbers(
+            self, resolution=(0.001, 10.0), hit=(0.0, 100.0), free=(0.0, 100.0), clamp=(0.0, np.inf)
+        )
 
 
 def trace_rays(start: np.ndarray, ends: np.ndarray) -> np.ndarray:

@@ -72,7 +72,7 @@ def match(
 def _in_parts(box: BoxScores) -> Iterator[BoxScores]:
     """The box's particles, those of one node together, a handful of nodes at a time."""
     order = np.argsort(box.node_of, kind="stable")
-    parts = -(-len(order) * box.scores.shape[1] // CHUNK)
+    parts = min(-(-len(order) * box.scores.shape[1] // CHUNK), len(order))
     for some in np.array_split(order, parts):
         used = np.unique(box.node_of[some])
         few = slice(used[0], used[-1] + 1)
@@ -151,8 +151,8 @@ def _can_win(at_node: np.ndarray, delta: np.ndarray, half_step: np.ndarray) -> n
 def _parabola_peak(J: Callable, choice: np.ndarray, window: Window) -> np.ndarray:
     """Peak ``(n, 3)`` (x, y, heading), in steps from the best node, of a parabola through it and its neighbours.
 
-    ``J`` gives the objective at one perturbation per particle. At most half a step each way; none across the border
-    of the window or where J does not curve down.
+    ``J`` gives the objective at one perturbation per particle. Half a step each way at most, because no neighbour is
+    better; none across the border of the window or where J does not curve down.
     """
     index, here = np.unravel_index(choice, window.shape), J(choice)
     strides = np.array([window.shape[1] * window.shape[2], window.shape[2], 1])
@@ -165,7 +165,5 @@ def _parabola_peak(J: Callable, choice: np.ndarray, window: Window) -> np.ndarra
         before, after = J(at - stride), J(at + stride)
         curvature = before - 2.0 * here + after
         curved = inner & (curvature < 0)
-        peak[curved, 2 - axis] = np.clip(
-            (0.5 * (before - after) / np.where(curved, curvature, -1.0))[curved], -0.5, 0.5
-        )
+        peak[curved, 2 - axis] = 0.5 * (before - after)[curved] / curvature[curved]
     return peak

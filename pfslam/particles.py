@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pfslam.errors import DataError
+from pfslam.limits import check_numbers
 from pfslam.motion import motion_model
 
 
@@ -68,6 +69,9 @@ class ControlNoise:
     sigma_v: float
     sigma_omega: float
     per_root_second: bool = False
+
+    def __post_init__(self):
+        check_numbers(self, sigma_v=(0.0, 100.0), sigma_omega=(0.0, 100.0))
 
 
 def log_sum_exp(values: np.ndarray) -> float:

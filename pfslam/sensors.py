@@ -6,10 +6,12 @@ chassis centre, x forward, y left, z up, metres.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
+from pfslam.errors import DataError
+from pfslam.limits import MAX_BEAMS, MAX_RANGE, check_numbers
 from pfslam.poses import apply_transform, rotation_matrix, transform
 
 STANDARD_GRAVITY = 9.80665  # m/s^2 in one g
@@ -24,6 +26,9 @@ class EncoderModel:
     track: float = 0.394
     """Distance between left and right wheels (m)."""
 
+    def __post_init__(self):
+        check_numbers(self, metres_per_count=(1e-9, 100.0), track=(1e-3, 100.0))
+
 
 @dataclass(frozen=True)
 class ImuModel:
@@ -34,6 +39,9 @@ class ImuModel:
     """Yaw rate that the gyro shows at rest (rad/s)."""
     gyro_scale: float = 1.0
     """True yaw rate over measured yaw rate."""
+
+    def __post_init__(self):
+        check_numbers(self, yaw_axis=(0, 2), gyro_bias=(-100.0, 100.0), gyro_scale=(-100.0, 100.0))
 
     def yaw_rate(self, angular_velocity: np.ndarray) -> np.ndarray:
         """True-scale yaw rate ``(K,)`` in rad/s from raw angular velocity ``(K, 3)`` in rad/s."""
@@ -52,6 +60,15 @@ class LidarModel:
     position_b: tuple[float, float, float] = (0.13323, 0.0, 0.51435)
     sweep: float = 0.0
     """Time (s) from the first beam to the last, the stamp being the middle beam's; 0 if all at once, or unknown."""
+
+    def __post_init__(self):
+        check_numbers(self, beams=(1, MAX_BEAMS), angle_min=(-20.0, 20.0), angle_max=(-20.0, 20.0))
+        check_numbers(self, range_min=(0.0, MAX_RANGE), range_max=(0.0, MAX_RANGE), sweep=(0.0, 100.0))
+        check_numbers(self, position_b=(-1000.0, 1000.0))
+        for low, high in (("angle_min", "angle_max"), ("range_min", "range_max")):
+            found = getattr(self, low), getattr(self, high)
+            if found[0] > found[1]:
+                raise DataError("LidarModel", f"{low}, {high}", found, "the lesser first")
 
     @property
     def angles(self) -> np.ndarray:
@@ -97,6 +114,12 @@ class RgbdModel:
     roll: float = 0.0
     pitch: float = float(np.deg2rad(18.0))
     yaw: float = 0.0
+
+    def __post_init__(self):
+        check_numbers(self, width=(1, 10_000), height=(1, 10_000))
+        positive = ("focal_u", "focal_v", "depth_scale", "rgb_focal", "rgb_divisor")
+        names = [f.name for f in fields(self) if f.name not in ("width", "height")]
+        check_numbers(self, **{name: (1e-6 if name in positive else -1e9, 1e9) for name in names})
 
     @property
     def K(self) -> np.ndarray:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-
-import numpy as np
+from math import inf
 
 from pfslam.errors import DataError
 from pfslam.floor import depth_for_step
+from pfslam.limits import check_numbers
 from pfslam.sensors import RgbdModel
 
 
@@ -19,7 +19,7 @@ class TextureConfig:
     """Z_MIN (m), step 3."""
     z_max: float = 10.0
     """Z_MAX (m), step 3."""
-    max_depth_step: float = np.inf
+    max_depth_step: float = inf
     """Trust a depth only while one step of disparity is worth at most this (m); it tightens ``z_max``."""
     floor_tolerance: float = 0.01
     """Step 5: how far from the floor (m) a point may lie."""
@@ -48,8 +48,12 @@ class TextureConfig:
         for name, allowed in _CHOICES.items():
             if getattr(self, name) not in allowed:
                 raise DataError("TextureConfig", name, getattr(self, name), " or ".join(allowed))
-        if not 0 <= self.z_min < self.z_max:
-            raise DataError("TextureConfig", "z_min, z_max", (self.z_min, self.z_max), "0 <= z_min < z_max")
+        check_numbers(self, z_min=(0.0, inf), z_max=(0.0, inf))
+        if not self.z_min < self.z_max:
+            raise DataError("TextureConfig", "z_min, z_max", (self.z_min, self.z_max), "z_min < z_max")
+        check_numbers(self, max_depth_step=(1e-6, inf), resolution=(0.001, 10.0), min_points=(1, 10**9))
+        check_numbers(self, floor_tolerance=(0.0, 100.0), tolerance_per_metre=(0.0, 100.0))
+        check_numbers(self, max_image_gap=(0.0, inf), max_pose_gap=(0.0, inf))
 
     @classmethod
     def report(cls) -> TextureConfig:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pfslam.limits import check_numbers
 from pfslam.motion import controls
 from pfslam.recording import Recording
 from pfslam.sensors import STANDARD_GRAVITY
@@ -29,6 +30,9 @@ class TiltConfig:
     """A smaller pitch or roll counts as level: on a flat floor the estimate sways by up to 2 degrees."""
     floor_clearance: float = 0.1
     """Beams that end lower than this above the ground under the robot (m) are taken to have struck the floor."""
+
+    def __post_init__(self):
+        check_numbers(self, time_constant=(1e-3, 1e6), level_below=(0.0, 2.0), floor_clearance=(0.0, 100.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -114,7 +114,7 @@ def changes(node: ast.AST) -> Iterator:
 
 
 def _commutes(node: ast.Call) -> bool:
-    return ast.unparse(node.func).split(".")[-1] in ("min", "max", "minimum", "maximum", "isclose")
+    return ast.unparse(node.func).split(".")[-1] in ("min", "max", "minimum", "maximum", "isclose", "hypot")
 
 
 def looked_at(tree: ast.Module, names: list[str] | None) -> Iterator[ast.AST]:
@@ -246,9 +246,17 @@ SAME = [
     ("in chunks(len(counts)", "reversed", "how many at a time; the sums are exact in any order"),
     ("keys[:, :-1]", "-1 -> +1", "a cell twice instead of once with twice the weight"),
     ("gain = _gain(best / full_score", "best / full_score -> best * full_score", "the count needs no mean"),
-    ("where(curved, curvature, -1.0)", "-1.0 -> +1.0", "what stands there is not used"),
-    ("information, beams =", "2 -> 3", "replaced in the first round"),
+    ("information, beams =", "", "replaced in the first round, of which there always is one"),
     ("reshape(3, -1)", "1 -> 2", "any negative number stands for the rest"),
+    ("reshape(len(part), -1)", "1 -> 2", "the same"),
+    ("reshape(len(who), len(counts), -1)", "1 -> 2", "the same"),
+    ("cells = len(np.unique(", "", "what a box is thought to cost parts the poses and changes no score"),
+    ("axis = int(np.argmax(extent", "", "where a box is cut, not what its poses score"),
+    ("step = max(CACHE // size", "", "how many at a time; the sums are exact in any order"),
+    ("parts = min(-(-len(order)", "", "how many at a time"),
+    ("ptp(nodes, axis=0) + 1", "1 -> 2", "numbers further apart are different too"),
+    ("thin = max(len(x) // 3000", "3000 -> -3000", "all points vote instead of a few thousand of them"),
+    ('("bresenham", "polygon")', "reversed", "one of two, in any order"),
     ("extent = np.ptp(nodes", "", "what a box is thought to cost parts the poses and changes no score"),
     ("COST_PER_", "", "the same"),
     ("1e-9 * np.eye(3)", "1e-09 -> -1e-09", "so small that it only keeps the equations solvable, either way"),
@@ -258,6 +266,7 @@ SAME = [
         "estimate.at(t2)), relative)",
         "an error and its inverse are equally long",
     ),
+    ("poses, true_poses = estimate.poses[known]", "reversed", "the same"),
 ]
 
 

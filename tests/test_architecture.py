@@ -12,7 +12,18 @@ PACKAGE = Path(__file__).resolve().parents[1] / "pfslam"
 
 # Each module imports only from those above it. A package (simulator, teaching) is one entry.
 ORDER = [
-    *("errors", "interrupts", "poses", "sensors", "recording", "disturb", "motion", "grid", "particles"),
+    *(
+        "errors",
+        "limits",
+        "interrupts",
+        "poses",
+        "sensors",
+        "recording",
+        "disturb",
+        "motion",
+        "grid",
+        "particles",
+    ),
     *("lattice", "boxes", "correlation"),
     *(
         "tilt",

@@ -7,8 +7,9 @@ import pytest
 from rooms import ENCODER_STEP, LIDAR, ROOM, SQUARE, arcs, drive, ray_cast, sensor_position
 
 from pfslam.config import SlamConfig
-from pfslam.events import scan_events, scan_motions, unswept
-from pfslam.poses import transform_points
+from pfslam.events import level_scan, scan_events, scan_motions, unswept
+from pfslam.motion import dead_reckoning
+from pfslam.poses import between, rotation_matrix, transform_points
 from pfslam.recording import LidarScans
 
 LEGS = [(1.0, 12, 0.0), (2.0, 0, 1.2), (1.0, 12, 0.0), (2.0, 6, -0.9)]
@@ -82,3 +83,26 @@ def test_motions_asked_for_at_once_are_those_of_the_events(config):
     recording = drive(LEGS)
     one_by_one = np.array([event.motion for event in scan_events(recording, config)[0]])
     np.testing.assert_allclose(scan_motions(recording, config), one_by_one, atol=1e-12)
+
+
+def test_before_its_first_and_after_its_last_moment_the_robot_stands():
+    """Half of the first scan was measured before the odometry begins, half of the last after it ends."""
+    recording, odometry = told(drive(LEGS), SWEEP), dead_reckoning(drive(LEGS))
+    events = list(scan_events(recording, CONFIG)[0])
+    t0, t1 = odometry.t[[0, -1]]
+    for event, (begin, end) in ((events[0], (t0, t0 + SWEEP / 2)), (events[-1], (t1 - SWEEP / 2, t1))):
+        points, beams, _, _ = level_scan(
+            recording.lidar.ranges[recording.lidar.t == event.t][0],
+            recording.robot.lidar,
+            (0.0, 0.0),
+            -np.inf,
+        )
+        motion = between(odometry.at(begin), odometry.at(end))
+        np.testing.assert_allclose(event.points_b, unswept(points, beams, LIDAR, motion), atol=1e-12)
+
+
+def test_pitch_and_roll_move_the_scanner_each_in_its_own_way():
+    pitch, roll = 0.2, -0.1
+    _, _, sensor, _ = level_scan(np.full(LIDAR.beams, 2.0), LIDAR, (pitch, roll), -np.inf)
+    expected = rotation_matrix(roll, pitch) @ np.array(LIDAR.position_b)
+    np.testing.assert_allclose(sensor, expected[:2], atol=1e-12)

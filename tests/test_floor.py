@@ -211,6 +211,12 @@ def test_the_vote_names_slope_and_height_of_a_plane_between_two_bins(slope, heig
     assert _vote(x, z, 0.02, 0.2, 0.1) == pytest.approx((slope, height), abs=1e-12)
 
 
+@pytest.mark.parametrize("slope", [-0.25, 0.25])
+def test_no_vote_is_for_a_slope_beyond_the_largest(slope):
+    x = np.linspace(0.6, 3.0, 999)
+    assert _vote(x, slope * x, 0.02, 0.2, 0.1)[0] == pytest.approx(np.sign(slope) * 0.2, abs=1e-12)
+
+
 def test_a_plane_does_not_depend_on_the_order_of_its_points():
     points, _ = synthetic_plane(0.05, 0.01, np.random.default_rng(3))
     points = points[:2000]

@@ -267,6 +267,22 @@ def test_growing_keeps_every_cell_where_it_is_in_the_world(far, resolution, seed
     assert np.count_nonzero(grown.log_odds) == np.count_nonzero(grid.log_odds)
 
 
+@pytest.mark.parametrize(
+    ("point", "side"), [((-3.1, 0.0), 0), ((3.1, 0.0), 1), ((0.0, -2.1), 2), ((0.0, 2.1), 3)]
+)
+def test_a_grid_grows_by_at_least_the_margin_beyond_the_point_and_not_elsewhere(point, side):
+    """A margin of 0.7 m is 1.4 cells of half a metre: two more than the cell that the point falls into."""
+    grown = OccupancyGrid.empty(SPEC).covering(np.array([point]), margin=0.7).spec.extent
+    growth = np.abs(np.array(grown) - SPEC.extent)
+    np.testing.assert_allclose(growth, np.where(np.arange(4) == side, 1.5, 0.0), atol=1e-12)
+
+
+def test_a_grid_that_would_be_too_large_says_from_where_to_where_it_has_to_reach():
+    points = np.array([[1e7, 3.0], [-2.0, -4e6]])
+    with pytest.raises(DataError, match=r"to reach from \(-2, -4000000\) to \(10000000, 3\) m"):
+        OccupancyGrid.empty(SPEC).covering(points)
+
+
 def test_grid_that_covers_the_points_is_not_copied():
     grid = OccupancyGrid.empty(SPEC)
     assert grid.covering(np.array([[2.99, 1.99], [-3.0, -2.0]])) is grid

@@ -177,10 +177,19 @@ def test_many_particles_are_matched_like_one_at_a_time(monkeypatch):
         assert together.log_likelihood[k] == pytest.approx(alone.log_likelihood[0], abs=1e-9)
 
 
+def test_a_window_too_large_for_one_go_is_matched_like_any_other(monkeypatch):
+    """Fewer scores at a time than one particle has: still one particle at a time, no fewer."""
+    occupied, points, poses = case(6, particles=5)
+    expected = matched(occupied, points, poses, CLIMB)
+    monkeypatch.setattr("pfslam.matching.CHUNK", 100)
+    np.testing.assert_array_equal(matched(occupied, points, poses, CLIMB).poses, expected.poses)
+
+
 def test_window_spans_three_sigmas_within_its_limits():
     config = SearchConfig(yaw_step=0.01, cells=(4, 10), yaws=(4, 30))
     lattice = Lattice(0.05, 0.01)
     assert window_for(config, lattice, 0.11, 0.06) == Window(7, 18)
+    assert window_for(config, lattice, 0.11, 0.041) == Window(7, 13)  # 6.6 cells and 12.3 steps, rounded up
     assert window_for(config, lattice, 0.0, 0.0) == Window(4, 4)
     assert window_for(config, lattice, 9.0, 9.0) == Window(10, 30)
 

@@ -11,6 +11,7 @@ from rooms import LIDAR, ROOM, SQUARE, box, drive, scan, sensor_position
 from pfslam.errors import DataError
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.metrics import (
+    aligned_at_first,
     map_agreement,
     predicted_ranges,
     relations_error,
@@ -60,6 +61,15 @@ def test_trajectory_error_by_hand():
     assert error.ate_rmse_m == pytest.approx(np.sqrt(3))
     assert error.ate_max_m == pytest.approx(3)
     assert error.heading_rmse_deg == pytest.approx(6 / np.sqrt(3))
+
+
+def test_the_estimate_is_moved_onto_the_truth_at_its_own_times():
+    truth = Trajectory([0.0, 2.0, 4.0], [[1, 0, 0], [3, 0, 0], [5, 0, 0]])
+    estimate = Trajectory([0.0, 1.0], [[7, 7, np.pi / 2], [7, 9, np.pi / 2]])
+    moved, true_poses = aligned_at_first(estimate, truth)
+    np.testing.assert_allclose(moved, [[1, 0, 0], [3, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(true_poses, [[1, 0, 0], [2, 0, 0]], atol=1e-12)
+    assert trajectory_error(estimate, truth).poses == 2
 
 
 def test_heading_error_goes_the_short_way_round():

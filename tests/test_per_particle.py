@@ -24,7 +24,7 @@ def test_all_begin_with_one_map_between_them():
     histories, info = start_histories(event, CONFIG, np.random.default_rng(0))
     assert len(histories.states) == 6
     assert len({id(state.grid.log_odds) for state in histories.states}) == 1
-    np.testing.assert_allclose(histories.particles.weights, 1 / 6)
+    np.testing.assert_allclose(np.exp(histories.log_weights), 1 / 6)
     assert info.drawn
 
 

@@ -130,6 +130,76 @@ def test_one_round_turns_by_no_more_than_the_largest_step(turn):
     assert (np.abs(polish(moments, points_b, start, start, CONFIG).pose - TRUE_POSE) <= 10 * STOP).all()
 
 
+def slow_lines(hits, points_w):
+    """For each point centre, normal and trust of the hits in the 3 x 3 cells around it, or None."""
+    cells, found = SPEC.world_to_cell(hits), []
+    for cell in SPEC.world_to_cell(points_w):
+        near = hits[(np.abs(cells - cell) <= 1).all(axis=1)] / SPEC.resolution
+        if len(near) < CONFIG.min_hits:
+            found.append(None)
+            continue
+        (short, long), axes = np.linalg.eigh(np.cov(near.T, bias=True))
+        elongation = long / (max(short, 0.0) + CONFIG.floor)
+        line = (near.mean(axis=0) * SPEC.resolution, axes[:, 0], elongation)
+        found.append(line if elongation > CONFIG.elongation else None)
+    typical = np.median([line[2] for line in found if line])
+    return [line and (line[0], line[1], (line[2] / (line[2] + typical)) ** 2) for line in found]
+
+
+def slow_round(hits, points_b, pose):
+    """One Gauss-Newton step, beam by beam, slopes by small differences; and the shares of the normals."""
+    H, b, information, total = np.zeros((3, 3)), np.zeros(3), np.zeros((2, 2)), 0.0
+    lines = slow_lines(hits, transform_points(pose, points_b))
+    for point, line in zip(points_b, lines, strict=True):
+        if line is None:
+            continue
+        centre, normal, trust = line
+
+        def distance(at, point=point, centre=centre, normal=normal):
+            return normal @ (transform_points(at, point[None])[0] - centre)
+
+        slopes = [(distance(pose + h) - distance(pose - h)) / 2e-6 for h in 1e-6 * np.eye(3)]
+        weight = trust * np.exp(-0.5 * (distance(pose) / CONFIG.rho) ** 2)
+        H += weight * np.outer(slopes, slopes)
+        b += weight * distance(pose) * np.array(slopes)
+        information += weight * np.outer(normal, normal)
+        total += weight
+    step = -np.linalg.solve(H + 1e-3 * np.diag(np.diag(H)), b)
+    return pose + step, np.linalg.eigvalsh(information / total)
+
+
+def rough_room(seed):
+    """The room's walls, some hits exact, some with 1 and some with 3 cm of noise."""
+    rng = np.random.default_rng(seed)
+    roughness = rng.choice([0.0, 0.01, 0.03], len(ROOM))
+    return ROOM + roughness[:, None] * rng.normal(size=ROOM.shape)
+
+
+def test_one_round_is_the_weighted_least_squares_step_of_the_definition():
+    hits, start = rough_room(1), TRUE_POSE + [0.02, -0.015, 0.008]
+    points_b = seen_from(TRUE_POSE, ROOM)[::5]
+    points_b[::4] += 0.04  # beams that disagree: how little they count depends on rho
+    moments = HitMoments.empty(SPEC).add(hits)
+    expected, shares = slow_round(hits, points_b, start)
+    one = polish(moments, points_b, start, start, replace(CONFIG, iterations=1))
+    assert (np.abs(one.pose - start) < 0.9 * MAX_STEP).all()  # a step that was not held back
+    np.testing.assert_allclose(one.pose - start, expected - start, rtol=1e-5, atol=1e-9)
+    # The least share of the normals decides whether a direction is silent.
+    for share, silent in ((shares[0] * (1 - 1e-6), False), (shares[0] * (1 + 1e-6), True)):
+        config = replace(CONFIG, iterations=1, degenerate_below=float(share))
+        found = polish(moments, points_b, start, start, config)
+        assert (found.free_direction is not None) == silent
+
+
+@pytest.mark.parametrize(("beams", "moves"), [(2, False), (3, True)])
+def test_three_beams_on_lines_are_enough_to_move(beams, moves):
+    points_b = seen_from(TRUE_POSE, np.array([[2.0, 0.0], [0.2, 1.6], [-2.2, 0.3]]))[:beams]
+    start = TRUE_POSE + [0.01, 0.01, 0.0]
+    found = polish(HitMoments.empty(SPEC).add(ROOM), points_b, start, start, CONFIG)
+    assert found.beams == beams
+    assert (np.abs(found.pose - start).max() > 1e-3) == moves
+
+
 def test_polish_across_pi():
     pose = np.array([0.1, 0.2, np.pi - 0.004])
     found = polished(ROOM, np.array([0.12, 0.19, -np.pi + 0.006]), points_b=seen_from(pose, ROOM))

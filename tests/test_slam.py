@@ -119,7 +119,8 @@ def test_first_scan_is_drawn_at_the_start_pose_and_moved_by_no_prediction():
     np.testing.assert_array_equal(info.estimate, [0, 0, 0])
     np.testing.assert_array_equal(state.particles.poses, np.zeros((REFINED.particles, 3)))
     assert info.drawn
-    assert not info.matched
+    assert (info.matched, info.scored, info.resampled) == (False, False, False)
+    assert (info.score, info.log_evidence, info.polish_beams, info.free_direction) == (0.0, 0.0, 0, None)
     hits = state.grid.spec.world_to_cell(
         transform_points(np.zeros(3), next(scan_events(DRIVE, REFINED)[0]).points_b)
     )

@@ -8,12 +8,13 @@ import pytest
 from pfslam.config import SlamConfig
 from pfslam.events import level_scan, scan_events
 from pfslam.metrics import trajectory_error
+from pfslam.motion import controls
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, Recording
 from pfslam.runs import run_slam
 from pfslam.sensors import STANDARD_GRAVITY, EncoderModel, LidarModel
 from pfslam.simulator import RAMP, simulate
-from pfslam.tilt import TiltConfig, estimate_tilt, standing_start
+from pfslam.tilt import SPEED_SMOOTHING, TiltConfig, estimate_tilt, standing_start
 
 CONFIG = TiltConfig()
 T = np.arange(0.0, 20.0, 0.01)
@@ -91,6 +92,60 @@ def test_standing_start_ends_with_the_first_count():
     still = standing_start(leaning(0.0, speed=MOVING))
     assert 3.0 <= T[still][-1] < 3.2  # the first count falls due soon after the start at 3 s
     assert still[: np.count_nonzero(still)].all()
+
+
+def slow_tilt(recording, config):
+    """The filter sample by sample, as its definition says."""
+    wheels, imu = controls(recording), recording.imu
+    still = [k for k in range(len(imu.t)) if imu.t[k] < recording.encoders.t[first_count(recording)]]
+    bias = sum(imu.angular_velocity[k] for k in still) / len(still) if still else np.zeros(3)
+    level = sum(imu.acceleration_g[k] for k in still) / len(still) if still else np.zeros(3)
+    middles = 0.5 * (wheels.t[1:] + wheels.t[:-1])
+    before, angles, rows = np.interp(imu.t[0], middles, wheels.v), np.zeros(2), []
+    for k, t in enumerate(imu.t):
+        dt = t - imu.t[k - 1] if k else 0.0
+        speed = before + min(dt / SPEED_SMOOTHING, 1.0) * (np.interp(t, middles, wheels.v) - before)
+        forward = (speed - before) / dt if dt > 1e-3 else 0.0
+        sideways = speed * imu.angular_velocity[k, 2]
+        gx, gy, gz = imu.acceleration_g[k] - [level[0], level[1], 0.0]
+        felt = np.array(
+            [
+                np.arctan2(forward / STANDARD_GRAVITY - gx, gz),
+                np.arctan2(gy - sideways / STANDARD_GRAVITY, gz),
+            ]
+        )
+        rates = (imu.angular_velocity[k] - bias)[[1, 0]]
+        share = min(dt / config.time_constant, 1.0)
+        angles = (1 - share) * (angles + rates * dt) + share * felt
+        rows.append(np.where(np.abs(angles) < config.level_below, 0.0, angles))
+        before = speed
+    return np.array(rows)
+
+
+def first_count(recording):
+    return int(np.flatnonzero(recording.encoders.counts.any(axis=1))[0])
+
+
+@pytest.mark.parametrize("begin", [0, 1100])  # with a standing start, and from the middle of the drive
+def test_the_lean_is_its_definition_through_gaps_and_noise(begin):
+    rng = np.random.default_rng(4)
+    drive = leaning(slope(0.2), roll=slope(-0.15, 6.0, 12.0), speed=MOVING, yaw_rate=np.sin(T))
+    kept = np.flatnonzero((rng.random(len(T)) < 0.7) & ~((T > 15.0) & (T < 18.5)))
+    kept = kept[kept >= begin]
+    noisy = Imu(
+        T[kept],
+        drive.imu.angular_velocity[kept] + rng.normal(0, 0.02, (len(kept), 3)),
+        drive.imu.acceleration_g[kept] + rng.normal(0, 0.02, (len(kept), 3)),
+    )
+    wheels = Encoders(T[begin:], drive.encoders.counts[begin:])
+    recording, config = (
+        replace(drive, encoders=wheels, imu=noisy),
+        TiltConfig(time_constant=1.5, level_below=0.01),
+    )
+    found = estimate_tilt(recording, config)
+    np.testing.assert_allclose(
+        np.column_stack([found.pitch, found.roll]), slow_tilt(recording, config), atol=1e-9
+    )
 
 
 def test_no_imu_no_tilt():

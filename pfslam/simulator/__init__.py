@@ -8,12 +8,14 @@ cores.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from pfslam.errors import DataError
+from pfslam.files import MAX_FIELD_BYTES
 from pfslam.grid import GridSpec
 from pfslam.poses import Trajectory
 from pfslam.recording import LidarScans, Recording, RgbdStream
@@ -98,8 +100,14 @@ def simulate(
     drive = drive_path(world.path, world.slopes, config, drive_rng)
     t = _scan_times(config, drive, scan_clock)
     stamps = unix(t, config.quantised)
+    shape = len(t), config.robot.lidar.beams
     if not cast:
-        ranges = np.broadcast_to(np.float32(0.0), (len(t), config.robot.lidar.beams))
+        ranges = np.broadcast_to(np.float32(0.0), shape)
+    elif 4 * math.prod(shape) > MAX_FIELD_BYTES:
+        expected = (
+            f"at most {MAX_FIELD_BYTES / 2**30:.0f} GiB of ranges; streams.simulate_to_file takes any number"
+        )
+        raise DataError("simulate", "scans, beams", shape, expected)
     elif ranges is None:
         lidar, seconds = config.robot.lidar, stamps - START_OF_TIME
         exact = true_ranges(world, drive, lidar, seconds, config.scan_time, progress)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from pfslam.errors import DataError
+from pfslam.limits import check_numbers
 from pfslam.sensors import RobotModel
 
 LAYOUTS = ("arms", "loop", "symmetric", "corridor")
@@ -28,6 +29,10 @@ class SlipModel:
     wander: float = 0.006
     """Standard deviation of the slow changes of the loss, and of left against right."""
 
+    def __post_init__(self):
+        check_numbers(self, true_metres_per_count=(1e-9, 100.0), effective_track=(1e-3, 100.0))
+        check_numbers(self, straight=(-0.9, 0.9), turning=(-0.9, 0.9), wander=(0.0, 0.9))
+
 
 @dataclass(frozen=True)
 class GyroModel:
@@ -47,6 +52,11 @@ class GyroModel:
     acceleration_sway_g: float = 0.008
     """Shaking per m/s of speed, standard deviation (g)."""
 
+    def __post_init__(self):
+        check_numbers(self, bias=(-10.0, 10.0), warm_up=(-10.0, 10.0), scale=(0.01, 100.0))
+        check_numbers(self, noise=(0.0, 10.0), sway=(0.0, 10.0), acceleration_bias_g=(-10.0, 10.0))
+        check_numbers(self, acceleration_noise_g=(0.0, 10.0), acceleration_sway_g=(0.0, 10.0))
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -58,6 +68,10 @@ class Timing:
     camera: tuple[float, float] = (1.80, 1.00)
     jitter: float = 1.0
     """Scale of all clock jitter; 0 gives stamps without any."""
+
+    def __post_init__(self):
+        check_numbers(self, still_start=(0.0, 3600.0), still_end=(0.0, 3600.0), jitter=(0.0, 1.0))
+        check_numbers(self, imu=(-5.0, 5.0), camera=(-5.0, 5.0))
 
 
 @dataclass(frozen=True)
@@ -109,12 +123,17 @@ class SimulatorConfig:
     def __post_init__(self):
         if self.layout not in LAYOUTS:
             raise DataError("SimulatorConfig", "layout", repr(self.layout), f"one of {', '.join(LAYOUTS)}")
-        for name in ("range_noise", "invalid_share", "random_share", "scan_time", "disparity_noise"):
-            if not getattr(self, name) >= 0:
-                raise DataError("SimulatorConfig", name, getattr(self, name), "0 or more")
-        for name in ("path_length", "cruise_speed", "top_yaw_rate", "laps"):
-            if not getattr(self, name) > 0:
-                raise DataError("SimulatorConfig", name, getattr(self, name), "more than 0")
+        check_numbers(self, number=(0, 10**9), laps=(1, 1000), people=(0, 1000), moving_doors=(0, 1000))
+        check_numbers(self, path_length=(1.0, 1e5), cruise_speed=(0.01, 100.0), top_yaw_rate=(0.01, 100.0))
+        check_numbers(self, range_noise=(0.0, 100.0), invalid_share=(0.0, 1.0), random_share=(0.0, 1.0))
+        check_numbers(
+            self, scan_time=(0.0, 10.0), disparity_noise=(0.0, 1000.0), missing_disparity=(0.0, 1.0)
+        )
+        check_numbers(self, depth_limits=(0.0, 1000.0))
+        if not all(begin <= end for begin, end in self.dropouts):
+            raise DataError(
+                "SimulatorConfig", "dropouts", self.dropouts, "pairs (from, to), from no later than to"
+            )
 
     def without_errors(self) -> SimulatorConfig:
         """The same drive with perfect instruments and clocks: what is left is geometry alone."""

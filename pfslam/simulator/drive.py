@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pfslam.errors import DataError
 from pfslam.motion import Controls, integrate, motion_model_arc
 from pfslam.poses import Trajectory, compose, wrap_angle
 from pfslam.simulator.config import SimulatorConfig
@@ -19,6 +20,7 @@ TIME_STEP = 0.002  # s
 SPACE_STEP = 0.02  # m
 ROUNDING = 0.33  # m
 ACCELERATION = 0.55  # m/s^2
+MAX_HOURS = 12
 LEAD = 6.0  # the robot also stands still this long before the first stamp and after the last (s)
 
 
@@ -131,6 +133,8 @@ def _in_time(s, heading, speed, config: SimulatorConfig) -> tuple[np.ndarray, np
     mean_speed = 0.5 * (speed[1:] + speed[:-1])
     arrival = np.concatenate([[0.0], np.cumsum(np.diff(s) / mean_speed)])
     duration = config.timing.still_start + arrival[-1] + config.timing.still_end
+    if duration > 3600 * MAX_HOURS:
+        raise DataError("simulate", "duration", f"{duration / 3600:.0f} hours", f"at most {MAX_HOURS}")
     t = np.arange(-LEAD, duration + LEAD, TIME_STEP) - config.timing.still_start
     reach = int(0.2 / TIME_STEP)  # nobody starts or brakes in an instant: smooth the way over 0.2 s
     bell = np.hanning(2 * reach + 1)

@@ -20,6 +20,7 @@ from pfslam.config import SlamConfig
 from pfslam.disturb import DISTURBANCES
 from pfslam.errors import DataError
 from pfslam.files import read_text
+from pfslam.limits import MAX_EVERY, MAX_PARTICLES
 from pfslam.simulator import PRESETS as BUILDINGS
 from pfslam.simulator import SimulatorConfig
 from pfslam.study.settings import as_type, depth, field_type, with_settings
@@ -45,8 +46,8 @@ OWN_KEYS: dict[str, Any] = {
 LIMITS = {
     "seed": (0, 2**63 - 1),
     "simulator.seed": (0, 2**63 - 1),
-    "particles": (1, 100_000),
-    "every": (1, 1_000_000),
+    "particles": (1, MAX_PARTICLES),
+    "every": (1, MAX_EVERY),
 }
 """As on the command line."""
 DEFAULTS = {"dataset": "hall", "method": "refined", "seed": 0}
@@ -200,7 +201,10 @@ def _checked(key: str, value: Any, hint: Any, source: object) -> Any:
 
 
 def _cases(label: str, grid: dict[str, list], source: object) -> Iterator[Case]:
-    """The cases of one variant, the first key changing slowest. The first of them must make a configuration."""
+    """The cases of one variant, the first key changing slowest.
+
+    The first of them must make a configuration, also with any other number of the grid in it.
+    """
     grid = {key: [value] for key, value in DEFAULTS.items()} | grid
     simulated = any(key.startswith("simulator.") for key in grid)
     strange = [name for name in grid["dataset"] if simulated and name not in BUILDINGS]
@@ -210,12 +214,30 @@ def _cases(label: str, grid: dict[str, list], source: object) -> Iterator[Case]:
         case = Case(label, tuple(zip(grid, values, strict=True)))
         if n == 0:
             _configurable(case, source)
+            for key, value in _other_numbers(grid):
+                _configurable(Case(label, tuple({**dict(case.settings), key: value}.items())), source)
         yield case
 
 
+def _other_numbers(grid: dict[str, list]) -> Iterator[tuple[str, Any]]:
+    """The numbers, and lists of numbers, that stand behind the first of their key. Own keys have been checked."""
+    for key, values in grid.items():
+        if key not in OWN_KEYS:
+            numbers = (
+                v for v in values[1:] if isinstance(v, (int, float, tuple)) and not isinstance(v, bool)
+            )
+            yield from ((key, value) for value in numbers)
+
+
 def _configurable(case: Case, source: object) -> None:
-    """Complain in the study's name if a case makes no configuration."""
-    try:
-        case.config()
-    except DataError as error:
-        raise DataError(source, f"{case.label}: {error.field}", error.found, error.expected) from None
+    """Complain in the study's name if a case makes no configuration, or no building."""
+    building = {key: value for key, value in case.group("simulator.").items() if key != "seed"}
+    for prefix, make in (
+        ("", case.config),
+        ("simulator.", lambda: with_settings(BUILDINGS.get(case.get("dataset")), building, case.label)),
+    ):
+        try:
+            make()
+        except DataError as error:
+            field = f"{case.label}: {prefix}{error.field}"
+            raise DataError(source, field, error.found, error.expected) from None

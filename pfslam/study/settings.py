@@ -109,16 +109,23 @@ def _replaced(config: Any, key: str, value: Any, whole_key: str, source: object)
         found = "is off" if config is None else f"no field {name!r} in {type(config).__name__}"
         raise DataError(source, whole_key, found, "a field of what is switched on")
     if rest:
-        return replace(
-            config,
-            **{name: _replaced(getattr(config, name), rest, value, whole_key, source)},
-        )
+        value = _replaced(getattr(config, name), rest, value, whole_key, source)
+    else:
+        value = _placed(value, hints[name], whole_key, source)
     try:
-        value = as_type(value, hints[name])
+        return replace(config, **{name: value})
+    except DataError as error:
+        raise DataError(source, whole_key, error.found, error.expected) from None
+
+
+def _placed(value: Any, hint: Any, key: str, source: object) -> Any:
+    """What a field of type ``hint`` holds for a value: settings of its own for their name."""
+    try:
+        value = as_type(value, hint)
     except ValueError as error:
-        raise DataError(source, whole_key, repr(value), str(error)) from None
-    kinds = {kind.__name__: kind for kind in _options(hints[name]) if _has_fields(kind)}
-    return replace(config, **{name: _defaults(kinds[value]) if value in kinds else value})
+        raise DataError(source, key, repr(value), str(error)) from None
+    kinds = {kind.__name__: kind for kind in _options(hint) if _has_fields(kind)}
+    return _defaults(kinds[value]) if value in kinds else value
 
 
 def _defaults(kind: Any) -> Any:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pfslam import carmen, carmen_lines, course_format, files, grid, images
+from pfslam import boxes, carmen, carmen_lines, files, grid, images, limits
+from pfslam.simulator import drive as drives
 from pfslam.teaching.pictures import Picture
 from pfslam.teaching.style import COLOURS, new_figure
 
@@ -95,8 +96,12 @@ def limit_lines() -> str:
         ("a text file other than a log", f"{files.MAX_TEXT_BYTES / 2**30:.0f} GiB"),
         ("a line of a log", f"{carmen_lines.MAX_LINE_BYTES / 2**20:.0f} MiB"),
         ("an image file", f"{images.MAX_PNG_BYTES / 2**20:.0f} MiB"),
-        ("beams of a scan", f"{carmen_lines.MAX_BEAMS:,}"),
-        ("the reach of a scanner", f"{course_format.MAX_RANGE:,.0f} m"),
+        ("beams of a scan", f"{limits.MAX_BEAMS:,}"),
+        ("the reach of a scanner", f"{limits.MAX_RANGE:,.0f} m"),
+        ("particles", f"{limits.MAX_PARTICLES:,}"),
+        ("poses in the window of one particle", f"{boxes.MAX_SCORES:,}"),
+        ("length of a simulated drive", f"{drives.MAX_HOURS} hours"),
+        ("ranges of a simulated drive that are not streamed", f"{files.MAX_FIELD_BYTES / 2**30:.0f} GiB"),
         ("coordinates of a log's odometry", f"{carmen.MAX_COORDINATE:,.0f} m"),
     ]
     return "\n".join(["| what | at most |", "|---|---|", *(f"| {name} | {most} |" for name, most in rows)])

@@ -1,0 +1,131 @@
+"""Numbers in configurations: what makes no sense, or would take any amount of memory, is refused by name."""
+
+import math
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+
+from pfslam.boxes import MAX_SCORES
+from pfslam.config import SlamConfig
+from pfslam.errors import DataError
+from pfslam.limits import MAX_PARTICLES, check_numbers
+from pfslam.sensors import LidarModel
+from pfslam.simulator import HALL, RAMP, simulate
+from pfslam.simulator.drive import MAX_HOURS
+from pfslam.streams import scan_chunks
+from pfslam.texture_config import TextureConfig
+
+CONFIGURATIONS = [
+    SlamConfig.report(),
+    SlamConfig.refined(),
+    replace(SlamConfig.refined(), every=3),
+    SlamConfig.per_particle(),
+    SlamConfig.matching(),
+    TextureConfig.report(),
+    replace(TextureConfig.refined(), resolution=0.1),
+    HALL,
+    RAMP,
+]
+
+
+def numbers(config):
+    """(class, field, value) of all numbers and pairs of numbers in nested dataclasses."""
+    for f in fields(config):
+        value = getattr(config, f.name)
+        if is_dataclass(value):
+            yield from numbers(value)
+        elif isinstance(value, (int, float, tuple)) and not isinstance(value, bool) and value != ():
+            yield config, f.name, value
+
+
+FIELDS = {
+    (type(c).__name__, name): (c, name, value) for top in CONFIGURATIONS for c, name, value in numbers(top)
+}
+
+
+def spoilt(value, by):
+    """``by`` in place of a number, or of the last of several."""
+    return (*value[:-1], by) if isinstance(value, tuple) else by
+
+
+@pytest.mark.parametrize("key", FIELDS, ids=".".join)
+def test_every_number_of_every_configuration_has_its_range(key):
+    """None of them takes what is no number, or a number without any measure."""
+    config, name, value = FIELDS[key]
+    may_be_none = type(config).__dataclass_fields__[name].default is None
+    for bad in (math.nan, -1e300, "1", *([] if may_be_none else [None])):
+        with pytest.raises(DataError) as found:
+            replace(config, **{name: spoilt(value, bad)})
+        assert found.value.source == key[0]
+        assert name in found.value.field
+
+
+@pytest.mark.parametrize("key", FIELDS, ids=".".join)
+def test_whole_numbers_and_only_they_have_to_be_whole(key):
+    config, name, value = FIELDS[key]
+    first = value[0] if isinstance(value, tuple) else value
+    if isinstance(first, int):
+        with pytest.raises(DataError, match=rf"{name}: found .*, expected (a )?whole number"):
+            replace(config, **{name: spoilt(value, first + 0.5)})
+    same = tuple(np.array(value).tolist()) if isinstance(value, tuple) else type(value)(np.array(value)[()])
+    assert replace(config, **{name: same}) == config
+
+
+def test_numbers_from_numpy_are_numbers():
+    config = replace(SlamConfig.refined(), particles=np.int64(7), draw_metres=np.float32(0.5))
+    assert (config.particles, config.draw_metres) == (7, 0.5)
+
+
+@pytest.mark.parametrize("value", [1, 5])
+def test_both_ends_of_a_range_belong_to_it(value):
+    check_numbers(LidarModel(beams=value), beams=(1, 5))
+    with pytest.raises(DataError, match="LidarModel: beams: found 6, expected a whole number from 1 to 5"):
+        check_numbers(LidarModel(beams=6), beams=(1, 5))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"cells": (5, 4)}, r"cells: found \(5, 4\), expected a least and a greatest half width"),
+        ({"yaws": (1, 2, 3)}, "yaws: found .*, expected a least and a greatest"),
+        ({"cells": (0, 2000), "yaws": (0, 2000)}, f"poses in a window, expected at most {MAX_SCORES}"),
+    ],
+)
+def test_windows_are_pairs_and_not_too_large(change, message):
+    with pytest.raises(DataError, match=message):
+        replace(SlamConfig.refined().search, **change)
+
+
+@pytest.mark.parametrize(
+    "change", [{"angle_min": 1.0, "angle_max": 0.5}, {"range_min": 5.0, "range_max": 4.0}]
+)
+def test_limits_of_a_scanner_are_in_order(change):
+    with pytest.raises(DataError, match=r"_min, .*_max: found .*, expected the lesser first"):
+        replace(LidarModel(), **change)
+
+
+def test_the_dropouts_of_a_drive_are_in_order():
+    with pytest.raises(DataError, match=r"dropouts: found \(\(5.0, 4.0\),\), expected pairs"):
+        replace(HALL, dropouts=((5.0, 4.0),))
+
+
+def test_a_drive_that_would_take_days_is_refused():
+    with pytest.raises(DataError, match=f"simulate: duration: found .* hours, expected at most {MAX_HOURS}"):
+        simulate(replace(HALL, laps=30, cruise_speed=0.01))
+
+
+def test_a_drive_whose_scans_would_fill_the_memory_has_to_stream():
+    lidar = replace(HALL.robot.lidar, beams=20_000)
+    long = replace(HALL, laps=30, robot=replace(HALL.robot, lidar=lidar))
+    with pytest.raises(DataError, match=r"expected at most 8 GiB of ranges; streams\.simulate_to_file"):
+        simulate(long)
+    # Nothing is cast yet, and no memory taken: the first chunk comes when it is asked for.
+    streamed = simulate(long, cast=False)
+    assert 4 * streamed.recording.lidar.ranges.size > 8 * 2**30
+    assert scan_chunks(streamed, chunk=2) is not None
+
+
+def test_the_most_particles_are_those_of_the_command_line():
+    with pytest.raises(DataError, match=f"particles: .* from 1 to {MAX_PARTICLES}"):
+        replace(SlamConfig.refined(), particles=MAX_PARTICLES + 1)
