@@ -185,9 +185,7 @@ class MapConfig:
     def __post_init__(self):
         if self.rays not in ("bresenham", "polygon"):
             raise DataError("MapConfig", "rays", self.rays, "'bresenham' or 'polygon'")
-        check_numbers(
-            self, resolution=(0.001, 10.0), hit=(0.0, 100.0), free=(0.0, 100.0), clamp=(0.0, np.inf)
-        )
+        check_numbers(self, resolution=(0.001, 10.0), hit=(0.0, 100.0), free=(0.0, 100.0), clamp=(0.0, 1e6))
 
 
 def trace_rays(start: np.ndarray, ends: np.ndarray) -> np.ndarray:

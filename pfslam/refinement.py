@@ -153,6 +153,8 @@ def polish(
         arm, normal = arm[lines.found], lines.normal[lines.found]
         residual = np.sum(normal * (arm + pose[:2] - lines.centre[lines.found]), axis=1)
         weight = lines.trust[lines.found] * np.exp(-0.5 * (residual / config.rho) ** 2)
+        if not weight.any():  # every line is so many rho away that its weight is zero in a computer too
+            return Polished(pose, beams, None)
         jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
         H = jacobian.T @ (weight[:, None] * jacobian)
         step = -np.linalg.solve(

@@ -267,6 +267,7 @@ SAME = [
         "an error and its inverse are equally long",
     ),
     ("poses, true_poses = estimate.poses[known]", "reversed", "the same"),
+    ("check_numbers(self", "", "where a generous range ends; that every number has one is tested by itself"),
 ]
 
 

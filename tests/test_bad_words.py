@@ -176,6 +176,62 @@ def test_bad_study_files(place, tmp_path, seed):
         assert len(complaint) < 600
 
 
+def replaced(config, name, value):
+    """A configuration with the field ``name``, dotted, replaced."""
+    first, _, rest = name.partition(".")
+    return dataclasses.replace(
+        config, **{first: replaced(getattr(config, first), rest, value) if rest else value}
+    )
+
+
+def numbers(config, prefix=""):
+    """Dotted names and values of all numbers and pairs of numbers in nested configurations."""
+    for f in dataclasses.fields(config):
+        value = getattr(config, f.name)
+        if dataclasses.is_dataclass(value):
+            yield from numbers(value, f"{prefix}{f.name}.")
+        elif isinstance(value, (int, float, tuple)) and not isinstance(value, bool):
+            yield prefix + f.name, value
+
+
+def any_number(like, rng):
+    """A number of the kind of ``like`` and of any size, or what is none; pairs for pairs."""
+    if isinstance(like, tuple):
+        return tuple(any_number(part, rng) for part in like)
+    strange = rng.choice([0.0, -1.0, np.nan, np.inf, -np.inf, 1e300, 1e-300])
+    size = 10.0 ** rng.uniform(-6, 6) if isinstance(like, float) else int(10.0 ** rng.uniform(0, 4))
+    return float(strange) if rng.random() < 0.2 else size
+
+
+@pytest.mark.parametrize("seed", range(CASES // 5))
+def test_any_numbers_are_refused_by_name_or_make_a_run(seed):
+    """Whatever passes the ranges ends in a run that stays finite, or in one clear line."""
+    rng = np.random.default_rng(seed)
+    presets = SlamConfig.report(), SlamConfig.refined(), SlamConfig.per_particle(), SlamConfig.matching()
+    config = dataclasses.replace(presets[seed % 4], particles=int(rng.integers(1, 6)), every=3)
+    fields = list(numbers(config))
+    chosen = [fields[k] for k in rng.choice(len(fields), 2, replace=False)]
+    changes = {name: any_number(value, rng) for name, value in chosen if name != "particles"}
+    refused = complaint = None
+    try:
+        for name, value in changes.items():
+            config = replaced(config, name, value)
+    except DataError as error:
+        refused = error.field.split(",")[0]
+    if refused is not None:
+        assert refused in str(changes)
+        return
+    try:
+        result = run_slam(box_recording(2.0, images=0), config)
+    except DataError as error:
+        complaint = str(error)
+    if complaint is not None:
+        assert complaint.startswith("box"), changes
+    else:
+        assert np.isfinite(result.trajectory.poses).all(), changes
+        assert np.isfinite(result.grid.log_odds).all(), changes
+
+
 FIELDS = [
     ("particles", [0, -3, 1.5, "x", None]),
     ("every", [0, -1, 2.5, "x"]),

@@ -200,6 +200,14 @@ def test_three_beams_on_lines_are_enough_to_move(beams, moves):
     assert (np.abs(found.pose - start).max() > 1e-3) == moves
 
 
+def test_lines_too_far_away_for_any_weight_leave_the_pose_alone():
+    start, moments = TRUE_POSE + [0.03, 0.02, 0.0], HitMoments.empty(SPEC).add(ROOM)
+    points_b = seen_from(TRUE_POSE, ROOM[::40])
+    found = polish(moments, points_b, start, np.zeros(3), replace(CONFIG, rho=1e-6))
+    np.testing.assert_array_equal(found.pose, start)
+    assert found.free_direction is None
+
+
 def test_polish_across_pi():
     pose = np.array([0.1, 0.2, np.pi - 0.004])
     found = polished(ROOM, np.array([0.12, 0.19, -np.pi + 0.006]), points_b=seen_from(pose, ROOM))

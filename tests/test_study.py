@@ -172,11 +172,11 @@ def test_failures_are_rows_and_the_others_go_on(box, tmp_path):
 
 
 def test_an_endless_setting_is_kept_and_read_back(box, tmp_path):
-    common = {"dataset": 90, "data_dir": str(box), "particles": 2, "map.clamp": math.inf}
+    common = {"dataset": 90, "data_dir": str(box), "particles": 2, "draw_metres": math.inf}
     study = make_study({"name": "x", "common": common})
     table = read_table(run_study(study, tmp_path, jobs=1))
     assert table["error"][0] == ""
-    assert table["map.clamp"][0] == math.inf
+    assert table["draw_metres"][0] == math.inf
 
 
 def test_what_failed_is_tried_again(tmp_path):
