@@ -48,7 +48,7 @@ class TextureConfig:
         for name, allowed in _CHOICES.items():
             if getattr(self, name) not in allowed:
                 raise DataError("TextureConfig", name, getattr(self, name), " or ".join(allowed))
-        check_numbers(self, z_min=(0.0, inf), z_max=(0.0, inf))
+        check_numbers(self, z_min=(0.0, 100.0), z_max=(0.0, 100.0))
         if not self.z_min < self.z_max:
             raise DataError("TextureConfig", "z_min, z_max", (self.z_min, self.z_max), "z_min < z_max")
         check_numbers(self, max_depth_step=(1e-6, inf), resolution=(0.001, 10.0), min_points=(1, 10**9))

@@ -19,6 +19,8 @@ from pfslam.course_format import save_course
 from pfslam.errors import DataError
 from pfslam.runs import run_slam
 from pfslam.study.definition import read_study
+from pfslam.texture import map_texture
+from pfslam.texture_config import TextureConfig
 
 CASES = int(os.environ.get("PFSLAM_CASES", "200"))
 WORDS = [
@@ -203,33 +205,53 @@ def any_number(like, rng):
     return float(strange) if rng.random() < 0.2 else size
 
 
+def with_any_numbers(config, fields, rng):
+    """The configuration with numbers in two of its fields replaced, or None where their ranges refuse them by name."""
+    chosen = [fields[k] for k in rng.choice(len(fields), 2, replace=False)]
+    changes = {name: any_number(value, rng) for name, value in chosen}
+    refused = None
+    try:
+        for name, value in changes.items():
+            config = replaced(config, name, value)
+    except DataError as error:
+        refused = error.field.split(", ")
+    assert refused is None or any(name in str(changes) for name in refused)
+    return config if refused is None else None
+
+
+def result_or_complaint(work):
+    """What ``work()`` gives, or None after one clear line about the recording or the grid."""
+    complaint = None
+    try:
+        return work()
+    except DataError as error:
+        complaint = str(error)
+    assert complaint.startswith(("box", "GridSpec"))
+    return None
+
+
 @pytest.mark.parametrize("seed", range(CASES // 5))
 def test_any_numbers_are_refused_by_name_or_make_a_run(seed):
     """Whatever passes the ranges ends in a run that stays finite, or in one clear line."""
     rng = np.random.default_rng(seed)
     presets = SlamConfig.report(), SlamConfig.refined(), SlamConfig.per_particle(), SlamConfig.matching()
     config = dataclasses.replace(presets[seed % 4], particles=int(rng.integers(1, 6)), every=3)
-    fields = list(numbers(config))
-    chosen = [fields[k] for k in rng.choice(len(fields), 2, replace=False)]
-    changes = {name: any_number(value, rng) for name, value in chosen if name != "particles"}
-    refused = complaint = None
-    try:
-        for name, value in changes.items():
-            config = replaced(config, name, value)
-    except DataError as error:
-        refused = error.field.split(",")[0]
-    if refused is not None:
-        assert refused in str(changes)
-        return
-    try:
-        result = run_slam(box_recording(2.0, images=0), config)
-    except DataError as error:
-        complaint = str(error)
-    if complaint is not None:
-        assert complaint.startswith("box"), changes
-    else:
-        assert np.isfinite(result.trajectory.poses).all(), changes
-        assert np.isfinite(result.grid.log_odds).all(), changes
+    config = with_any_numbers(config, [f for f in numbers(config) if f[0] != "particles"], rng)
+    if config is not None:
+        result = result_or_complaint(lambda: run_slam(box_recording(2.0, images=0), config))
+        assert result is None or np.isfinite(result.trajectory.poses).all()
+        assert result is None or np.isfinite(result.grid.log_odds).all()
+
+
+@pytest.mark.parametrize("seed", range(CASES // 10))
+def test_any_numbers_are_refused_by_name_or_make_a_texture(seed):
+    rng, steps = np.random.default_rng(seed), list(TextureConfig.steps().values())
+    config = dataclasses.replace(steps[seed % len(steps)], resolution=0.05)
+    config = with_any_numbers(config, list(numbers(config)), rng)
+    box = box_recording(3.0, images=4)
+    if config is not None:
+        texture = result_or_complaint(lambda: map_texture(box, box.truth, config=config))
+        assert texture is None or (texture.rgb[texture.seen][:, 1:] == [20, 30]).all()
 
 
 FIELDS = [
