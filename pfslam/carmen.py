@@ -13,7 +13,6 @@ import os
 import tempfile
 from array import array
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -106,8 +105,11 @@ def _lidar(log: CarmenLog) -> LidarModel:
     """The laser: angles and range limit from its messages, mounting from PARAM lines or the poses."""
     x, y, yaw = _mounting(log)
     low, high = (float(angle + yaw) for angle in log.angles)
-    lidar = LidarModel(low, high, log.beams, range_max=log.range_max)
-    return replace(lidar, position_b=(float(x), float(y), SENSOR_HEIGHT))
+    position = float(x), float(y), SENSOR_HEIGHT
+    try:
+        return LidarModel(low, high, log.beams, range_max=log.range_max, position_b=position)
+    except DataError as error:
+        raise DataError(log.path, f"laser, {error.field}", error.found, error.expected) from None
 
 
 def _mounting(log: CarmenLog) -> np.ndarray:

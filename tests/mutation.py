@@ -274,6 +274,7 @@ SAME = [
         "an error and its inverse are equally long",
     ),
     ("poses, true_poses = estimate.poses[known]", "reversed", "the same"),
+    ("for low, high in ((", "reversed", "which of two faults is named first"),
 ]
 
 

@@ -311,6 +311,14 @@ BAD_LOGS = {
     "no odometry": (rawlaser(1.0), "odometry: found none"),
     "odometry for some": (rawlaser(1.0) + "\n" + robotlaser(2.0, start=-1.0), "odometry"),
     "short odometry": (rawlaser(1.0) + "\nODOM 1 2 3", "line 2: found 3 values"),
+    "laser far away": (
+        "PARAM robot_frontlaser_offset 1e300 1 host 1\n" + flaser(1.0),
+        r"laser, position_b: found \(1e\+300",
+    ),
+    "laser sees nothing": (
+        robotlaser(1.0, maximum=0.01),
+        r"laser, range_min, range_max: found \(0.1, 0.0099",
+    ),
     "endless line": ("#" * (2**20 + 5), "line 1: found a longer"),
 }
 

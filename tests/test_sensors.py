@@ -80,6 +80,7 @@ def test_principal_point_lies_near_the_middle_of_the_image():
     K = camera.K
     assert abs(K[0, 2] - camera.width / 2) < 10
     assert abs(K[1, 2] - camera.height / 2) < 10
+    assert (K[0, 2], K[1, 2]) == (315.83800193, 242.94140713)
     assert K[0, 0] == K[1, 1] == 585.05108211
     assert K[2].tolist() == [0.0, 0.0, 1.0]
     assert K[0, 1] == K[1, 0] == 0.0
