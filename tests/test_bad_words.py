@@ -12,6 +12,7 @@ import sys
 import numpy as np
 import pytest
 from box_recording import box_recording
+from settings import numbers, replaced
 
 from pfslam.__main__ import main
 from pfslam.config import SlamConfig
@@ -176,24 +177,6 @@ def test_bad_study_files(place, tmp_path, seed):
         assert "spoiled.toml" in complaint
         assert "\n" not in complaint
         assert len(complaint) < 600
-
-
-def replaced(config, name, value):
-    """A configuration with the field ``name``, dotted, replaced."""
-    first, _, rest = name.partition(".")
-    return dataclasses.replace(
-        config, **{first: replaced(getattr(config, first), rest, value) if rest else value}
-    )
-
-
-def numbers(config, prefix=""):
-    """Dotted names and values of all numbers and pairs of numbers in nested configurations."""
-    for f in dataclasses.fields(config):
-        value = getattr(config, f.name)
-        if dataclasses.is_dataclass(value):
-            yield from numbers(value, f"{prefix}{f.name}.")
-        elif isinstance(value, (int, float, tuple)) and not isinstance(value, bool):
-            yield prefix + f.name, value
 
 
 def any_number(like, rng):
