@@ -30,7 +30,7 @@ class Controls:
     def during(self, start: float, stop: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """``(v, omega, dt)`` between two times, each ``(n,)``; the intervals at both ends are cut to fit."""
         first = max(int(np.searchsorted(self.t, start, side="right")) - 1, 0)
-        last = min(int(np.searchsorted(self.t, stop, side="left")), len(self.t) - 1)
+        last = int(np.searchsorted(self.t, stop, side="left"))
         edges = np.clip(self.t[first : last + 1], start, stop)
         return self.v[first:last], self.omega[first:last], np.diff(edges)
 
