@@ -145,9 +145,9 @@ class OccupancyGrid:
 
 
 def embed(values: np.ndarray, spec: GridSpec, larger: GridSpec) -> np.ndarray:
-    """Values ``(H, W, ...)`` of one grid inside a larger one with the same resolution; the new cells are zero."""
+    """Values ``(H, W)`` of one grid inside a larger one with the same resolution; the new cells are zero."""
     ix, iy = np.rint((np.subtract(spec.origin, larger.origin)) / spec.resolution).astype(int)
-    result = np.zeros(larger.shape + values.shape[2:], dtype=values.dtype)
+    result = np.zeros(larger.shape, dtype=values.dtype)
     result[iy : iy + spec.shape[0], ix : ix + spec.shape[1]] = values
     return result
 
@@ -185,7 +185,9 @@ class MapConfig:
     def __post_init__(self):
         if self.rays not in ("bresenham", "polygon"):
             raise DataError("MapConfig", "rays", self.rays, "'bresenham' or 'polygon'")
-        check_numbers(self, resolution=(0.001, 10.0), hit=(0.0, 100.0), free=(0.0, 100.0), clamp=(0.0, 1e6))
+        check_numbers(self, resolution=(0.001, 10.0), hit=(0.0, 100.0), free=(0.0, 100.0))
+        if self.clamp != np.inf:  # for who wants a map that never saturates
+            check_numbers(self, clamp=(0.0, 1e6))
 
 
 def trace_rays(start: np.ndarray, ends: np.ndarray) -> np.ndarray:

@@ -274,6 +274,7 @@ SAME = [
         "an error and its inverse are equally long",
     ),
     ("poses, true_poses = estimate.poses[known]", "reversed", "the same"),
+    ("for n in (1, 2))", "2 -> 3", "what is computed again from further away is the same"),
     ("for low, high in ((", "reversed", "which of two faults is named first"),
 ]
 
