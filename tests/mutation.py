@@ -275,6 +275,11 @@ SAME = [
     ),
     ("poses, true_poses = estimate.poses[known]", "reversed", "the same"),
     ("for n in (1, 2))", "2 -> 3", "what is computed again from further away is the same"),
+    ("safe - 1e-6", "1e-06 -> 1.000001", "more are looked at than can win"),
+    ("n = np.where(enough, n, 1.0)", "1.0 -> -1.0", "what stands there is not used"),
+    ("np.median(elongation[found])", "1.0 -> -1.0", "the same"),
+    ("np.hypot(0.5", "np.hypot(-0.5", "a length has no sign"),
+    ("np.hypot(*(", "2 -> 3", "a third argument of hypot only says where the result goes"),
     ("for low, high in ((", "reversed", "which of two faults is named first"),
 ]
 

@@ -94,16 +94,25 @@ def test_where_nothing_scores_the_report_leaves_the_particle_and_gives_it_no_lik
     assert (found.log_likelihood == -np.inf).all()
 
 
-def test_climb_takes_the_lattice_pose_that_maximises_score_less_prior():
+@pytest.mark.parametrize("prior", [True, False])
+@pytest.mark.parametrize("weight", ["likelihood", "count"])
+def test_climb_takes_the_lattice_pose_that_maximises_score_less_prior(prior, weight):
+    """J = B S - |dxy|^2 / 2 s_xy^2 - dtheta^2 / 2 s_th^2 with S the mean field value, from 0 to 1.
+
+    Without a prior the nearest of equals wins. The weight is exp(J), or the sum of the field's values.
+    """
     occupied, points, poses = case(2)
-    found = matched(occupied, points, poses, CLIMB)
+    found = matched(occupied, points, poses, replace(CLIMB, prior=prior, weight=weight))
     for k, q in enumerate(poses):
         nodes, scores = window_scores(occupied, points, q, CLIMB)
-        # J = B S - |dxy|^2 / 2 s_xy^2 - dtheta^2 / 2 s_th^2 with S the mean field value, from 0 to 1.
-        away = ((nodes - q) / [SIGMAS[0], SIGMAS[0], SIGMAS[1]]) ** 2
-        J = CLIMB.sharpness * scores / (1000 * len(points)) - 0.5 * away.sum(axis=1)
-        np.testing.assert_allclose(found.poses[k], nodes[np.argmax(J)], atol=1e-12)
-        assert found.log_likelihood[k] == pytest.approx(J.max(), abs=1e-9)
+        away = 0.5 * (((nodes - q) / [SIGMAS[0], SIGMAS[0], SIGMAS[1]]) ** 2).sum(axis=1)
+        J = CLIMB.sharpness * scores / (1000 * len(points)) - (1.0 if prior else 1e-9) * away
+        best = np.argmax(J)
+        np.testing.assert_allclose(found.poses[k], nodes[best], atol=1e-12)
+        if weight == "likelihood":
+            assert found.log_likelihood[k] == pytest.approx(J[best], abs=1e-9 if prior else 1e-4)
+        else:  # sums are kept in single precision
+            assert found.log_likelihood[k] == pytest.approx(np.log(scores[best]), rel=1e-6)
 
 
 @pytest.mark.parametrize("prior", [True, False])

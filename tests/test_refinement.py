@@ -233,7 +233,7 @@ def test_polish_leaves_its_inputs_alone():
     np.testing.assert_array_equal(start, copy)
 
 
-@pytest.mark.parametrize("world", [0.0, 0.3, np.pi / 2])
+@pytest.mark.parametrize("world", [0.0, 0.3, np.pi / 2, 2.0, -0.3])
 def test_length_of_a_bare_corridor_is_silent_and_taken_from_the_odometry(world):
     hits, along = turned(CORRIDOR, world), np.array([np.cos(world), np.sin(world)])
     across = np.array([-along[1], along[0]])
