@@ -280,6 +280,7 @@ SAME = [
     ("np.median(elongation[found])", "1.0 -> -1.0", "the same"),
     ("np.hypot(0.5", "np.hypot(-0.5", "a length has no sign"),
     ("np.hypot(*(", "2 -> 3", "a third argument of hypot only says where the result goes"),
+    ("directions[:, 0]", "reversed", "of two perpendicular axes, mirrored, rows and columns are the same"),
     ("for low, high in ((", "reversed", "which of two faults is named first"),
 ]
 

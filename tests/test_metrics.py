@@ -231,7 +231,9 @@ def test_motion_cost_by_hand():
     t = recording.lidar.t[[0, 5, 10]]
     second = np.array([0.3, 0.0, 0.1])
     bent = Trajectory(t, [[0, 0, 0], second, compose(second, [0.24, 0, 0])])
-    assert slam_cost(bent, GRID, recording).motion == pytest.approx(0.06**2 + 0.1**2)
+    cost = slam_cost(bent, GRID, recording)
+    assert cost.motion == pytest.approx(0.06**2 + 0.1**2)
+    assert cost.total == cost.observation + cost.motion > cost.observation
 
 
 def test_motion_cost_across_pi_is_the_short_way_round():
