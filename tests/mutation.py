@@ -281,6 +281,9 @@ SAME = [
     ("np.hypot(0.5", "np.hypot(-0.5", "a length has no sign"),
     ("np.hypot(*(", "2 -> 3", "a third argument of hypot only says where the result goes"),
     ("directions[:, 0]", "reversed", "of two perpendicular axes, mirrored, rows and columns are the same"),
+    ("if volume_is_cheaper(nodes, reach, cells) else 0", "0 -> 1", "the greater of it and a larger number"),
+    ("max(box[:2]) > MAX_SIDE", "2 -> 3", "where a box is cut, not what its poses score"),
+    ("if gaps.max() > 2 * reach[axis]", "", "the same"),
     ("for low, high in ((", "reversed", "which of two faults is named first"),
 ]
 
