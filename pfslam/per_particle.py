@@ -117,8 +117,7 @@ def per_particle_step(
     histories: Histories, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
 ) -> tuple[Histories, StepInfo]:
     """One scan for every hypothesis by itself; then weights by what each had expected, and resampling of histories."""
-    alone = replace(config, particles=1)
-    steps = [state.after(event, alone, rng) for state in histories.states]
+    steps = [state.after(event, config, rng) for state in histories.states]
     states, infos = tuple(state for state, _ in steps), [info for _, info in steps]
     cloud = Particles(np.array([state.estimate for state in states]), histories.log_weights)
     cloud, evidence = reweight(cloud, np.array([info.log_evidence for info in infos]))

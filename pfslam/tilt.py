@@ -71,7 +71,7 @@ def estimate_tilt(recording: Recording, config: TiltConfig) -> Tilt | None:
     sideways = speed * recording.robot.imu.yaw_rate(imu.angular_velocity)
     still = standing_start(recording)
     bias = imu.angular_velocity[still].mean(axis=0) if still.any() else np.zeros(3)
-    level = imu.acceleration_g[still].mean(axis=0) if still.any() else np.array([0.0, 0.0, 1.0])
+    level = imu.acceleration_g[still].mean(axis=0) if still.any() else np.zeros(3)
     gx, gy, gz = (imu.acceleration_g - [level[0], level[1], 0.0]).T
     pitch_felt = np.arctan2(-(gx - forward / STANDARD_GRAVITY), gz)
     roll_felt = np.arctan2(gy - sideways / STANDARD_GRAVITY, gz)

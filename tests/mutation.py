@@ -105,10 +105,8 @@ def changes(node: ast.AST) -> Iterator:
             yield lambda n: setattr(n, "value", -n.value)
     if isinstance(node, ast.Attribute) and node.attr in TWINS:
         yield lambda n: setattr(n, "attr", TWINS[n.attr])
-    if (
-        isinstance(node, ast.Tuple) and len(node.elts) == 2
-    ):  # indices, coordinates, results the wrong way round
-        yield lambda n: n.elts.reverse()
+    if isinstance(node, ast.Tuple) and len(node.elts) == 2 and len(set(map(ast.unparse, node.elts))) == 2:
+        yield lambda n: n.elts.reverse()  # indices, coordinates, results the wrong way round
     if isinstance(node, ast.Call) and len(node.args) == 2 and not node.keywords and not _commutes(node):
         yield lambda n: n.args.reverse()
 

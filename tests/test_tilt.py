@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pfslam.config import SlamConfig
-from pfslam.events import level_scan, scan_events
+from pfslam.events import level_scan, scan_events, scan_motions
 from pfslam.metrics import trajectory_error
 from pfslam.motion import controls
 from pfslam.poses import Trajectory
@@ -172,6 +172,15 @@ def test_a_flat_recording_is_untouched():
     for a, b in zip(scan_events(recording, with_tilt)[0], scan_events(recording, without)[0], strict=True):
         np.testing.assert_array_equal(a.points_b, b.points_b)
         assert a.struck_floor == 0
+
+
+def test_motions_asked_for_at_once_are_those_of_the_events_on_slopes_too():
+    recording = simulate(RAMP, cast=False).recording
+    config = replace(SlamConfig.refined(), every=20)
+    one_by_one = np.array([event.motion for event in scan_events(recording, config)[0]])
+    np.testing.assert_allclose(scan_motions(recording, config), one_by_one, atol=1e-12)
+    flat = scan_motions(recording, replace(config, tilt=None))
+    assert np.abs(one_by_one - flat).max() > 1e-4
 
 
 def test_slopes_are_driven_better_with_the_tilt_than_without():
