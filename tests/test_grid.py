@@ -285,6 +285,10 @@ def test_a_grid_that_would_be_too_large_says_from_where_to_where_it_has_to_reach
         OccupancyGrid.empty(SPEC).covering(points)
 
 
+def test_a_grid_around_one_point_has_one_cell():
+    assert GridSpec.around([[0.0, 0.5]], 0.5, margin=0.0).shape == (1, 1)
+
+
 def test_grid_that_covers_the_points_is_not_copied():
     grid = OccupancyGrid.empty(SPEC)
     assert grid.covering(np.array([[2.99, 1.99], [-3.0, -2.0]])) is grid
