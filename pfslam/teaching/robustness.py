@@ -152,6 +152,6 @@ def core_words(folder: Path = TABLES) -> str:
     return (
         f"Of {made:,} possible changes, {tried} were tried, evenly spread. {first} were noticed at once: "
         f"{100 * share:.1f} %, with a standard error of {100 * error:.1f} % for all changes. Then tests were written "
-        f"for those that were missed. Of the same sample {now} are noticed now, {100 * now / tried:.1f} %. That is no "
-        f"estimate for changes outside the sample."
+        f"for those that were missed, and as large a sample, most of it the same, was tried again: {now} are noticed "
+        f"now, {100 * now / tried:.1f} %. That is no estimate for changes outside the sample."
     )
