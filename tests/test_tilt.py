@@ -148,9 +148,13 @@ def test_the_lean_is_its_definition_through_gaps_and_noise(begin):
     )
 
 
-def test_no_imu_no_tilt():
-    log = Recording("log", odometry=Trajectory([0.0, 1.0], np.zeros((2, 3))))
-    assert estimate_tilt(log, CONFIG) is None
+@pytest.mark.parametrize("sensor", ["encoders", "imu"])
+def test_no_tilt_without_both_wheels_and_gyro(sensor):
+    """A log has the poses of its maker's odometry; one sensor beside them does not make a tilt."""
+    odometry = Trajectory(T[[0, -1]], np.zeros((2, 3)))
+    alone = {sensor: getattr(leaning(0.0), sensor)}
+    assert estimate_tilt(Recording("log", odometry=odometry), CONFIG) is None
+    assert estimate_tilt(Recording("log", odometry=odometry, **alone), CONFIG) is None
 
 
 def test_floor_beams_are_left_out_and_wall_beams_are_levelled():
