@@ -16,8 +16,9 @@ import pytest
 from study_cases import box_study, deadly, write_box
 from test_study import rows
 
-from pfslam.study import run_study
+from pfslam.study import Study, run_study
 from pfslam.study.runner import missing, run_path
+from pfslam.study.workers import WORKER_DIED
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kills processes the Unix way")
 SEEDS = 20
@@ -34,16 +35,22 @@ def expected(box, tmp_path_factory):
     return rows(run_study(box_study(box, SEEDS), tmp_path_factory.mktemp("alone"), jobs=1))
 
 
-@pytest.fixture(scope="module")
-def cluster():
-    """A Dask cluster of two worker processes on this machine, without its dashboard."""
+@contextmanager
+def dask_cluster(workers):
+    """A Dask cluster of worker processes on this machine, its web page on any free port."""
     distributed = pytest.importorskip("dask.distributed")
     with (
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0", host="127.0.0.1"
         ) as cluster,
         distributed.Client(cluster),
     ):
+        yield cluster
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with dask_cluster(2) as cluster:
         yield cluster
 
 
@@ -129,7 +136,7 @@ def test_dask_workers_killed_four_times(box, expected, tmp_path, cluster):
 PROGRAM = """
 import sys
 from study_cases import box_study
-from pfslam.study import run_study
+from pfslam.study import Study, run_study
 run_study(box_study(sys.argv[1], int(sys.argv[2])), sys.argv[3], jobs=int(sys.argv[4]))
 """
 
@@ -175,3 +182,12 @@ def test_a_run_that_kills_every_worker_is_one_row(backend, box, expected, tmp_pa
     assert "WorkerDied" in errors["odometry", "1"]
     monkeypatch.undo()  # the machine's fault is not kept: the next call runs what is missing
     assert not any(row["error"] for row in rows(run_study(study, tmp_path, jobs=1)))
+
+
+def test_a_run_that_waited_behind_a_deadly_one_is_not_blamed_by_dask(box, tmp_path, monkeypatch):
+    """The only worker takes the deadly run first, and each time it dies the next run is waiting on it."""
+    monkeypatch.setattr("pfslam.study.workers.run_and_keep", deadly)
+    cases = [case for case in box_study(box, 4).cases if case.label == "odometry" and case.get("seed") >= 1]
+    with dask_cluster(1), joblib.parallel_config("dask"):
+        found = rows(run_study(Study("waiting", "", tuple(cases)), tmp_path, jobs=1))
+    assert [row["error"] for row in found] == [WORKER_DIED, "", ""]

@@ -139,6 +139,21 @@ def _alone(joblib: ModuleType, task: Task) -> Result:
 def _through_dask(client: Any, todo: list[Task]) -> Iterator[Result]:
     """Results from a Dask cluster. Its scheduler gives a task that lost its worker to another, three times.
 
+    Then it gives it up, and with it what only waited its turn on the same workers. So each of those is run by itself.
+    """
+    given_up = []
+    for task, row in _from_cluster(client, todo):
+        if row["error"] == WORKER_DIED:
+            given_up.append(task)
+        else:
+            yield task[1], row
+    for task in given_up:
+        yield from ((path, row) for (_, path), row in _from_cluster(client, [task]))
+
+
+def _from_cluster(client: Any, todo: list[Task]) -> Iterator[tuple[Task, dict[str, Any]]]:
+    """Tasks with their rows, as they come in.
+
     joblib's own way to Dask waits for ever for a task that was given up, so tasks go to the client directly.
     """
     from dask.distributed import as_completed
@@ -158,7 +173,7 @@ def _through_dask(client: Any, todo: list[Task]) -> Iterator[Result]:
         if row is None:
             submit([task])
         else:
-            yield task[1], row
+            yield task, row
             submit(itertools.islice(waiting, 1))
 
 
