@@ -39,7 +39,7 @@ book: $(STAMP)  ## Run the notebooks on the built-in data and build the site, wa
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/jupyter-book" build . --all -W --keep-going
 	@"$(BIN)/python" -c 'import pathlib; p = pathlib.Path("$(SITE)/index.html").resolve(); print("\nThe book is ready. Open", p, "or", p.as_uri(), sep="\n  ")'
 
-test: lint unit notebooks  ## Lint, unit tests, every notebook
+test: lint $(if $(COVERAGE),coverage,unit) notebooks  ## Lint, unit tests, every notebook (COVERAGE=1: see how much of the core they reach)
 
 lint: $(STAMP)
 	"$(BIN)/ruff" check .

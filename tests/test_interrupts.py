@@ -62,6 +62,21 @@ def test_processes_that_start_in_the_block_never_take_it():
     assert (inside, subprocess.check_output(show, text=True)) == ("True\n", "False\n")
 
 
+def test_where_the_system_cannot_hold_it_back_the_block_runs_all_the_same(monkeypatch):
+    monkeypatch.delattr(signal, "pthread_sigmask")
+    reached = []
+
+    def work():
+        with starting_workers():
+            reached.append("the block")
+            signal.raise_signal(signal.SIGINT)
+            reached.append("what comes after it")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert reached == ["the block"]
+
+
 @pytest.mark.parametrize("name", ["cv2", "numpy.random", "numpy.random.mtrand", "pfslam.study.runner"])
 def test_none_is_lost_while_modules_are_imported(tmp_path, name):
     words = ["run", str(tmp_path / "no such.log"), "--out", str(tmp_path / "o")]

@@ -11,8 +11,8 @@ from study_cases import box_study, write_box
 from test_study import rows
 
 from pfslam import DataError
+from pfslam.study import Case, make_study, read_table, run_case, run_study
 from pfslam.study import cost as cost_module
-from pfslam.study import make_study, read_table, run_case, run_study
 from pfslam.study.cost import Meter, peak_megabytes
 from pfslam.study.provenance import machine, processor_features
 from pfslam.study.runner import _row, run_path
@@ -165,3 +165,21 @@ def test_a_result_that_vanished_is_named(tmp_path):
     case = make_study({"name": "x", "common": {"dataset": "hall"}}).cases[0]
     with pytest.raises(DataError, match="is the folder shared by all"):
         _row(case, str(tmp_path / "run.json"), {})
+
+
+# ---- cases that no file has been through ---------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("particles", "many", "particles: found 'many', expected a whole number"),
+        ("search.yaw_step", [1.0], "search.yaw_step: found [1.0], expected a number"),
+        ("particles", 0, "particles: found 0"),
+    ],
+)
+def test_a_case_made_by_hand_names_the_setting_that_does_not_fit(key, value, expected):
+    with pytest.raises(DataError) as error:
+        Case("mine", (("method", "refined"), (key, value))).config()
+    assert expected in str(error.value)
+    assert str(error.value).startswith("mine")
