@@ -30,7 +30,7 @@ EQUATIONS = [
     ("2", "metrics", ["slam_cost", "predicted_ranges"], ["test_metrics"]),
     ("4", "texture", ["project_floor"], ["test_texture"]),
     ("6, 8, 9", "correlation", ["map_correlation"], ["test_correlation"]),
-    ("7", "sensors", ["scan_points", "scan_points_3d", "LidarModel"], ["test_sensors"]),
+    ("7", "sensors", ["scan_points", "scan_points_3d", "LidarModel"], ["test_sensors", "test_limits"]),
     ("10", "particles", ["Particles", "log_sum_exp"], ["test_particles"]),
     ("11", "particles", ["predict"], ["test_particles"]),
     ("12", "particles", ["reweight"], ["test_particles"]),
@@ -44,7 +44,7 @@ EQUATIONS = [
 ]
 CORE = [
     ("core", "poses", None, ["test_poses"]),
-    ("core", "sensors", None, ["test_sensors"]),
+    ("core", "sensors", None, ["test_sensors", "test_limits"]),
     ("core", "motion", None, ["test_motion"]),
     ("core", "grid", None, ["test_grid"]),
     ("core", "particles", None, ["test_particles"]),
@@ -282,6 +282,7 @@ SAME = [
     ("if volume_is_cheaper(nodes, reach, cells) else 0", "0 -> 1", "the greater of it and a larger number"),
     ("max(box[:2]) > MAX_SIDE", "2 -> 3", "where a box is cut, not what its poses score"),
     ("if gaps.max() > 2 * reach[axis]", "", "the same"),
+    ("points_l = np.stack(", "-1 -> +1", "the last of two axes"),
     ("for low, high in ((", "reversed", "which of two faults is named first"),
 ]
 
