@@ -38,8 +38,11 @@ def expected(box, tmp_path_factory):
 @contextmanager
 def dask_cluster(workers):
     """A Dask cluster of worker processes on this machine, its web page on any free port."""
+    dask = pytest.importorskip("dask")
     distributed = pytest.importorskip("dask.distributed")
     with (
+        # Or it takes a worker for lost that happens to start again 15 s after it was killed, for good.
+        dask.config.set({"distributed.deploy.lost-worker-timeout": "1h"}),
         distributed.LocalCluster(
             n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0", host="127.0.0.1"
         ) as cluster,
