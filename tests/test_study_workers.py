@@ -139,7 +139,7 @@ def test_dask_workers_killed_four_times(box, expected, tmp_path, cluster):
 PROGRAM = """
 import sys
 from study_cases import box_study
-from pfslam.study import Study, run_study
+from pfslam.study import run_study
 run_study(box_study(sys.argv[1], int(sys.argv[2])), sys.argv[3], jobs=int(sys.argv[4]))
 """
 

@@ -148,7 +148,8 @@ def _through_dask(client: Any, todo: list[Task]) -> Iterator[Result]:
         else:
             yield task[1], row
     for task in given_up:
-        yield from ((path, row) for (_, path), row in _from_cluster(client, [task]))
+        for _, row in _from_cluster(client, [task]):
+            yield task[1], row
 
 
 def _from_cluster(client: Any, todo: list[Task]) -> Iterator[tuple[Task, dict[str, Any]]]:
