@@ -57,10 +57,10 @@ ifneq ($(NOTEBOOKS),)
 endif
 
 studies: $(STAMP)  ## Run what is missing of the stored studies and refresh their tables (STUDY=name for one)
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pfslam.teaching.tables $(STUDY)
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/studies.py $(STUDY)
 
 study-costs: $(STAMP)  ## Measure what a study costs besides its runs, for the page about studies
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pfslam.teaching.study_costs
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/study_costs.py
 
 check-book: $(STAMP)  ## Check the built site: links, pages, and every widget in a real browser
 	$(PYTEST) --dist loadgroup -m browser tests/browser
@@ -73,10 +73,10 @@ lab: $(STAMP)  ## Open the notebooks in JupyterLab, on the first chapter
 
 notebook-outputs: $(STAMP)  ## Run the notebooks in place and keep their text outputs (after a change of a chapter)
 	PFSLAM_WIDGETS=text "$(BIN)/jupyter-nbconvert" --to notebook --execute --inplace $(NOTEBOOKS)
-	"$(BIN)/python" -m pfslam.teaching.strip $(NOTEBOOKS)
+	"$(BIN)/python" book/_tools/strip.py $(NOTEBOOKS)
 
 strip: $(STAMP)  ## Remove pictures and widgets from the notebooks, keep text outputs
-	"$(BIN)/python" -m pfslam.teaching.strip $(NOTEBOOKS)
+	"$(BIN)/python" book/_tools/strip.py $(NOTEBOOKS)
 
 campaign: $(STAMP)  ## The long form of the tests with damaged input: 2,000 cases a file
 	PFSLAM_CASES=2000 $(PYTEST) --dist load tests/test_bad_input.py tests/test_bad_words.py
@@ -104,19 +104,19 @@ flaky: $(STAMP)  ## Repeat the unit tests in random order on one and on two work
 	  --random-order --random-order-seed=$$k -m "not browser and not lab" tests || exit 1; done; done
 
 classroom: $(STAMP)  ## Measure what a kernel needs for each chapter, for the page for teachers
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pfslam.teaching.classroom $(NOTEBOOKS) --out book/tables/classroom.csv
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/measure_classroom.py $(NOTEBOOKS) --out book/tables/classroom.csv
 
 redraw: $(STAMP)  ## Measure how long the kernel takes to redraw each widget
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pfslam.teaching.redraw $(NOTEBOOKS)
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/redraw.py $(NOTEBOOKS)
 
 student: $(STAMP)  ## Write the chapters for students, without solutions, into _build/student
 	@rm -rf _build/student
-	@"$(BIN)/python" -m pfslam.teaching.student _build/student $(NOTEBOOKS)
+	@"$(BIN)/python" book/_tools/student.py _build/student $(NOTEBOOKS)
 	@cp book/_tools/STUDENTS.md _build/student/README.md
 
 solutions: $(STAMP)  ## Write the chapters with their solutions into _build/solutions
 	@rm -rf _build/solutions
-	@"$(BIN)/python" -m pfslam.teaching.student --solutions _build/solutions $(NOTEBOOKS)
+	@"$(BIN)/python" book/_tools/student.py --solutions _build/solutions $(NOTEBOOKS)
 
 wheel: $(STAMP)  ## Build the package into dist
 	@rm -rf build

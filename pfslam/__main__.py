@@ -1,4 +1,4 @@
-"""The command line: ``python -m pfslam``. See ``pfslam.commands`` for what each command does."""
+"""The command line: ``python -m pfslam``. See ``pfslam.cli.commands`` for what each command does."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pfslam.errors import DataError
-from pfslam.interrupts import ctrl_c_held_back
+from pfslam.io.interrupts import ctrl_c_held_back
 from pfslam.limits import MAX_EVERY, MAX_PARTICLES
 
 METHODS = ("report", "refined", "per-particle", "matching")
@@ -122,7 +122,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         arguments = build_parser().parse_args(argv)
         with ctrl_c_held_back():
-            from pfslam import commands
+            from pfslam.cli import commands
 
         commands.COMMANDS[arguments.command](arguments)
         sys.stdout.flush()

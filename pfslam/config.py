@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields, replace
 from math import inf, sqrt
 
-from pfslam.boxes import MAX_SCORES
 from pfslam.errors import DataError
 from pfslam.grid import LOG_4, MapConfig
 from pfslam.limits import MAX_EVERY, MAX_PARTICLES, check_numbers
 from pfslam.particles import RESAMPLERS, ControlNoise
+from pfslam.search.boxes import MAX_SCORES
 from pfslam.tilt import TiltConfig
 
 

@@ -18,9 +18,9 @@ import cv2
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from pfslam.boxes import cheapest_boxes, volume_is_cheaper
 from pfslam.grid import GridSpec, check_cells
-from pfslam.lattice import Lattice, Window, distinct_nodes
+from pfslam.search.boxes import cheapest_boxes, volume_is_cheaper
+from pfslam.search.lattice import Lattice, Window, distinct_nodes
 
 MAX_FIELD_VALUE = 1000
 """Largest value of a score field. Sums over up to 16,777 beams stay below 2^24, where float32 counts exactly."""

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from pfslam.carmen import load_carmen
-from pfslam.course_format import load_course
 from pfslam.errors import DataError
+from pfslam.io.carmen import load_carmen
+from pfslam.io.course import load_course
 from pfslam.recording import Recording, image_pairs
 
 BUILT_IN = ("hall", "ramp")
@@ -62,7 +62,7 @@ def dataset_name(dataset: str | int | Path) -> str:
 
 
 def _built_in(name: str, progress: Callable | None) -> Recording:
-    from pfslam.cache import cached_simulation
+    from pfslam.simulator.cache import cached_simulation
 
     recording = cached_simulation(name, progress).recording
     if recording.camera is None:

@@ -121,6 +121,12 @@ class Recording:
             raise DataError(self.name, "lidar", "no scans", "a recording with LiDAR")
         return self.lidar
 
+    def true_path(self) -> Trajectory:
+        """The true trajectory of a simulated recording; ``DataError`` where nobody knows it."""
+        if self.truth is None:
+            raise DataError(self.name, "truth", "none", "a simulated recording, which knows its truth")
+        return self.truth
+
 
 @dataclass(frozen=True, eq=False)
 class Pairs:

@@ -11,8 +11,8 @@ import pytest
 
 import pfslam
 from pfslam.config import SlamConfig
-from pfslam.formats import read_relations
-from pfslam.metrics import relations_error, trajectory_error
+from pfslam.evaluation.trajectory import relations_error, trajectory_error
+from pfslam.io.formats import read_relations
 from pfslam.recording import LidarScans
 from pfslam.runs import run_slam
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from box_recording import box_recording
 
-from pfslam.carmen import load_carmen
-from pfslam.course_format import load_course, save_course
 from pfslam.errors import DataError
+from pfslam.io.carmen import load_carmen
+from pfslam.io.course import load_course, save_course
 from pfslam.motion import dead_reckoning
 
 CASES = int(os.environ.get("PFSLAM_CASES", "200"))

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from box_recording import box_recording
 
-from pfslam.course_format import save_course
 from pfslam.errors import DataError
-from pfslam.files import atomic_write, write_npz
-from pfslam.formats import read_tum
+from pfslam.io.course import save_course
+from pfslam.io.files import atomic_write, write_npz
+from pfslam.io.formats import read_tum
 from pfslam.study import read_table
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals and limits of POSIX")
@@ -233,7 +233,7 @@ def test_ctrl_c(work, data, words, begun):
 
 def test_what_a_kill_leaves_is_hidden_and_stands_in_nobodys_way(work, data):
     """Killed in the middle of writing, a process cannot tidy up: a hidden file stays, which nobody reads."""
-    code = "import os, signal; from pfslam.files import atomic_write\nwith atomic_write('o/odometry.tum') as f: {}"
+    code = "import os, signal; from pfslam.io.files import atomic_write\nwith atomic_write('o/odometry.tum') as f: {}"
     work_in_vain = code.format("f.write(b'x' * 5000); f.flush(); os.kill(os.getpid(), signal.SIGKILL)")
     killed = subprocess.run([sys.executable, "-c", work_in_vain], cwd=work)
     assert killed.returncode == -signal.SIGKILL

@@ -16,12 +16,12 @@ from settings import numbers, replaced
 
 from pfslam.__main__ import main
 from pfslam.config import SlamConfig
-from pfslam.course_format import save_course
 from pfslam.errors import DataError
+from pfslam.io.course import save_course
 from pfslam.runs import run_slam
 from pfslam.study.definition import read_study
-from pfslam.texture import map_texture
-from pfslam.texture_config import TextureConfig
+from pfslam.texture.config import TextureConfig
+from pfslam.texture.mapping import map_texture
 
 CASES = int(os.environ.get("PFSLAM_CASES", "200"))
 WORDS = [

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pfslam.teaching.style import COLOURS
+from pfslam.teaching.show.style import COLOURS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "book").glob("*.md"))

@@ -7,7 +7,9 @@ import pytest
 from rooms import CURVES, drive
 
 import pfslam
-from pfslam.calibration import (
+from pfslam.config import SlamConfig
+from pfslam.errors import DataError
+from pfslam.evaluation.calibration import (
     WINDOW,
     apply_calibration,
     calibrate,
@@ -17,11 +19,9 @@ from pfslam.calibration import (
     scale,
     still_pieces,
 )
-from pfslam.config import SlamConfig
-from pfslam.disturb import first_seconds
-from pfslam.errors import DataError
+from pfslam.evaluation.faults import first_seconds
+from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.events import scan_events, scan_motions
-from pfslam.metrics import trajectory_error
 from pfslam.motion import dead_reckoning
 from pfslam.recording import Encoders, Imu, Recording
 from pfslam.runs import run_slam

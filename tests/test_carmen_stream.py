@@ -12,15 +12,15 @@ import pytest
 from rooms import CURVES, drive
 from test_formats import BAD_LOGS, flaser, rawlaser, robotlaser
 
-from pfslam import carmen
 from pfslam.__main__ import main
-from pfslam.carmen import load_carmen
-from pfslam.carmen_lines import ranges_again, read_log
 from pfslam.config import SlamConfig
 from pfslam.errors import DataError
+from pfslam.io import carmen
+from pfslam.io.carmen import load_carmen
+from pfslam.io.carmen_lines import ranges_again, read_log
 from pfslam.poses import compose
 from pfslam.runs import run_slam
-from pfslam.streams import carmen_to_file, map_npz
+from pfslam.simulator.streams import carmen_to_file, map_npz
 
 FEW = replace(SlamConfig.refined(), particles=20)
 ODOM = [f"ODOM {x} 0 0 0.1 0 0 {t} host 0.1" for x, t in ((0, 1.0), (2, 3.0), (1, 2.0), (7, 2.0))]
@@ -213,18 +213,18 @@ def test_memory_grows_by_less_than_a_twentieth_of_the_log(tmp_path):
     """Per scan: 8 numbers of 8 bytes while reading, and a few times that while they are put in order."""
     code = """
 import sys, tracemalloc
-import pfslam.streams, pfslam.carmen
+import pfslam.simulator.streams, pfslam.io.carmen
 small, large = sys.argv[1:3]
-pfslam.streams.carmen_to_file(small, sys.argv[3])
+pfslam.simulator.streams.carmen_to_file(small, sys.argv[3])
 if sys.argv[4] == "long":
-    pfslam.carmen.LONG_LOG_BYTES = 0
+    pfslam.io.carmen.LONG_LOG_BYTES = 0
 peaks = []
 for log in (small, large):
     tracemalloc.start()
     if sys.argv[4] == "streamed":
-        kept = pfslam.streams.carmen_to_file(log, sys.argv[3])
+        kept = pfslam.simulator.streams.carmen_to_file(log, sys.argv[3])
     else:
-        kept = pfslam.carmen.load_carmen(log)
+        kept = pfslam.io.carmen.load_carmen(log)
     peaks.append(tracemalloc.get_traced_memory()[1])
     tracemalloc.stop()
 print(peaks)
@@ -246,16 +246,16 @@ def test_a_log_streams_where_there_is_no_room_to_hold_it(tmp_path):
     code = """
 import json, resource, sys
 from pathlib import Path
-import pfslam.streams, pfslam.carmen
+import pfslam.simulator.streams, pfslam.io.carmen
 from pfslam.errors import DataError
 log, out, short = sys.argv[1:]
-pfslam.streams.carmen_to_file(short, out)
+pfslam.simulator.streams.carmen_to_file(short, out)
 (used,) = (int(line.split()[1]) for line in Path("/proc/self/status").read_text().splitlines() if "VmData" in line)
 limit = 1024 * used + 12 * 2**20
 resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
-streamed = pfslam.streams.carmen_to_file(log, out)
+streamed = pfslam.simulator.streams.carmen_to_file(log, out)
 try:
-    pfslam.carmen.load_carmen(log)
+    pfslam.io.carmen.load_carmen(log)
 except MemoryError:
     print(json.dumps([len(streamed.lidar.t), float(streamed.lidar.ranges[-1, -1])]))
 """

@@ -16,11 +16,12 @@ from evo.core import metrics as evo_metrics
 from evo.core import sync
 from evo.tools import file_interface
 
-from pfslam import commands, files
 from pfslam.__main__ import main
-from pfslam.course_format import load_course, save_course
-from pfslam.formats import read_map, read_tum, write_tum
-from pfslam.images import read_png
+from pfslam.cli import commands
+from pfslam.io import files
+from pfslam.io.course import load_course, save_course
+from pfslam.io.formats import read_map, read_tum, write_tum
+from pfslam.io.images import read_png
 from pfslam.poses import Trajectory
 
 CONTRACT_FILES = ["map.pgm", "map.yaml", "odometry.tum", "summary.json", "trajectory.tum"]
@@ -264,9 +265,9 @@ def test_report_saves_the_figures_it_is_given(tmp_path, data, monkeypatch):
         asked["lidar"] = recording.lidar is not None
         return {name: pyplot.Figure() for name in commands.FIGURES[:5]}
 
-    module = type(sys)("pfslam.teaching.figures")
+    module = type(sys)("pfslam.teaching.show.figures")
     module.report_figures = report_figures
-    monkeypatch.setitem(sys.modules, "pfslam.teaching.figures", module)
+    monkeypatch.setitem(sys.modules, "pfslam.teaching.show.figures", module)
     assert main(["report", "7", "--data", str(data), "--out", str(tmp_path)]) == 0
     assert asked == {"lidar": True}
     assert sorted(p.name for p in tmp_path.iterdir()) == [
@@ -279,7 +280,7 @@ def test_report_saves_the_figures_it_is_given(tmp_path, data, monkeypatch):
 
 
 def test_report_without_matplotlib_is_one_line(tmp_path, data, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "pfslam.teaching.figures", None)
+    monkeypatch.setitem(sys.modules, "pfslam.teaching.show.figures", None)
     assert main(["report", "7", "--data", str(data), "--out", str(tmp_path)]) == 2
     assert "pfslam[plots]" in capsys.readouterr().err
 

@@ -7,11 +7,11 @@ import pytest
 
 import pfslam
 from pfslam.config import SlamConfig
-from pfslam.consistency import LEAST_PAST, LOST_BELOW, alarms, consistency, lost
-from pfslam.disturb import first_seconds, kidnap
+from pfslam.evaluation.faults import first_seconds, kidnap
+from pfslam.evaluation.trajectory import relations_error
+from pfslam.evaluation.trust import LEAST_PAST, LOST_BELOW, alarms, consistency, lost
 from pfslam.events import scan_events
-from pfslam.formats import read_relations
-from pfslam.metrics import relations_error
+from pfslam.io.formats import read_relations
 from pfslam.runs import run_slam
 from pfslam.simulator import HALL
 from pfslam.slam import StepInfo, slam_step, start

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pfslam import boxes, correlation
-from pfslam.boxes import cheapest_boxes
+from pfslam import correlation
 from pfslam.correlation import (
     MAX_FIELD_VALUE,
     Lattice,
@@ -17,8 +16,10 @@ from pfslam.correlation import (
     updated_field,
 )
 from pfslam.grid import GridSpec
-from pfslam.lattice import distinct_nodes
 from pfslam.poses import transform_points
+from pfslam.search import boxes
+from pfslam.search.boxes import cheapest_boxes
+from pfslam.search.lattice import distinct_nodes
 
 SPEC = GridSpec((-1.0, -2.0), 0.5, (8, 6))
 

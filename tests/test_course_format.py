@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from box_recording import box_recording
 
-from pfslam.course_format import load_course, save_course
 from pfslam.errors import DataError
-from pfslam.files import MAX_HEADER_BYTES, atomic_write, read_npz, write_npz
+from pfslam.io.course import load_course, save_course
+from pfslam.io.files import MAX_HEADER_BYTES, atomic_write, read_npz, write_npz
 from pfslam.motion import dead_reckoning
 
 

@@ -8,10 +8,11 @@ import pytest
 from box_recording import box_recording
 
 import pfslam
-from pfslam import cache, simulator
-from pfslam.course_format import save_course
+from pfslam import simulator
 from pfslam.datasets import IMAGE_EVERY, dataset_name, load
 from pfslam.errors import DataError
+from pfslam.io.course import save_course
+from pfslam.simulator import cache
 
 LOG = "FLASER 4 1 2 3 4 0 0 0 0 0 0 {t} robot {t}\n"
 

@@ -5,7 +5,7 @@ import pytest
 from box_recording import START, box_recording
 
 from pfslam import DataError, dead_reckoning
-from pfslam.disturb import (
+from pfslam.evaluation.faults import (
     DISTURBANCES,
     blind,
     disturb,

@@ -16,12 +16,12 @@ import pytest
 from pfslam.bench.endurance import Milestone, long_drive, milestones, table
 from pfslam.config import SlamConfig
 from pfslam.errors import DataError
-from pfslam.files import write_npz
+from pfslam.io.files import write_npz
 from pfslam.runs import run_slam
 from pfslam.simulator import DEFAULT_SEED, HALL, simulate
 from pfslam.simulator.drive import path_length
+from pfslam.simulator.streams import map_npz, scan_chunks, simulate_to_file, write_rows
 from pfslam.simulator.world import make_world
-from pfslam.streams import map_npz, scan_chunks, simulate_to_file, write_rows
 
 FEW = replace(SlamConfig.refined(), particles=5, every=20)
 TABLE = Path(__file__).resolve().parents[1] / "book" / "tables" / "endurance.csv"
@@ -132,7 +132,7 @@ from dataclasses import replace
 from pathlib import Path
 from pfslam.bench.endurance import milestones
 from pfslam.config import SlamConfig
-from pfslam.streams import simulate_to_file
+from pfslam.simulator.streams import simulate_to_file
 with tempfile.TemporaryDirectory() as folder:
     simulation = simulate_to_file("hall", Path(folder) / "scans.npz")
     config = replace(SlamConfig.refined(), particles=20, every=10)

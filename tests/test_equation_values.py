@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pfslam.errors import DataError
+from pfslam.evaluation.trajectory import predicted_ranges
 from pfslam.grid import GridSpec, OccupancyGrid, free_cells
-from pfslam.metrics import predicted_ranges
 from pfslam.motion import controls, wheel_distance
 from pfslam.particles import ControlNoise, Particles, predict
 from pfslam.poses import Trajectory

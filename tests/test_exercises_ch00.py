@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from notebook_cells import check_nonsense_is_named, check_stub_and_solution
 
-from pfslam.teaching.checks_ch00 import (
+from pfslam.teaching.ch00.checks import (
     check_distance_at,
     check_end_points,
     check_nearest_within,

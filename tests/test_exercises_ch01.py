@@ -5,9 +5,9 @@ import pytest
 from notebook_cells import defined
 
 from pfslam.motion import motion_model, motion_model_arc
-from pfslam.teaching import checks_ch01
-from pfslam.teaching.ch01 import nearest
-from pfslam.teaching.checks_ch01 import check_arc, check_distance_between, check_gyro_bias, check_path_length
+from pfslam.teaching.ch01 import checks as checks_ch01
+from pfslam.teaching.ch01.checks import check_arc, check_distance_between, check_gyro_bias, check_path_length
+from pfslam.teaching.ch01.odometry import nearest
 
 
 def from_notebook(tag, name):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from notebook_cells import check_nonsense_is_named, check_stub_and_solution
 
-from pfslam.teaching.checks_ch02 import (
+from pfslam.teaching.ch02.checks import (
     check_cell_of,
     check_cell_story,
     check_meaning,

@@ -7,10 +7,11 @@ from notebook_cells import defined
 from pfslam.motion import Controls, motion_model
 from pfslam.particles import ControlNoise, Particles, predict
 from pfslam.poses import average_pose, wrap_angle
-from pfslam.teaching import ch03_mean, ch03_models
-from pfslam.teaching.ch03 import fan
-from pfslam.teaching.ch03_corridor import STEP, corridor_walk, predict_belief, update_belief
-from pfslam.teaching.checks_ch03 import check_heading_spread, check_mean_pose, check_predict
+from pfslam.teaching.ch03 import mean as ch03_mean
+from pfslam.teaching.ch03 import models as ch03_models
+from pfslam.teaching.ch03.checks import check_heading_spread, check_mean_pose, check_predict
+from pfslam.teaching.ch03.cloud import fan
+from pfslam.teaching.ch03.corridor import STEP, corridor_walk, predict_belief, update_belief
 
 
 def from_notebook(tag, name):

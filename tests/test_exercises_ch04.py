@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from notebook_cells import defined
 
-from pfslam.teaching.checks_ch04 import check_choose, check_count_on_walls, check_transform_test
+from pfslam.teaching.ch04.checks import check_choose, check_count_on_walls, check_transform_test
 
 
 def from_notebook(tag, name):

@@ -5,14 +5,14 @@ import pytest
 from notebook_cells import defined
 
 from pfslam.particles import effective_sample_size
-from pfslam.teaching.ch05_weights import (
+from pfslam.teaching.ch05.checks import check_mean_pose, check_resample, check_update
+from pfslam.teaching.ch05.weights import (
     SHARPNESS,
     copies_table,
     counts_of_a_scan,
     raw_count_weights,
     weights_from,
 )
-from pfslam.teaching.checks_ch05 import check_mean_pose, check_resample, check_update
 
 
 def from_notebook(tag, name):

@@ -3,7 +3,7 @@
 import numpy as np
 from notebook_cells import defined
 
-from pfslam.teaching.checks_ch06 import check_best_view, check_blind_ring, check_optical_point
+from pfslam.teaching.ch06.checks import check_best_view, check_blind_ring, check_optical_point
 
 FOCAL, U0, V0 = 585.051, 315.838, 242.941
 

@@ -4,8 +4,8 @@ import numpy as np
 from notebook_cells import defined
 
 from pfslam.particles import effective_sample_size
-from pfslam.teaching import checks_ch07
-from pfslam.teaching.checks_ch07 import (
+from pfslam.teaching.ch07 import checks as checks_ch07
+from pfslam.teaching.ch07.checks import (
     check_median_interval,
     check_sharpness,
     check_sigma_from_sheet,

@@ -5,8 +5,8 @@ import pytest
 from notebook_cells import defined
 
 import pfslam
-from pfslam.teaching.ch08_mystery import FAULTS, Patient, mystery
-from pfslam.teaching.checks_ch08 import check_diagnosis, check_find_shift, check_looks_broken
+from pfslam.teaching.ch08.checks import check_diagnosis, check_find_shift, check_looks_broken
+from pfslam.teaching.ch08.mystery import FAULTS, Patient, mystery
 
 SEED = 1  # of the ward in the chapter
 

@@ -4,8 +4,8 @@ import numpy as np
 from notebook_cells import defined
 
 from pfslam.poses import Trajectory
-from pfslam.teaching.ch09_beyond import best_fit_rmse
-from pfslam.teaching.checks_ch09 import check_blocked, check_draw_all, check_first_pose_error
+from pfslam.teaching.ch09.beyond import best_fit_rmse
+from pfslam.teaching.ch09.checks import check_blocked, check_draw_all, check_first_pose_error
 
 CHECKS = {
     "check_first_pose_error": check_first_pose_error,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from notebook_cells import defined
 
-from pfslam.teaching.checks_ch10 import check_classify, check_increments, check_track
+from pfslam.teaching.ch10.checks import check_classify, check_increments, check_track
 
 CHECKS = {"check_increments": check_increments, "check_track": check_track, "check_classify": check_classify}
 EXERCISES = [

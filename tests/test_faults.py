@@ -14,10 +14,12 @@ from pfslam.motion import Controls, controls
 from pfslam.particles import Particles
 from pfslam.recording import LidarScans
 from pfslam.slam import slam_step, start
-from pfslam.teaching import ch08, ch08_data, ch08_demos, faults
-from pfslam.teaching.ch08_camera import floor_tilt_deg, look, seen_points
-from pfslam.teaching.ch08_data_exhibits import DELAY, MIRRORED_X, data_exhibits
-from pfslam.teaching.ch08_filter import (
+from pfslam.teaching.ch08 import data as ch08_data
+from pfslam.teaching.ch08 import demos as ch08_demos
+from pfslam.teaching.ch08 import exhibit as ch08
+from pfslam.teaching.ch08.camera import floor_tilt_deg, look, seen_points
+from pfslam.teaching.ch08.data_exhibits import DELAY, MIRRORED_X, data_exhibits
+from pfslam.teaching.ch08.filter import (
     best_shift,
     cloud_without_scans,
     door_map,
@@ -28,8 +30,9 @@ from pfslam.teaching.ch08_filter import (
     plain_filter,
     self_match,
 )
-from pfslam.teaching.ch08_filter_exhibits import filter_exhibits, filter_runs
-from pfslam.teaching.ch08_map_exhibits import camera_exhibits, map_exhibits
+from pfslam.teaching.ch08.filter_exhibits import filter_exhibits, filter_runs
+from pfslam.teaching.ch08.map_exhibits import camera_exhibits, map_exhibits
+from pfslam.teaching.show import faults
 
 
 @pytest.fixture(scope="module")

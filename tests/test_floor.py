@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from floor_oracle import camera_axes, disparity_image
 
-from pfslam.floor import (
+from pfslam.sensors import RgbdModel, RobotModel
+from pfslam.texture.floor import (
     _vote,
     associate_rgb,
     back_project,
@@ -22,7 +23,6 @@ from pfslam.floor import (
     nearest_floor,
     to_world,
 )
-from pfslam.sensors import RgbdModel, RobotModel
 
 CAMERA = RgbdModel()
 

@@ -7,11 +7,11 @@ from evo.core import metrics as evo_metrics
 from evo.core import sync
 from evo.tools import file_interface
 
-from pfslam.carmen import load_carmen
 from pfslam.errors import DataError
-from pfslam.formats import read_map, read_relations, read_tum, write_map, write_texture, write_tum
+from pfslam.evaluation.trajectory import relations_error, trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid
-from pfslam.metrics import relations_error, trajectory_error
+from pfslam.io.carmen import load_carmen
+from pfslam.io.formats import read_map, read_relations, read_tum, write_map, write_texture, write_tum
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, compose
 

@@ -31,7 +31,7 @@ def said(tmp_path_factory):
     cache = (
         os.environ.get("PFSLAM_CACHE")
         or subprocess.run(
-            [sys.executable, "-c", "from pfslam.cache import cache_folder; print(cache_folder())"],
+            [sys.executable, "-c", "from pfslam.simulator.cache import cache_folder; print(cache_folder())"],
             capture_output=True,
             text=True,
             check=True,

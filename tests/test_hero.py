@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import pytest
 from box_recording import box_recording
+from hero import encode_animation, growing_map, make_scene, moments_of
 
 from pfslam.config import SlamConfig
 from pfslam.runs import run_slam
-from pfslam.teaching.hero import encode_animation, growing_map, make_scene, moments_of
-from pfslam.texture import FloorTexture
+from pfslam.texture.mapping import FloorTexture
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pfslam.interrupts import ctrl_c_held_back, starting_workers
+from pfslam.io.interrupts import ctrl_c_held_back, starting_workers
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 

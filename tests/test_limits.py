@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from settings import field_of, numbers, replaced
 
-from pfslam.boxes import MAX_SCORES
 from pfslam.config import SlamConfig
 from pfslam.errors import DataError
 from pfslam.limits import MAX_PARTICLES, check_numbers
+from pfslam.search.boxes import MAX_SCORES
 from pfslam.sensors import LidarModel
 from pfslam.simulator import HALL, RAMP, simulate
 from pfslam.simulator.drive import MAX_HOURS
-from pfslam.streams import scan_chunks
-from pfslam.texture_config import TextureConfig
+from pfslam.simulator.streams import scan_chunks
+from pfslam.texture.config import TextureConfig
 
 CONFIGURATIONS = [
     SlamConfig.report(),

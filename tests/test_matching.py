@@ -170,7 +170,7 @@ def test_how_the_particles_are_parted_does_not_change_where_any_of_them_goes(mon
     occupied, points, poses = case(10, particles=60)
     together = matched(occupied, points, poses, config)
     monkeypatch.setattr("pfslam.matching.CHUNK", 5 * 729)
-    monkeypatch.setattr("pfslam.boxes.MAX_SCORES", 8 * 729)
+    monkeypatch.setattr("pfslam.search.boxes.MAX_SCORES", 8 * 729)
     apart = matched(occupied, points, poses, config)
     for field in ("poses", "log_likelihood", "score"):
         np.testing.assert_array_equal(getattr(apart, field), getattr(together, field))

@@ -9,8 +9,7 @@ from evo.core.trajectory import PoseTrajectory3D
 from rooms import LIDAR, ROOM, SQUARE, box, drive, scan, sensor_position
 
 from pfslam.errors import DataError
-from pfslam.grid import GridSpec, OccupancyGrid
-from pfslam.metrics import (
+from pfslam.evaluation.trajectory import (
     aligned_at_first,
     map_agreement,
     predicted_ranges,
@@ -19,6 +18,7 @@ from pfslam.metrics import (
     slam_cost,
     trajectory_error,
 )
+from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, compose, wrap_angle
 

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from pfslam.errors import DataError
-from pfslam.metrics_cloud import (
+from pfslam.evaluation.cloud import (
     CLAIMS,
     chi_square,
     chi_square_quantile,

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from pfslam.errors import DataError
-from pfslam.floor import nearest_floor
+from pfslam.evaluation.texture import pattern_shifts, texture_error, visible_floor
 from pfslam.grid import GridSpec
-from pfslam.metrics_texture import pattern_shifts, texture_error, visible_floor
 from pfslam.sensors import RgbdModel
+from pfslam.texture.floor import nearest_floor
 
 SPEC = GridSpec((-2.0, -3.0), 0.05, (120, 160))
 ALL = np.ones(SPEC.shape, dtype=bool)

@@ -4,8 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-
-from pfslam.teaching.strip import main, strip_notebook
+from strip import main, strip_notebook
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))

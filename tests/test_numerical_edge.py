@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from rooms import CURVES, LIDAR, ROOM, SQUARE, arcs, box, drive, scan
 
-from pfslam.carmen import load_carmen
 from pfslam.config import PolishConfig, SlamConfig
 from pfslam.correlation import map_correlation, search
 from pfslam.errors import DataError
+from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
-from pfslam.lattice import Lattice, Window
-from pfslam.metrics import trajectory_error
+from pfslam.io.carmen import load_carmen
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, between, compose, transform_points
 from pfslam.recording import Encoders, Imu, LidarScans, Recording
 from pfslam.refinement import HitMoments, polish
 from pfslam.runs import run_slam
+from pfslam.search.lattice import Lattice, Window
 from pfslam.sensors import scan_points
 
 FEW = replace(SlamConfig.refined(), particles=10)

@@ -9,8 +9,8 @@ from rooms import CURVES, drive
 from pfslam.config import MotionNoise, SlamConfig
 from pfslam.correlation import score_field
 from pfslam.errors import DataError
+from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.events import scan_events
-from pfslam.metrics import trajectory_error
 from pfslam.per_particle import Histories, per_particle_step, start_histories
 from pfslam.runs import run_slam, slam_steps
 from pfslam.slam import start

@@ -2,9 +2,9 @@
 
 import nbformat
 import numpy as np
+import redraw
 
-from pfslam.teaching import redraw
-from pfslam.teaching.widgets import Explorer, Slider
+from pfslam.teaching.show.widgets import Explorer, Slider
 
 
 def test_every_stop_is_drawn_as_a_move_draws_it():
@@ -26,7 +26,7 @@ def test_every_stop_is_drawn_as_a_move_draws_it():
 
 
 CELL = """import numpy as np
-from pfslam.teaching.widgets import Explorer, Slider
+from pfslam.teaching.show.widgets import Explorer, Slider
 draw = lambda level: np.full((8, 12, 3), level, np.uint8)
 Explorer(draw, [Slider("level", range({0}))], alt="A sheet", title="Sheet of {0}")"""
 

@@ -10,9 +10,9 @@ import pytest
 
 import pfslam
 from pfslam.config import SlamConfig
-from pfslam.consistency import alarms
-from pfslam.disturb import blind, first_seconds, missing_beams, random_ranges
-from pfslam.metrics import trajectory_error
+from pfslam.evaluation.faults import blind, first_seconds, missing_beams, random_ranges
+from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.evaluation.trust import alarms
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, between
 from pfslam.recording import Encoders, Imu, LidarScans

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pfslam.errors import DataError
-from pfslam.metrics import trajectory_error
+from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.motion import dead_reckoning
 from pfslam.poses import compose, rotation_matrix, transform_points, wrap_angle
 from pfslam.recording import nearest_stamp

@@ -14,9 +14,9 @@ from rooms import CURVES, ROOM, SQUARE, drive, sensor_position
 from pfslam.config import ControlNoise, MotionNoise, SearchConfig, SlamConfig
 from pfslam.correlation import map_correlation, score_field
 from pfslam.errors import DataError
+from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.events import scan_events
 from pfslam.grid import LOG_4
-from pfslam.metrics import trajectory_error
 from pfslam.motion import dead_reckoning
 from pfslam.particles import Particles, effective_sample_size
 from pfslam.poses import Trajectory, average_pose, between, compose, transform_points, wrap_angle

@@ -7,8 +7,8 @@ import pytest
 
 from pfslam.motion import motion_model
 from pfslam.particles import Particles, predict
-from pfslam.teaching.checks import attempt, hint, is_number, is_unanswered, passed, unanswered
-from pfslam.teaching.source import show_source
+from pfslam.teaching.show.checks import attempt, hint, is_number, is_unanswered, passed, unanswered
+from pfslam.teaching.show.source import show_source
 
 
 @pytest.mark.parametrize("subject", [motion_model, predict, Particles, Particles.at])

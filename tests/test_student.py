@@ -6,8 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-
-from pfslam.teaching.student import (
+from student import (
     EXERCISE,
     POINTER,
     SOLUTION,

@@ -17,7 +17,7 @@ from pfslam.study import read_study, run_case
 from pfslam.study.provenance import same_machine
 from pfslam.study.run import COSTS
 from pfslam.study.table import _cell
-from pfslam.teaching.tables import STUDIES, read_provenance, stored_studies
+from pfslam.teaching.show.tables import read_provenance, stored_studies, study_file
 
 BUDGET = 40.0
 """Processor seconds for all runs together, as the tables state them."""
@@ -34,7 +34,7 @@ def data_folder(monkeypatch):
 
 @cache
 def stored(name):
-    with open(STUDIES / f"{name}.csv", newline="", encoding="utf-8") as file:
+    with open(study_file(name, ".csv"), newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
@@ -57,9 +57,9 @@ def test_there_are_stored_studies():
     assert "example" in NAMES
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in STUDIES.glob("*.toml")))
+@pytest.mark.parametrize("name", stored_studies())
 def test_every_study_has_its_table_with_a_row_for_each_case(name):
-    study, rows = read_study(STUDIES / f"{name}.toml"), stored(name)
+    study, rows = read_study(study_file(name)), stored(name)
     assert study.name == name
     assert study.about
     assert len(rows) == len(study.cases)
@@ -74,7 +74,7 @@ def test_every_study_has_its_table_with_a_row_for_each_case(name):
 
 @pytest.mark.parametrize(("name", "number"), [(name, n) for name in NAMES for n in spot_rows(name)])
 def test_a_row_comes_out_again(name, number):
-    case, row = read_study(STUDIES / f"{name}.toml").cases[number], stored(name)[number]
+    case, row = read_study(study_file(name)).cases[number], stored(name)[number]
     found = run_case(case)
     if found["error"] and "data set" in found["error"] and not row["error"]:
         pytest.skip(f"{case.get('dataset')} is not here")

@@ -11,11 +11,11 @@ from study_cases import box_study, write_box
 
 from pfslam import DataError, SlamConfig, load, run_slam, trajectory_error
 from pfslam.__main__ import main
-from pfslam.disturb import disturb
+from pfslam.evaluation.faults import disturb
 from pfslam.particles import ControlNoise
 from pfslam.study import make_study, read_study, read_table, run_case, run_study
 from pfslam.study.run import COSTS
-from pfslam.teaching.tables import select
+from pfslam.teaching.show.tables import select
 
 
 @pytest.fixture(scope="module")

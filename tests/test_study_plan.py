@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from pfslam.teaching.study_plan import OVERHEAD, cost_lines, plan, plan_lines, read_overhead
+from study_plan import OVERHEAD, cost_lines, plan, plan_lines, read_overhead
 
 ROUND = {
     "start of a worker": 2.0,

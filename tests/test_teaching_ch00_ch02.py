@@ -7,7 +7,11 @@ from rooms import box, ray_cast
 from pfslam.grid import GridSpec
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream
-from pfslam.teaching import ch00, ch00_frames, ch02, ch02_faults, ch02_story
+from pfslam.teaching.ch00 import frames as ch00_frames
+from pfslam.teaching.ch00 import streams as ch00
+from pfslam.teaching.ch02 import failures as ch02_faults
+from pfslam.teaching.ch02 import many_scans as ch02_story
+from pfslam.teaching.ch02 import one_scan as ch02
 
 # ---- chapter 00
 

@@ -5,7 +5,8 @@ import pytest
 
 from pfslam.motion import Controls
 from pfslam.recording import Encoders, Imu, LidarScans, Recording
-from pfslam.teaching import ch01_clocks, ch01_turns
+from pfslam.teaching.ch01 import clocks as ch01_clocks
+from pfslam.teaching.ch01 import turns as ch01_turns
 
 WIDTH, RATE = 0.7, 0.5
 SECONDS = 20.0

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import pfslam
-from pfslam.teaching import ch04, ch04_cost
+from pfslam.teaching.ch04 import cost as ch04_cost
+from pfslam.teaching.ch04 import scores as ch04
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from pfslam.teaching import ch07, ch07_changes, ch07_explorers
-from pfslam.teaching.ch07_statistics import (
+from pfslam.teaching.ch07 import changes as ch07_changes
+from pfslam.teaching.ch07 import explorers as ch07_explorers
+from pfslam.teaching.ch07 import sweeps as ch07
+from pfslam.teaching.ch07.statistics import (
     best_of,
     bootstrap_interval,
     difference_interval,

@@ -2,12 +2,18 @@
 
 import numpy as np
 import pytest
+from texture_steps import SEEDS, measured_steps
 
-from pfslam.metrics import trajectory_error
+from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.poses import Trajectory, compose
-from pfslam.teaching import ch09, ch09_beyond, ch09_kinds, ch09_particles, ch09_runs, ch09_walls
-from pfslam.teaching.ch09_texture import SEEDS, measured_steps, read_steps
-from pfslam.texture import TextureConfig
+from pfslam.teaching.ch09 import beyond as ch09_beyond
+from pfslam.teaching.ch09 import kinds as ch09_kinds
+from pfslam.teaching.ch09 import particles as ch09_particles
+from pfslam.teaching.ch09 import runs as ch09_runs
+from pfslam.teaching.ch09 import tables as ch09
+from pfslam.teaching.ch09 import walls as ch09_walls
+from pfslam.teaching.ch09.texture import read_steps
+from pfslam.texture.mapping import TextureConfig
 
 
 def circle():

@@ -7,12 +7,20 @@ import pytest
 from floor_oracle import TILE, colour_image, disparity_image, tile_colour
 
 from pfslam.errors import DataError
-from pfslam.floor_views import PixelRays, camera_from_floor, floor_pixels, posed_pairs
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording, RgbdStream
 from pfslam.sensors import RgbdModel, RobotModel
-from pfslam.texture import EMPTY, TextureConfig, colour_code, map_texture, paint, project_floor, view_code
+from pfslam.texture.mapping import (
+    EMPTY,
+    TextureConfig,
+    colour_code,
+    map_texture,
+    paint,
+    project_floor,
+    view_code,
+)
+from pfslam.texture.views import PixelRays, camera_from_floor, floor_pixels, posed_pairs
 
 REPORT = TextureConfig.report()
 REFINED = TextureConfig.refined()

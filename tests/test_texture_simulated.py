@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from pfslam.evaluation.texture import TextureError, texture_error, visible_floor
 from pfslam.grid import GridSpec, OccupancyGrid
-from pfslam.metrics_texture import TextureError, texture_error, visible_floor
 from pfslam.recording import image_pairs
 from pfslam.simulator import simulate
-from pfslam.texture import TextureConfig, map_texture
+from pfslam.texture.mapping import TextureConfig, map_texture
 
 EVERY = 60
 PRESETS = {"report": TextureConfig.report(), "refined": TextureConfig.refined()}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pfslam.config import SlamConfig
+from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.events import level_scan, scan_events, scan_motions
-from pfslam.metrics import trajectory_error
 from pfslam.motion import controls
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, Recording

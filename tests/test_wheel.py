@@ -9,8 +9,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-
-from pfslam.teaching.student import exercises, main
+from student import exercises, main
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("pfslam", "pyproject.toml", "README.md", "LICENSE", "LICENSE-text")

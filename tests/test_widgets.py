@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pfslam.teaching.pictures import (
+from pfslam.teaching.show.pictures import (
     FRAME_QUALITY,
     Picture,
     data_uri,
@@ -20,9 +20,8 @@ from pfslam.teaching.pictures import (
     steady,
     to_rgb,
 )
-from pfslam.teaching.static import page_fragment
-from pfslam.teaching.style import COLOURS, new_figure
-from pfslam.teaching.widgets import Explorer, Slider, live_view
+from pfslam.teaching.show.style import COLOURS, new_figure
+from pfslam.teaching.show.widgets import Explorer, Slider, live_view, page_fragment
 
 
 def grey(level, tint=0.0):

@@ -19,7 +19,7 @@ def minutes(row: dict[str, str]) -> int:
 
 
 def read(path: Path) -> list[dict[str, str]]:
-    """The rows that ``python -m pfslam.teaching.classroom`` stored."""
+    """The rows that ``python book/_tools/measure_classroom.py`` stored."""
     with open(path, encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 

@@ -6,6 +6,7 @@ The script that draws the equations comes from a pinned package and is copied in
 import os
 import re
 import shutil
+import sys
 from importlib.metadata import files
 from pathlib import Path
 
@@ -119,7 +120,8 @@ def wrap_sentences(app, doctree) -> None:
 def draw_hero(app, error) -> None:
     """Run the filter for the moving picture on the first page."""
     if error is None and app.builder.format == "html":
-        from pfslam.teaching.hero import write_hero
+        sys.path.insert(0, str(Path(__file__).parents[1] / "_tools"))
+        from hero import write_hero
 
         write_hero(Path(app.outdir) / "_static")
 

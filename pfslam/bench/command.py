@@ -22,7 +22,7 @@ from pfslam.bench.setting import QUICK, Effort, Setting
 from pfslam.bench.tables import Section
 from pfslam.bench.update import profile
 from pfslam.datasets import data_folder, load
-from pfslam.files import check_writable, write_text
+from pfslam.io.files import check_writable, write_text
 from pfslam.recording import Recording
 
 

@@ -18,12 +18,12 @@ import numpy as np
 
 from pfslam.bench.processes import peak_megabytes
 from pfslam.config import SlamConfig
-from pfslam.files import write_text
-from pfslam.metrics import trajectory_error
+from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.io.files import write_text
 from pfslam.poses import Trajectory
 from pfslam.runs import slam_steps
 from pfslam.simulator import HALL, Simulation, SimulatorConfig
-from pfslam.streams import simulate_to_file
+from pfslam.simulator.streams import simulate_to_file
 
 NUMBER = 60
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from pfslam.bench.setting import Setting
 from pfslam.bench.tables import Row, Section, interleaved
-from pfslam.images import read_png, write_png
+from pfslam.io.images import read_png, write_png
 from pfslam.motion import dead_reckoning
 from pfslam.recording import RgbdStream, image_pairs
-from pfslam.texture import map_texture
+from pfslam.texture.mapping import map_texture
 
 
 def texture(setting: Setting) -> Section:

@@ -33,7 +33,7 @@ IMPORT = (
 FIGURE = """
 import io, time
 from pfslam import dead_reckoning, load
-from pfslam.teaching.figures import trajectory_figure
+from pfslam.teaching.show.figures import trajectory_figure
 recording = load("hall")
 figure = trajectory_figure(recording, dead_reckoning(recording), "odometry", "hall")
 figure.savefig(io.BytesIO(), format="png")

@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from pfslam import boxes
 from pfslam.bench.compiled import compiled_loop
 from pfslam.bench.setting import Place, Setting, drive
 from pfslam.bench.tables import Row, Section, interleaved
@@ -22,8 +21,9 @@ from pfslam.correlation import (
     window_scores,
 )
 from pfslam.grid import OccupancyGrid
-from pfslam.lattice import Lattice, Window, distinct_nodes
 from pfslam.poses import transform_points
+from pfslam.search import boxes
+from pfslam.search.lattice import Lattice, Window, distinct_nodes
 
 WINDOW = Window(4, 4)
 CLOUDS = {"compact": (0.02, 0.003), "middle": (0.1, 0.02), "wide": (0.5, 0.1)}

@@ -14,11 +14,11 @@ from pfslam.bench.tables import Row, Section, interleaved
 from pfslam.config import PolishConfig, SlamConfig
 from pfslam.correlation import patches_and_scans, score_volume, search, updated_field
 from pfslam.grid import integrate_scan
-from pfslam.lattice import Window, distinct_nodes
 from pfslam.matching import match, window_for
 from pfslam.particles import effective_sample_size, reweight
 from pfslam.poses import transform_points
 from pfslam.refinement import polish
+from pfslam.search.lattice import Window, distinct_nodes
 from pfslam.slam import estimate_pose, predict_motion
 
 SEARCH = "search in all: these two, boxes, blocks"

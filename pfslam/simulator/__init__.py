@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.files import MAX_FIELD_BYTES
 from pfslam.grid import GridSpec
+from pfslam.io.files import MAX_FIELD_BYTES
 from pfslam.poses import Trajectory
 from pfslam.recording import LidarScans, Recording, RgbdStream
 from pfslam.simulator.camera import CameraRenderer
@@ -89,7 +89,7 @@ def simulate(
     ``what`` is "hall", "ramp" or a configuration; ``seed=None`` is the built-in building. ``ranges``
     ``(K, beams)`` of an earlier call with the same arguments may be given back, which saves casting them.
     ``progress`` wraps the casting, as tqdm does. With ``cast=False`` no scan is cast: all ranges are zero and take no
-    memory, for those who cast them bit by bit (``pfslam.streams``).
+    memory, for those who cast them bit by bit (``pfslam.simulator.streams``).
     """
     config = _configuration(what)
     seed = DEFAULT_SEED if seed is None else _whole(seed)

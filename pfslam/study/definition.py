@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from pfslam.config import SlamConfig
-from pfslam.disturb import DISTURBANCES
 from pfslam.errors import DataError
-from pfslam.files import read_text
+from pfslam.evaluation.faults import DISTURBANCES
+from pfslam.io.files import read_text
 from pfslam.limits import MAX_EVERY, MAX_PARTICLES
 from pfslam.simulator import PRESETS as BUILDINGS
 from pfslam.simulator import SimulatorConfig

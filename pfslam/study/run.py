@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from pfslam.cache import cached_simulation
 from pfslam.config import SlamConfig
 from pfslam.datasets import data_folder, load
-from pfslam.disturb import disturb
+from pfslam.evaluation.faults import disturb
+from pfslam.evaluation.trajectory import aligned_at_first, map_agreement, relations_error, trajectory_error
 from pfslam.events import used_scans
-from pfslam.formats import read_relations
-from pfslam.metrics import aligned_at_first, map_agreement, relations_error, trajectory_error
+from pfslam.io.formats import read_relations
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.runs import SlamResult, run_slam
 from pfslam.simulator import PRESETS as BUILDINGS
 from pfslam.simulator import Simulation, simulate
+from pfslam.simulator.cache import cached_simulation
 from pfslam.study.cost import Meter
 from pfslam.study.definition import Case
 from pfslam.study.settings import with_settings

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pfslam.errors import DataError
-from pfslam.files import check_writable, write_text
+from pfslam.io.files import check_writable, write_text
 from pfslam.study.definition import Case, Study, read_study
 from pfslam.study.provenance import (
     code_fingerprint,

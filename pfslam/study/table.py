@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.files import atomic_write, read_text, write_text
-from pfslam.interrupts import ctrl_c_held_back
+from pfslam.io.files import atomic_write, read_text, write_text
+from pfslam.io.interrupts import ctrl_c_held_back
 
 TEXT_COLUMNS = ("label", "dataset", "data_dir", "method", "error")
 RESULTS = (

@@ -17,8 +17,8 @@ from types import ModuleType
 from typing import Any
 
 from pfslam.errors import DataError
-from pfslam.files import write_text
-from pfslam.interrupts import ctrl_c_held_back, starting_workers
+from pfslam.io.files import write_text
+from pfslam.io.interrupts import ctrl_c_held_back, starting_workers
 from pfslam.study.definition import Case
 from pfslam.study.run import run_case
 

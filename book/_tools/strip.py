@@ -1,0 +1,77 @@
+"""Keep only the text outputs of notebooks: `python book/_tools/strip.py [--check] NOTEBOOK...`.
+
+Pictures and widgets are made again whenever the book is built; in the repository they would only bloat the
+history and hide what changed.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+KEPT_METADATA = ("kernelspec", "language_info")
+KEPT_LANGUAGE = ("name", "pygments_lexer", "file_extension", "mimetype")
+
+
+def strip_notebook(notebook: dict) -> dict:
+    """Return the notebook without pictures, widget state and tool metadata, its cells counted from 1."""
+    metadata = {k: v for k, v in notebook.get("metadata", {}).items() if k in KEPT_METADATA}
+    if "language_info" in metadata:
+        language = metadata["language_info"]
+        metadata["language_info"] = {k: v for k, v in language.items() if k in KEPT_LANGUAGE}
+    cells, count = [], 0
+    for cell in notebook["cells"]:
+        count += cell["cell_type"] == "code" and bool("".join(cell["source"]).strip())
+        cells.append(_strip_cell(cell, count))
+    return {**notebook, "metadata": metadata, "cells": cells}
+
+
+def _strip_cell(cell: dict, count: int) -> dict:
+    metadata = {k: v for k, v in cell["metadata"].items() if k not in ("execution", "collapsed", "scrolled")}
+    if cell["cell_type"] != "code":
+        return {**cell, "metadata": metadata}
+    number = count if "".join(cell["source"]).strip() else None
+    outputs = [kept for output in cell["outputs"] if (kept := _strip_output(output, number)) is not None]
+    return {**cell, "metadata": metadata, "execution_count": number, "outputs": outputs}
+
+
+def _strip_output(output: dict, count: int | None) -> dict | None:
+    """Streams and errors stay; of a result its text stays, if it has one."""
+    if output["output_type"] == "stream":
+        return None if output["name"] == "stderr" else output
+    if output["output_type"] == "error":
+        return output
+    data = {
+        kind: value for kind, value in output["data"].items() if kind.split("/")[-2:] == ["text", "plain"]
+    }
+    if not data:
+        return None
+    stripped = {**output, "data": data}
+    if "execution_count" in stripped:
+        stripped["execution_count"] = count
+    return stripped
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Strip the notebooks named on the command line."""
+    parser = argparse.ArgumentParser(prog="python book/_tools/strip.py", description=__doc__)
+    parser.add_argument("notebooks", nargs="+", type=Path)
+    parser.add_argument(
+        "--check", action="store_true", help="change nothing; fail if something is left to strip"
+    )
+    options = parser.parse_args(arguments)
+    unclean = 0
+    for path in options.notebooks:
+        notebook = json.loads(path.read_text(encoding="utf-8"))
+        stripped = strip_notebook(notebook)
+        if stripped == notebook:
+            continue
+        unclean += 1
+        print(f"{path}: {'holds more than text outputs' if options.check else 'stripped'}")
+        if not options.check:
+            path.write_text(json.dumps(stripped, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return 1 if options.check and unclean else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,203 @@
+"""What the commands of the command line do. Each takes the parsed arguments and writes files."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import numpy.random  # numpy itself waits until it is used, and then a Ctrl-C may be lost
+from tqdm import tqdm
+
+from pfslam.cli.summary import closing_words, plain, summarise
+from pfslam.config import SlamConfig
+from pfslam.datasets import dataset_name, load
+from pfslam.errors import DataError
+from pfslam.io.course import save_course
+from pfslam.io.files import atomic_write, check_writable, write_text
+from pfslam.io.formats import write_map, write_texture, write_tum
+from pfslam.io.interrupts import ctrl_c_held_back
+from pfslam.motion import dead_reckoning
+from pfslam.poses import Trajectory
+from pfslam.recording import Recording
+from pfslam.runs import SlamResult, run_slam
+from pfslam.simulator import simulate
+from pfslam.simulator.cache import cached_simulation
+from pfslam.study import read_study, run_study
+from pfslam.study.table import read_table
+from pfslam.texture.mapping import FloorTexture, map_texture
+
+PRESETS = {
+    "report": SlamConfig.report,
+    "refined": SlamConfig.refined,
+    "per-particle": SlamConfig.per_particle,
+    "matching": SlamConfig.matching,
+}
+FIGURES = (
+    "dead_reckoning_trajectory",
+    "prediction_only",
+    "dead_reckoning_map",
+    "slam_map",
+    "slam_trajectory",
+    "texture_map",
+)
+
+
+def progress_bar(what: str) -> Callable:
+    """A bar on the error stream that shows up if the work lasts more than two seconds."""
+    often = 0.1 if sys.stderr.isatty() else 5.0
+    return partial(
+        tqdm, desc=what, delay=2.0, mininterval=often, leave=False, file=sys.stderr, dynamic_ncols=True
+    )
+
+
+class Stopwatch:
+    """Seconds by stage of a run."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        yield
+        self.seconds[name] = round(time.perf_counter() - begin, 3)
+
+
+def simulate_command(arguments: argparse.Namespace) -> None:
+    """Write ``hall`` as set 20 or ``ramp`` as set 21, with truth and, if asked for, images."""
+    check_writable(arguments.out)
+    bar = progress_bar("simulating")
+    if arguments.seed is None:
+        simulation = cached_simulation(arguments.name, bar)
+    else:
+        simulation = simulate(arguments.name, arguments.seed, progress=bar)
+    number = simulation.config.number
+    extras = {name: getattr(simulation, name) for name in ("z", "pitch", "roll")}
+    bar = progress_bar("images")
+    save_course(
+        simulation.recording, number, arguments.out, arguments.images, truth_extras=extras, progress=bar
+    )
+    print(f"set {number} ({arguments.name}) is in {arguments.out}")
+
+
+def run_command(arguments: argparse.Namespace) -> None:
+    """Dead reckoning, the filter and the texture of one data set; all results go to one folder."""
+    preset = PRESETS[arguments.method]()
+    particles = preset.particles if arguments.particles is None else arguments.particles
+    if arguments.method == "matching" and particles != 1:
+        raise DataError("pfslam run", "--particles", particles, "1 with --method matching: it has one pose")
+    config = replace(preset, particles=particles, every=arguments.every)
+    out, watch = out_folder(arguments), Stopwatch()
+    with watch.stage("load"):
+        recording = load(arguments.dataset, arguments.data, progress=progress_bar("simulating"))
+    wants_texture = has_images(recording) if arguments.texture is None else arguments.texture
+    if wants_texture and not has_images(recording):
+        raise DataError(recording.name, "--texture", "no images", "a data set with disparity and RGB images")
+    check_writable(out)
+    with watch.stage("dead_reckoning"):
+        odometry = dead_reckoning(recording)
+    result, texture = None, None
+    if recording.lidar is not None:
+        with watch.stage("slam"):
+            rng = np.random.default_rng(arguments.seed)
+            result = run_slam(recording, config, rng=rng, progress=progress_bar("SLAM"), keep_particles=False)
+        if wants_texture:
+            with watch.stage("texture"):
+                bar = progress_bar("texture")
+                texture = map_texture(recording, result.trajectory, result.grid, progress=bar)
+        # At the stamps of the estimate, so that the two files compare line by line.
+        odometry = Trajectory(result.trajectory.t, odometry.at(result.trajectory.t))
+    with watch.stage("write"):
+        files = write_results(out, odometry, result, texture)
+    summary = summarise(recording, odometry, result, texture)
+    about = {"dataset": recording.name, "method": arguments.method, "seed": arguments.seed}
+    config_used = replace(config, every=config.every or recording.default_every)
+    about |= {"config": config_used.as_dict(), "seconds": watch.seconds, "files": files}
+    write_text(out / "summary.json", json.dumps(plain(about | summary), indent=2, allow_nan=False) + "\n")
+    print(closing_words(recording, summary, out))
+
+
+def out_folder(arguments: argparse.Namespace) -> Path:
+    """Where results go: as asked for, else out/DATASET."""
+    return arguments.out if arguments.out is not None else Path("out") / dataset_name(arguments.dataset)
+
+
+def has_images(recording: Recording) -> bool:
+    """Whether a recording has at least one image of each kind."""
+    camera = recording.camera
+    return camera is not None and len(camera.disparity_index) > 0 and len(camera.rgb_index) > 0
+
+
+def write_results(
+    out: Path, odometry: Trajectory, result: SlamResult | None, texture: FloorTexture | None
+) -> list[str]:
+    """Write what there is; the names of the files, the summary included."""
+    write_tum(out / "odometry.tum", odometry)
+    files = ["odometry.tum"]
+    if result is not None:
+        write_tum(out / "trajectory.tum", result.trajectory)
+        write_map(out / "map.yaml", result.grid)
+        files += ["trajectory.tum", "map.pgm", "map.yaml"]
+    if texture is not None:
+        write_texture(out / "texture.yaml", texture.spec, texture.rgb, texture.seen)
+        files += ["texture.png", "texture.yaml"]
+    return [*files, "summary.json"]
+
+
+def report_command(arguments: argparse.Namespace) -> None:
+    """The report's figures as PNG files."""
+    try:
+        with ctrl_c_held_back():
+            from pfslam.teaching.show.figures import report_figures
+    except ImportError as error:
+        raise DataError(
+            "pfslam report", "package", error.name or error, "the extra: pip install pfslam[plots]"
+        ) from error
+    out = out_folder(arguments)
+    recording = load(arguments.dataset, arguments.data, progress=progress_bar("simulating"))
+    check_writable(out)
+    figures = report_figures(recording, seed=0, progress=progress_bar("figures"))
+    for name in FIGURES:
+        if name in figures:
+            buffer = io.BytesIO()
+            figures[name].savefig(buffer, format="png", dpi=150, bbox_inches="tight")
+            with atomic_write(out / f"{name}.png") as file:
+                file.write(buffer.getvalue())
+    print(f"{len(figures)} figures are in {out}")
+
+
+def bench_command(arguments: argparse.Namespace) -> None:
+    """Speed and memory, measured and printed; with ``--json`` also written."""
+    with ctrl_c_held_back():
+        from pfslam.bench.command import bench
+
+    bench(arguments.quick, arguments.json, arguments.data)
+
+
+def study_command(arguments: argparse.Namespace) -> None:
+    """All runs of a study that are not there yet, and its table."""
+    study = read_study(arguments.file)
+    out = arguments.out if arguments.out is not None else Path("out") / study.name
+    path = run_study(study, out, jobs=arguments.jobs, progress=progress_bar("runs"))
+    errors = read_table(path)["error"]
+    failed = int(np.count_nonzero(errors != ""))
+    words = f"{failed} of {len(errors)} runs failed, see the column error; " if failed else ""
+    print(f"{words}{len(errors)} runs are in {path}")
+
+
+COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
+    "simulate": simulate_command,
+    "run": run_command,
+    "report": report_command,
+    "study": study_command,
+    "bench": bench_command,
+}

@@ -1,0 +1,72 @@
+"""What is said of a run: its ``summary.json``, and a closing line for the user."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pfslam.evaluation.calibration import calibrate
+from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.evaluation.trust import alarms
+from pfslam.poses import Trajectory
+from pfslam.recording import Recording
+from pfslam.runs import SlamResult
+from pfslam.texture.mapping import FloorTexture
+
+
+def summarise(
+    recording: Recording, odometry: Trajectory, result: SlamResult | None, texture: FloorTexture | None
+) -> dict[str, Any]:
+    """The figures of a run: counts, what was dropped and why, and the errors where the truth is known."""
+    parts = [recording.dropped, result.dropped if result else {}, texture.dropped if texture else {}]
+    summary: dict[str, Any] = {
+        "scans_recorded": 0 if recording.lidar is None else len(recording.lidar.t),
+        "scans": len(result.trajectory) if result else 0,
+        "updates": result.updates if result else 0,
+        "resamplings": result.resamplings if result else 0,
+        "lost": len(alarms(result.infos)) if result else 0,
+        "dropped": {reason: count for part in parts for reason, count in part.items()},
+    }
+    if recording.encoders is not None and recording.imu is not None:
+        summary["calibration"] = {"applied": False} | asdict(calibrate(recording, result))
+    if texture is not None:
+        summary["image_pairs"] = texture.pairs
+    estimates = {"odometry": odometry} | ({"slam": result.trajectory} if result else {})
+    if recording.truth is None:
+        return summary
+    known = recording.truth.covers(odometry.t)
+    if not known.all():
+        summary["dropped"]["poses outside the truth's time, not compared"] = int(np.count_nonzero(~known))
+    if known.any():
+        summary |= {
+            name: asdict(trajectory_error(poses, recording.truth)) for name, poses in estimates.items()
+        }
+    return summary
+
+
+def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> str:
+    """One or two lines for the user."""
+    lines = [] if recording.lidar is not None else ["no LiDAR in this data set: dead reckoning only"]
+    if summary["lost"]:
+        lines.append(f"the robot seems to have been lost or moved by hand {summary['lost']} times")
+    errors = [
+        f"{name} {summary[name]['ate_rmse_m']:.3f} m" for name in ("odometry", "slam") if name in summary
+    ]
+    found = f" ({', '.join(errors)} from the truth, root mean square)" if errors else ""
+    return "\n".join([*lines, f"results are in {out}{found}"])
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON knows it: NumPy numbers become numbers, what is not finite becomes null."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

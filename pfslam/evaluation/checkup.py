@@ -1,0 +1,245 @@
+"""Questions to ask of a recording before a filter runs: each takes a second, and each finds a fault that costs days.
+
+A check compares two instruments that must agree, or one with what is possible. It proves nothing; it tells where to
+look.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pfslam.evaluation.calibration import gyro_bias
+from pfslam.motion import Controls, controls
+from pfslam.recording import LidarScans, Recording, image_pairs
+
+FASTEST = 10.0
+"""Speed (m/s) that no wheel of a robot indoors reaches, not even over one reading."""
+LARGEST_REST_RATE = 0.01
+"""Yaw rate at rest (rad/s) above which a gyro's bias is worth taking off: a third of a degree in half a second."""
+LONGEST_GAP = 0.5
+"""Seconds without a reading that a filter should not have to bridge."""
+SCAN_STEP = 0.1
+"""Time (s) between the scans that are compared with one another."""
+WIDEST_TURN = 0.35
+"""Largest turn (rad) between two scans that is looked for."""
+MOST_PAIRS = 300
+"""Pairs of scans that are compared: those in the strongest turns."""
+LATEST = 0.3
+"""Largest offset (s) between two clocks that is looked for."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One question's answer: ``ok`` is None where the recording holds nothing to ask."""
+
+    question: str
+    ok: bool | None
+    found: str
+    expected: str
+
+
+def check_up(recording: Recording) -> list[Finding]:
+    """All questions, in the order in which to mend what they find."""
+    return [
+        check_overlap(recording),
+        check_gaps(recording),
+        check_speed(recording),
+        check_rest(recording),
+        check_track(recording),
+        check_beams(recording),
+        check_scan_turn(recording),
+        check_scan_clock(recording),
+        check_images(recording),
+    ]
+
+
+def check_overlap(recording: Recording) -> Finding:
+    """Whether the streams cover the same stretch of time: the shortest common time over the longest stream."""
+    question, expected = "Do the streams overlap?", "90 % or more"
+    spans = np.array([[t[0], t[-1]] for t in _stamps(recording).values()])
+    common = max(spans[:, 1].min() - spans[:, 0].max(), 0.0)
+    share = common / max(float((spans[:, 1] - spans[:, 0]).max()), 1e-9)
+    return Finding(question, bool(share >= 0.9), f"{100 * share:.0f} %", expected)
+
+
+def check_gaps(recording: Recording) -> Finding:
+    """The longest time without a reading of encoders, gyro or LiDAR."""
+    longest, name = max(
+        (float(np.diff(t).max(initial=0.0)), name)
+        for name, t in _stamps(recording).items()
+        if name != "camera"
+    )
+    limit = max(
+        LONGEST_GAP, 3.0 * max(np.median(np.diff(t)) for t in _stamps(recording).values() if len(t) > 1)
+    )
+    found = f"{longest:.2f} s ({name})"
+    return Finding("How long is the longest gap?", bool(longest <= limit), found, f"below {limit:.1f} s")
+
+
+def check_speed(recording: Recording) -> Finding:
+    """The largest count of any wheel, as a speed. Running totals, and counters that wrap, give impossible ones."""
+    if recording.encoders is None:
+        fastest = float(np.abs(controls(recording).v).max())
+    else:
+        way = np.abs(recording.encoders.counts).max() * recording.robot.encoders.metres_per_count
+        fastest = float(way / np.median(np.diff(recording.encoders.t)))
+    found = f"{fastest:.1f} m/s"
+    return Finding("How fast was a wheel at most?", fastest <= FASTEST, found, f"below {FASTEST:.0f} m/s")
+
+
+def check_rest(recording: Recording) -> Finding:
+    """What the gyro shows while the robot stands."""
+    question, expected = "What does the gyro show at rest?", f"within {LARGEST_REST_RATE:.2f} rad/s of 0"
+    if recording.encoders is None or recording.imu is None:
+        return Finding(question, None, "no encoders and gyro", expected)
+    bias, error, seconds = gyro_bias(recording)
+    if not np.isfinite(error):
+        return Finding(question, None, f"only {seconds:.0f} s at rest", expected)
+    return Finding(
+        question, abs(bias) <= LARGEST_REST_RATE, f"{bias:+.4f} rad/s in {seconds:.0f} s", expected
+    )
+
+
+def check_track(recording: Recording) -> Finding:
+    """Whether left and right wheels tell the same turns as the gyro, whatever the effective track."""
+    question, expected = "Do wheels and gyro turn the same way?", "a track of 0.2 to 2 m"
+    if recording.encoders is None or recording.imu is None:
+        return Finding(question, None, "no encoders and gyro", expected)
+    track = effective_track(recording)
+    if track is None:
+        return Finding(question, None, "too few turns", expected)
+    return Finding(question, bool(0.2 <= track <= 2.0), f"effective track {track:.2f} m", expected)
+
+
+def check_beams(recording: Recording) -> Finding:
+    """The share of beams that measured something, and scans in which hardly any did."""
+    question, expected = "How many beams return?", "half or more"
+    if recording.lidar is None:
+        return Finding(question, None, "no LiDAR", expected)
+    valid = recording.robot.lidar.valid(recording.lidar.ranges).mean(axis=1)
+    found = f"{100 * valid.mean():.0f} %, {np.count_nonzero(valid < 0.1)} empty scans"
+    return Finding(question, bool(valid.mean() >= 0.5 and (valid < 0.1).mean() < 0.01), found, expected)
+
+
+def check_scan_turn(recording: Recording) -> Finding:
+    """Whether successive scans turn as the gyro says: an upside-down LiDAR or a flipped gyro gives -1."""
+    question, expected = "Do scans turn as the gyro does?", "a factor of 0.8 to 1.2"
+    fit = scan_turn_fit(recording)
+    if fit is None:
+        return Finding(question, None, "no scans in turns", expected)
+    factor, _ = fit
+    return Finding(question, bool(0.8 <= factor <= 1.2), f"factor {factor:+.2f}", expected)
+
+
+def check_scan_clock(recording: Recording) -> Finding:
+    """Whether scans and gyro share a clock: the shift at which their turns agree best."""
+    question, expected = "Do scans and gyro share a clock?", "within 0.03 s"
+    fit = scan_turn_fit(recording)
+    if fit is None:
+        return Finding(question, None, "no scans in turns", expected)
+    _, late = fit
+    return Finding(question, bool(abs(late) <= 0.03), f"scans {1000 * late:+.0f} ms late", expected)
+
+
+def check_images(recording: Recording) -> Finding:
+    """How many colour images have a depth image within a tenth of a second."""
+    question, expected = "Do images have partners?", "95 % or more"
+    if recording.camera is None or not len(recording.camera.rgb_index):
+        return Finding(question, None, "no images", expected)
+    pairs = image_pairs(recording.camera)
+    share = len(pairs.rgb) / max(len(pairs.rgb) + pairs.unpaired, 1)
+    return Finding(question, bool(share >= 0.95), f"{100 * share:.0f} % of {len(pairs.rgb)}", expected)
+
+
+def effective_track(recording: Recording) -> float | None:
+    """Track (m) with which the wheels turn as the gyro does: least squares over a second at a time; None without turns.
+
+    Wheels that skid sideways make it wider than a ruler would. A negative one means that a sign is wrong, or that the
+    sides are swapped.
+    """
+    encoders, _ = recording.wheels_and_gyro()
+    inputs = controls(recording)
+    edges = np.arange(inputs.t[0], inputs.t[-1], 1.0)
+    right, left = encoders.counts[:, [0, 2]].mean(axis=1), encoders.counts[:, [1, 3]].mean(axis=1)
+    apart = np.cumsum(right - left) * recording.robot.encoders.metres_per_count
+    apart = np.diff(np.interp(edges, encoders.t, apart))
+    turned = np.diff(_turned(inputs, edges))
+    if np.abs(turned).sum() < 1.0:
+        return None
+    return float(apart @ turned / (turned @ turned))
+
+
+def scan_turn_fit(recording: Recording) -> tuple[float, float] | None:
+    """Turn seen by the LiDAR over turn felt by the gyro, and by how many seconds the scans' clock is late.
+
+    None if there are no scans, or no turns to compare. The odometry takes the gyro's place where there is none.
+    """
+    if recording.lidar is None:
+        return None
+    inputs, scans = controls(recording), recording.lidar
+    first, second = _scan_pairs(inputs, scans)
+    if len(first) < 20:
+        return None
+    seen = scan_turns(recording, first, second)
+    good = np.isfinite(seen)
+    t0, t1, seen = scans.t[first[good]], scans.t[second[good]], seen[good]
+    shifts = np.arange(-LATEST, LATEST + 1e-9, 0.005)
+    felt = np.array([_turned(inputs, t1 - late) - _turned(inputs, t0 - late) for late in shifts])
+    if len(seen) < 20 or np.abs(felt).max() < 0.02 or not seen.any():
+        return None
+    likeness = (felt @ seen) / np.sqrt((felt**2).sum(axis=1) * (seen @ seen))
+    best = int(np.argmax(np.abs(likeness)))
+    return float(felt[best] @ seen / (felt[best] @ felt[best])), float(shifts[best])
+
+
+def scan_turns(recording: Recording, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Turn (rad) from scan ``first (P,)`` to scan ``second (P,)``: by how many beams the picture moved; NaN if unclear.
+
+    The robot also moves a little in between, which blurs the answer and does not turn it.
+    """
+    lidar, scans = recording.robot.lidar, recording.scans()
+    reach = min(int(WIDEST_TURN / lidar.increment) + 1, lidar.beams // 3)
+    shifts = np.arange(-reach, reach + 1)
+    turns = np.full(len(first), np.nan)
+    inner = slice(reach, lidar.beams - reach)
+    for k, (i, j) in enumerate(zip(first, second, strict=True)):
+        before, after = (np.where(lidar.valid(r), r, np.nan) for r in (scans.ranges[i], scans.ranges[j]))
+        moved = np.lib.stride_tricks.sliding_window_view(before, lidar.beams - 2 * reach)
+        gap = np.abs(moved - after[inner])
+        usable = np.isfinite(gap).sum(axis=1) > 0.3 * gap.shape[1]
+        if usable.any():
+            cost = np.where(usable, np.nanmean(np.minimum(gap, 0.5), axis=1), np.inf)
+            turns[k] = shifts[int(np.argmin(cost))] * lidar.increment
+    return turns
+
+
+def _scan_pairs(inputs: Controls, scans: LidarScans) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of scans about ``SCAN_STEP`` apart, those with the strongest turns, well inside the odometry's time."""
+    second = np.searchsorted(scans.t, scans.t + SCAN_STEP)
+    first = np.flatnonzero(second < len(scans.t))
+    second = second[first]
+    inside = (scans.t[first] > inputs.t[0] + LATEST) & (scans.t[second] < inputs.t[-1] - LATEST)
+    inside &= scans.t[second] - scans.t[first] < 10 * SCAN_STEP
+    first, second = first[inside], second[inside]
+    turn = np.abs(_turned(inputs, scans.t[second]) - _turned(inputs, scans.t[first]))
+    small = np.flatnonzero(turn < 0.8 * WIDEST_TURN)
+    strongest = np.sort(small[np.argsort(-turn[small], kind="stable")[:MOST_PAIRS]])
+    return first[strongest], second[strongest]
+
+
+def _turned(inputs: Controls, t: np.ndarray) -> np.ndarray:
+    """Angle (rad) that the controls turned up to times ``t``."""
+    return np.interp(t, inputs.t, np.concatenate([[0.0], np.cumsum(inputs.omega * np.diff(inputs.t))]))
+
+
+def _stamps(recording: Recording) -> dict[str, np.ndarray]:
+    """The stamps of every stream that is there."""
+    streams = {"encoders": recording.encoders, "gyro": recording.imu, "odometry": recording.odometry}
+    found = {name: stream.t for name, stream in streams.items() if stream is not None}
+    if recording.lidar is not None:
+        found["lidar"] = recording.lidar.t
+    if recording.camera is not None:
+        found["camera"] = recording.camera.rgb_t
+    return found

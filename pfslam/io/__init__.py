@@ -1,0 +1,1 @@
+"""Reading and writing: the course's files, CARMEN logs, trajectories, maps, images."""

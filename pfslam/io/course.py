@@ -1,0 +1,200 @@
+"""The course format: one ``.npz`` file per instrument and two folders of images, named by the set's number.
+
+``EncodersNN.npz``, ``ImuNN.npz`` (or ``IMUNN.npz``), ``HokuyoNN.npz``, ``KinectNN.npz``, ``truthNN.npz``,
+``dataRGBD/DisparityNN/disparityNN_I.png`` and ``dataRGBD/RGBNN/rgbNN_I.png`` with I from 1. They may lie in a
+``data`` folder, and case does not matter. Encoders and IMU must be there; the rest may be absent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pfslam.errors import DataError
+from pfslam.io.course_writer import save_course, set_number
+from pfslam.io.files import read_npz
+from pfslam.io.images import ImageReader, numbered_images
+from pfslam.limits import MAX_BEAMS, MAX_RANGE
+from pfslam.poses import Trajectory
+from pfslam.recording import (
+    Encoders,
+    Imu,
+    LidarScans,
+    Recording,
+    RgbdStream,
+    check_rows,
+    check_stamps,
+)
+from pfslam.sensors import LidarModel, RgbdModel, RobotModel
+
+__all__ = ["find_file", "load_course", "save_course", "set_number"]
+
+STAMP_LIMIT = (1e11, "seconds")  # the year 5138
+LIMITS = {
+    "time_stamps": STAMP_LIMIT,
+    "disparity_time_stamps": STAMP_LIMIT,
+    "rgb_time_stamps": STAMP_LIMIT,
+    "counts": (1e6, "counts per reading"),
+    "angular_velocity": (1e3, "rad/s"),
+    "linear_acceleration": (1e3, "g"),
+    "pose": (1e8, "m and rad"),
+}
+"""Largest magnitude of each field, and its unit. Generous: what is beyond is damage or another unit."""
+FULL_TURN = 2.0 * np.pi + 1e-3
+
+
+def load_course(number: int | str, data_dir: str | Path) -> Recording:
+    """Load set ``number`` from the folder ``data_dir``.
+
+    Readings that cannot be used, such as ranges that are not a number or images without a stamp, are counted
+    in ``recording.dropped``. Raises ``DataError`` naming file, field, value and what was expected.
+    """
+    number = set_number(number)
+    folder = Path(data_dir)
+    if not folder.is_dir():
+        raise DataError(folder, "data folder", "no such folder", f"a folder with Encoders{number}.npz")
+    dropped: dict[str, int] = {}
+    encoders = _load_encoders(_require(folder, f"Encoders{number}.npz"))
+    imu = _load_imu(_require(folder, f"Imu{number}.npz"))
+    robot, lidar = RobotModel(), None
+    if path := find_file(folder, f"Hokuyo{number}.npz"):
+        model, lidar = _load_lidar(path, dropped)
+        robot = replace(robot, lidar=model)
+    camera = _load_camera(folder, number, robot.camera, dropped)
+    path = find_file(folder, f"truth{number}.npz")
+    truth = _load_truth(path) if path else None
+    return Recording(number, robot, encoders, imu, None, lidar, camera, truth, dropped=dropped)
+
+
+def find_file(folder: Path, *parts: str) -> Path | None:
+    """The file or folder ``parts`` below ``folder`` or ``folder/data``; upper and lower case are the same."""
+    for start in (folder, folder / "data"):
+        path: Path | None = start
+        for part in parts:
+            path = _entry(path, part) if path is not None else None
+        if path is not None:
+            return path
+    return None
+
+
+def _entry(folder: Path, name: str) -> Path | None:
+    if (folder / name).exists():
+        return folder / name
+    if not folder.is_dir():
+        return None
+    return next((p for p in sorted(folder.iterdir()) if p.name.lower() == name.lower()), None)
+
+
+def _require(folder: Path, name: str) -> Path:
+    path = find_file(folder, name)
+    if path is None:
+        raise DataError(folder / name, "file", "no such file", f"{name} in {folder} or in its data folder")
+    return path
+
+
+def _stamps(path: Path, data: Mapping[str, np.ndarray], key: str = "time_stamps") -> np.ndarray:
+    """Stamps ``(K,)`` float64; a row or column matrix is taken as a row."""
+    t = np.asarray(data[key])
+    t = t.ravel() if t.ndim == 2 and 1 in t.shape else t
+    check_stamps(t, str(path), key)
+    _check_size(path, key, t)
+    return t.astype(float)
+
+
+def _columns(path: Path, data: Mapping[str, np.ndarray], key: str, rows: int, count: int) -> np.ndarray:
+    """Values ``(count, rows)`` from the file's ``(rows, count)``."""
+    check_rows(data[key], str(path), key, (rows, count))
+    _check_size(path, key, data[key])
+    return np.ascontiguousarray(data[key].T)
+
+
+def _check_size(path: Path, key: str, values: np.ndarray) -> None:
+    """Raise ``DataError`` for numbers that no robot can have measured: a damaged file, or another unit."""
+    limit, unit = LIMITS[key]
+    largest = float(values.ravel()[np.argmax(np.abs(values.astype(float)))])
+    if abs(largest) > limit:
+        raise DataError(path, key, f"{largest:g}", f"{unit}, at most {limit:g}")
+
+
+def _load_encoders(path: Path) -> Encoders:
+    data = read_npz(path, ("counts", "time_stamps"))
+    t = _stamps(path, data)
+    return Encoders(t, _columns(path, data, "counts", 4, len(t)))
+
+
+def _load_imu(path: Path) -> Imu:
+    data = read_npz(path, ("angular_velocity", "linear_acceleration", "time_stamps"))
+    t = _stamps(path, data)
+    angular_velocity = _columns(path, data, "angular_velocity", 3, len(t))
+    return Imu(t, angular_velocity, _columns(path, data, "linear_acceleration", 3, len(t)))
+
+
+def _load_lidar(path: Path, dropped: dict[str, int]) -> tuple[LidarModel, LidarScans]:
+    limits = ("angle_min", "angle_max", "range_min", "range_max")
+    data = read_npz(path, (*limits, "ranges", "time_stamps"))
+    t, raw = _stamps(path, data), data["ranges"]
+    shape_fits = raw.ndim == 2 and raw.shape[1] == len(t) and 1 <= raw.shape[0] <= MAX_BEAMS
+    if not shape_fits or raw.dtype.kind not in "fiu":
+        expected = f"numbers of shape (beams, {len(t)}), at most {MAX_BEAMS} beams"
+        raise DataError(path, "ranges", f"{raw.dtype} of shape {raw.shape}", expected)
+    with np.errstate(over="ignore"):
+        ranges = np.ascontiguousarray(raw.T, dtype=np.float32)
+    if not_a_number := int(np.count_nonzero(np.isnan(ranges))):
+        dropped["ranges that are not a number"] = not_a_number
+    # The angle between beams follows from the limits; the file's own may be [0, 0], and is not used.
+    model = _lidar_model(path, {key: _scalar(path, data, key) for key in limits}, raw.shape[0])
+    return model, LidarScans(t, ranges)
+
+
+def _lidar_model(path: Path, limits: dict[str, float], beams: int) -> LidarModel:
+    span = limits["angle_max"] - limits["angle_min"]
+    if not (0.0 < span <= FULL_TURN or (beams == 1 and span == 0.0)) or abs(limits["angle_min"]) > FULL_TURN:
+        found = f"{limits['angle_min']:g} to {limits['angle_max']:g}"
+        raise DataError(path, "angle_min, angle_max", found, "increasing angles in radians, at most one turn")
+    if not 0.0 <= limits["range_min"] < limits["range_max"] <= MAX_RANGE:
+        found = f"{limits['range_min']:g} to {limits['range_max']:g}"
+        expected = f"metres, 0 <= range_min < range_max <= {MAX_RANGE:g}"
+        raise DataError(path, "range_min, range_max", found, expected)
+    return LidarModel(beams=beams, **limits)  # type: ignore[arg-type]
+
+
+def _scalar(path: Path, data: Mapping[str, np.ndarray], key: str) -> float:
+    value = np.asarray(data[key])
+    if value.size != 1 or value.dtype.kind not in "fiu" or not np.isfinite(value).all():
+        found = f"{value.ravel()[:3]} of shape {value.shape}"
+        raise DataError(path, key, found, "one finite number")
+    return float(value.reshape(()))
+
+
+def _load_truth(path: Path) -> Trajectory:
+    data = read_npz(path, ("time_stamps", "pose"))
+    t = _stamps(path, data)
+    check_rows(data["pose"], str(path), "pose", (len(t), 3))
+    _check_size(path, "pose", data["pose"])
+    return Trajectory(t, data["pose"])
+
+
+def _load_camera(folder: Path, number: str, camera: RgbdModel, dropped: dict[str, int]) -> RgbdStream | None:
+    kinds = {"disparity": f"Disparity{number}", "rgb": f"RGB{number}"}
+    folders = {kind: find_file(folder, "dataRGBD", name) for kind, name in kinds.items()}
+    files = {kind: numbered_images(folders[kind], kind + number) for kind in kinds}
+    path = find_file(folder, f"Kinect{number}.npz")
+    if path is None:
+        _count(dropped, "images without a stamp", sum(len(f) for f in files.values()))
+        return None
+    data = read_npz(path, ("disparity_time_stamps", "rgb_time_stamps"))
+    t = {kind: _stamps(path, data, f"{kind}_time_stamps") for kind in kinds}
+    index = {kind: np.array(sorted(k for k in files[kind] if k < len(t[kind])), dtype=int) for kind in kinds}
+    _count(dropped, "images without a stamp", sum(len(files[kind]) - len(index[kind]) for kind in kinds))
+    size = (camera.height, camera.width)
+    read_disparity = ImageReader(files["disparity"], (*size, 1), np.uint16)
+    read_rgb = ImageReader(files["rgb"], (*size, 3), np.uint8)
+    return RgbdStream(t["disparity"], t["rgb"], read_disparity, read_rgb, index["disparity"], index["rgb"])
+
+
+def _count(dropped: dict[str, int], reason: str, count: int) -> None:
+    if count:
+        dropped[reason] = dropped.get(reason, 0) + count

@@ -1,0 +1,174 @@
+"""The files of the trade: TUM trajectories, ROS map_server maps, placed floor textures, benchmark relations.
+
+Image row 0 is y_max here, while row 0 of our grids is y_min: this module holds the only flip in the package.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pfslam.errors import DataError
+from pfslam.grid import MAX_CELLS, GridSpec, OccupancyGrid
+from pfslam.io.files import atomic_write, read_bytes, read_text, write_text
+from pfslam.io.images import write_png
+from pfslam.poses import Trajectory
+from pfslam.recording import nearest_stamp
+
+OCCUPIED, FREE, UNKNOWN = 0, 254, 205
+OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
+
+
+def write_tum(path: str | Path, trajectory: Trajectory) -> None:
+    """Write ``t x y z qx qy qz qw``, one pose a line: t in full, 9 decimals of m, 12 of q."""
+    half = 0.5 * trajectory.poses[:, 2]
+    rows = np.column_stack([trajectory.poses[:, :2], np.sin(half), np.cos(half)])
+    stamps = (np.format_float_positional(t, unique=True, min_digits=6) for t in trajectory.t)
+    lines = (
+        f"{t} {x:.9f} {y:.9f} 0 0 0 {qz:.12f} {qw:.12f}\n"
+        for t, (x, y, qz, qw) in zip(stamps, rows, strict=True)
+    )
+    write_text(path, "".join(lines))
+
+
+def read_tum(path: str | Path) -> Trajectory:
+    """The planar trajectory of a TUM file: x, y and the yaw of the quaternion. Comments begin with #."""
+    rows = []
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            rows.append(numbers(path, f"line {number}", line.split(), 8))
+    if not rows:
+        raise DataError(path, "poses", "none", "lines of t x y z qx qy qz qw")
+    t, x, y, _, qx, qy, qz, qw = np.array(rows).T
+    norm = np.sqrt(qx**2 + qy**2 + qz**2 + qw**2)
+    if (np.abs(norm - 1.0) > 1e-3).any():
+        at = int(np.argmax(np.abs(norm - 1.0)))
+        raise DataError(path, f"pose {at}", f"a quaternion of length {norm[at]:g}", "length 1")
+    yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy**2 + qz**2))
+    try:
+        return Trajectory(t, np.column_stack([x, y, yaw]))
+    except DataError as error:
+        raise DataError(path, error.field, error.found, error.expected) from error
+
+
+def numbers(path: str | Path, place: str, words: list[str], count: int) -> list[float]:
+    """``count`` finite numbers from words of a file; ``DataError`` names the place and the word."""
+    if len(words) != count:
+        raise DataError(path, place, f"{len(words)} values", f"{count} values")
+    values = []
+    for word in words:
+        try:
+            values.append(float(word))
+        except ValueError:
+            raise DataError(path, place, repr(word)[:60], "a number") from None
+    if not np.isfinite(values).all():
+        bad = words[int(np.argmin(np.isfinite(values)))]
+        raise DataError(path, place, bad[:60], "a finite number")
+    return values
+
+
+def map_pixels(grid: OccupancyGrid) -> np.ndarray:
+    """The map as an image ``(H, W)`` uint8, row 0 at y_max: 0 occupied, 254 free, 205 unknown."""
+    probability = grid.probability
+    pixels = np.full(grid.spec.shape, UNKNOWN, dtype=np.uint8)
+    pixels[probability > OCCUPIED_THRESH] = OCCUPIED
+    pixels[probability < FREE_THRESH] = FREE
+    return pixels[::-1]
+
+
+def write_map(path: str | Path, grid: OccupancyGrid) -> None:
+    """Write a ROS map_server map: ``path`` is the ``.yaml`` file, the image goes beside it as ``.pgm``."""
+    path = Path(path)
+    pixels = map_pixels(grid)
+    with atomic_write(path.with_suffix(".pgm")) as file:
+        file.write(b"P5\n%d %d\n255\n" % pixels.shape[::-1])
+        file.write(pixels.tobytes())
+    keys = {"negate": 0, "occupied_thresh": OCCUPIED_THRESH, "free_thresh": FREE_THRESH}
+    write_text(path, _yaml(path.with_suffix(".pgm").name, grid.spec, keys))
+
+
+def _yaml(image: str, spec: GridSpec, keys: dict[str, float]) -> str:
+    x, y = spec.origin
+    head = f"image: {image}\nresolution: {spec.resolution!r}\norigin: [{x!r}, {y!r}, 0.0]\n"
+    return head + "".join(f"{key}: {value}\n" for key, value in keys.items())
+
+
+def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
+    """A ROS map_server map from its ``.yaml``: the grid, and int8 ``(H, W)``: 1 occupied, -1 free, 0 unknown.
+
+    Row 0 is y_min, as in all our grids. Maps that are turned (a third origin value) are refused.
+    """
+    path = Path(path)
+    lines = (line.split("#")[0].partition(":") for line in read_text(path).splitlines())
+    keys = {key.strip(): value.strip() for key, colon, value in lines if colon}
+    needed = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+    if missing := [key for key in needed if key not in keys]:
+        raise DataError(path, "keys", ", ".join(keys)[:200] or "none", f"a key named {missing[0]}")
+    resolution, negate, occupied, free = (
+        numbers(path, key, [keys[key]], 1)[0]
+        for key in ("resolution", "negate", "occupied_thresh", "free_thresh")
+    )
+    x, y, yaw = numbers(path, "origin", keys["origin"].strip("[]").split(","), 3)
+    if yaw != 0.0:
+        raise DataError(path, "origin", f"a map turned by {yaw:g} rad", "a third value of 0")
+    pixels = _read_pgm(path.parent / keys["image"].strip("'\""))
+    share = pixels[::-1] / 255.0 if negate else (255.0 - pixels[::-1]) / 255.0
+    cells = (share > occupied).astype(np.int8) - (share < free).astype(np.int8)
+    return GridSpec((x, y), resolution, pixels.shape), cells
+
+
+def _read_pgm(path: Path) -> np.ndarray:
+    """Pixels ``(H, W)`` uint8 of a binary PGM image."""
+    data = read_bytes(path, MAX_CELLS + 4096)
+    words: list[bytes] = []
+    at = 0
+    while len(words) < 4 and at < min(len(data), 4096):
+        end = data.find(b"\n", at)
+        end = len(data) if end < 0 else end
+        words += data[at:end].split(b"#")[0].split()
+        at = end + 1
+    if len(words) != 4 or words[0] != b"P5" or words[3] != b"255" or not all(w.isdigit() for w in words[1:]):
+        raise DataError(path, "header", repr(data[:20]), "a binary PGM image with 255 grey values")
+    width, height = int(words[1][:9]), int(words[2][:9])
+    if len(data) - at != width * height or width * height == 0:
+        raise DataError(path, "pixels", f"{len(data) - at} bytes", f"{width} x {height}, at least one")
+    return np.frombuffer(data, dtype=np.uint8, offset=at).reshape(height, width)
+
+
+def write_texture(path: str | Path, spec: GridSpec, rgb: np.ndarray, seen: np.ndarray) -> None:
+    """Write the floor texture: ``path`` is the ``.yaml`` file, the RGBA image goes beside it as ``.png``.
+
+    ``rgb (H, W, 3)`` uint8 and ``seen (H, W)`` bool are in grid order; alpha is 0 where nothing was seen. The
+    yaml file holds image, resolution and origin, as for a map.
+    """
+    path = Path(path)
+    rgba = np.dstack([rgb, np.where(seen, 255, 0).astype(np.uint8)])
+    write_png(path.with_suffix(".png"), rgba[::-1])
+    write_text(path, _yaml(path.with_suffix(".png").name, spec, {}))
+
+
+@dataclass(frozen=True, eq=False)
+class Relations:
+    """Known motions: ``poses (R, 3)`` at times ``t2 (R,)`` seen from the poses at ``t1 (R,)``; m, rad, s."""
+
+    t1: np.ndarray
+    t2: np.ndarray
+    poses: np.ndarray
+
+    def at_stamps(self, stamps: np.ndarray, tolerance: float = 1e-3) -> Relations:
+        """Those with both ends within ``tolerance`` seconds of one of ``stamps (K,)``, moved onto them."""
+        t1, t2 = (stamps[nearest_stamp(stamps, t)] for t in (self.t1, self.t2))
+        near = (np.abs(t1 - self.t1) <= tolerance) & (np.abs(t2 - self.t2) <= tolerance)
+        return Relations(t1[near], t2[near], self.poses[near])
+
+
+def read_relations(path: str | Path) -> Relations:
+    """A relations file: lines of t1 t2 dx dy dz roll pitch yaw, of which the planar part is kept."""
+    words = [(i, line.split()) for i, line in enumerate(read_text(path).splitlines(), start=1)]
+    rows = [numbers(path, f"line {i}", line, 8) for i, line in words if line and not line[0].startswith("#")]
+    if not rows:
+        raise DataError(path, "relations", "none", "lines of t1 t2 dx dy dz roll pitch yaw")
+    table = np.array(rows)
+    return Relations(table[:, 0], table[:, 1], table[:, [2, 3, 7]])

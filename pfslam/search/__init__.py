@@ -1,0 +1,1 @@
+"""The fast search: the integers of the definition, a thousand times faster."""

@@ -1,0 +1,245 @@
+"""Chapter 00, the streams: when each instrument spoke, what its numbers are, and how they are paired."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pfslam.errors import DataError
+from pfslam.motion import wheel_distance
+from pfslam.recording import Recording, RgbdStream, nearest_stamp
+from pfslam.sensors import RgbdModel, scan_points
+from pfslam.teaching.show.pictures import Picture
+from pfslam.teaching.show.style import COLOURS, LINE_STYLES, new_figure
+from pfslam.texture.floor import depth_for_step, depth_from_disparity, depth_step
+
+STREAM_COLOURS = ("odometry", "odometry", "hits", "truth", "truth")
+SEEN_TO = 5.0  # m to either side that the scan panel shows
+PANELS = (
+    (0.10, 0.47, 0.36, 0.46),
+    (0.52, 0.47, 0.46, 0.46),
+    (0.10, 0.11, 0.36, 0.22),
+    (0.62, 0.11, 0.36, 0.22),
+)
+
+
+def camera_of(recording: Recording) -> RgbdStream:
+    """The recording's camera; ``DataError`` where the robot had none."""
+    if recording.camera is None:
+        raise DataError(recording.name, "camera", "no images", "a recording with a camera")
+    return recording.camera
+
+
+def streams(recording: Recording) -> dict[str, np.ndarray]:
+    """The stamps (s) of every stream, counted from the first encoder reading."""
+    (encoders, imu), camera = recording.wheels_and_gyro(), camera_of(recording)
+    stamps = {
+        "encoders": encoders.t,
+        "IMU": imu.t,
+        "LiDAR": recording.scans().t,
+        "disparity": camera.disparity_t,
+        "colour": camera.rgb_t,
+    }
+    return {name: t - encoders.t[0] for name, t in stamps.items()}
+
+
+def raster_picture(recording: Recording, start: float = 60.0, seconds: float = 0.25) -> Picture:
+    """One tick for every reading of every stream within a quarter of a second."""
+    figure, axes = new_figure(6.2, 2.9)
+    words = []
+    for row, (name, t) in enumerate(streams(recording).items()):
+        shown = t[(t >= start) & (t < start + seconds)]
+        colour = COLOURS[STREAM_COLOURS[row]]
+        axes.vlines((shown - start) * 1e3, -row - 0.35, -row + 0.35, color=colour, linewidth=3)
+        words.append(f"{name} {len(shown)}")
+    axes.set_yticks(-np.arange(5), list(streams(recording)))
+    axes.set(xlabel="time [ms]", xlim=(0, 1e3 * seconds), ylim=(-4.6, 0.6))
+    alt = f"""Every reading within {1e3 * seconds:.0f} milliseconds of the drive, one row for each stream. Readings:
+    {", ".join(words)}. Hardly two of them stand under one another."""
+    return Picture(figure, alt)
+
+
+# ---- scrub through time
+
+
+@dataclass(frozen=True, eq=False)
+class Scrub:
+    """What the side-by-side view needs: times (s from the first encoder reading), curves, images taken once."""
+
+    recording: Recording
+    times: np.ndarray
+    t: np.ndarray
+    speed: np.ndarray
+    yaw_rate: np.ndarray
+    images: dict[float, tuple[np.ndarray, float]]
+    """For each time the nearest stored colour image, every second pixel, and how much later it was taken (s)."""
+
+
+def scrub(recording: Recording, frames: int = 24, first: float = 8.0, last: float = 116.0) -> Scrub:
+    """Read what the view needs; speed and yaw rate are means over tenths of a second."""
+    times = np.round(np.linspace(first, last, frames), 1)
+    (encoders, imu), t0 = recording.wheels_and_gyro(), recording.wheels_and_gyro()[0].t[0]
+    edges = np.arange(imu.t[0], imu.t[-1], 0.1)
+    speed = np.diff(wheel_distance(encoders, recording.robot.encoders, edges)) / 0.1
+    rate = recording.robot.imu.yaw_rate(imu.angular_velocity)
+    bins = np.digitize(imu.t, edges) - 1
+    inside = bins < len(speed)
+    yaw_rate = np.bincount(bins[inside], rate[inside], len(speed)) / np.bincount(
+        bins[inside], minlength=len(speed)
+    )
+    images = {float(time): _image_at(recording, time + t0) for time in times}
+    return Scrub(recording, times, edges[:-1] - t0 + 0.05, speed, yaw_rate, images)
+
+
+def _image_at(recording: Recording, t: float) -> tuple[np.ndarray, float]:
+    """The stored colour image nearest in time, at half its size, and how much later it was taken."""
+    camera = camera_of(recording)
+    stored = camera.rgb_t[camera.rgb_index]
+    j = nearest_stamp(stored, np.array([t]))[0]
+    return camera.read_rgb(int(camera.rgb_index[j]))[::2, ::2], float(stored[j] - t)
+
+
+def scrub_frame(view: Scrub) -> Callable[..., Figure]:
+    """The drawing function of the chapter's first widget: everything the robot knows around one moment."""
+
+    def draw(time: float) -> Figure:
+        figure, grid = new_figure(6.2, 5.0, 2, 2)
+        figure.set_layout_engine("none")  # placed by hand: looking for room takes longer than drawing
+        scan, camera, wheels, gyro = grid.ravel()
+        for axes, place in zip(grid.ravel(), PANELS, strict=True):
+            axes.set_position(place)
+        _draw_scan_ahead(scan, view, time)
+        camera.imshow(view.images[time][0], interpolation="bilinear")
+        camera.set(xticks=(), yticks=(), title="camera")
+        camera.grid(False)
+        _draw_curve(wheels, view.t, view.speed, time, "wheels [m/s]", (-0.1, 1.6))
+        _draw_curve(gyro, view.t, view.yaw_rate, time, "gyro [rad/s]", (-1.7, 1.7))
+        return figure
+
+    return draw
+
+
+def _scan_at(view: Scrub, time: float) -> np.ndarray:
+    scans, t0 = view.recording.scans(), view.recording.wheels_and_gyro()[0].t[0]
+    i = nearest_stamp(scans.t, np.array([t0 + time]))[0]
+    return scan_points(scans.ranges[i], view.recording.robot.lidar)
+
+
+def _draw_scan_ahead(axes: Axes, view: Scrub, time: float) -> None:
+    """The scan with "ahead" at the top; the body's y axis points to the left."""
+    points = _scan_at(view, time)
+    axes.scatter(points[:, 1], points[:, 0], s=3, color=COLOURS["hits"], linewidths=0)
+    axes.plot(0, 0, marker="^", markersize=9, color=COLOURS["estimate"])
+    axes.set(xlim=(SEEN_TO, -SEEN_TO), ylim=(-0.6 * SEEN_TO, 1.4 * SEEN_TO), aspect="equal")
+    axes.set(xticks=(5, 0, -5), xlabel="left, y [m]", ylabel="ahead, x [m]", title=f"LiDAR, {time:.0f} s")
+
+
+def _draw_curve(axes: Axes, t, values, now: float, label: str, limits: tuple) -> None:
+    axes.plot(t, values, color=COLOURS["odometry"], linewidth=1.0)
+    axes.axvline(now, color=COLOURS["truth"], linewidth=1.5)
+    axes.set(xlabel="time [s]", ylabel=label, ylim=limits, xlim=(0, 125), xticks=(0, 60, 120))
+
+
+def scrub_alt(view: Scrub) -> Callable[..., str]:
+    """The words for one moment."""
+
+    def alt(time: float) -> str:
+        k = int(np.argmin(np.abs(view.t - time)))
+        reach = np.hypot(*_scan_at(view, time).T)
+        later = 1e3 * view.images[time][1]
+        return f"""At {time:.0f} s: wheels {view.speed[k]:.2f} m/s, gyro {view.yaw_rate[k]:+.2f} rad/s, nearest LiDAR
+        point {reach.min():.1f} m away, farthest {reach.max():.1f} m; the image shown was taken {abs(later):.0f} ms
+        {"later" if later > 0 else "earlier"}."""
+
+    return alt
+
+
+# ---- pairing
+
+
+def distance_by_pairing(recording: Recording, every: int) -> tuple[float, float]:
+    """Metres between the first and the last of every ``every``-th scan: nearest increments summed, and cumulated."""
+    encoders, _ = recording.wheels_and_gyro()
+    t, model = recording.scans().t[::every], recording.robot.encoders
+    t = t[(t >= encoders.t[0]) & (t <= encoders.t[-1])]
+    per_reading = encoders.counts.mean(axis=1) * model.metres_per_count
+    nearest = per_reading[nearest_stamp(encoders.t, t[1:])].sum()
+    return float(nearest), float(np.diff(wheel_distance(encoders, model, t[[0, -1]]))[0])
+
+
+def all_stored(camera: RgbdStream) -> RgbdStream:
+    """The camera with every image that has a stamp marked as stored: to pair stamps without reading images."""
+    every = np.arange(len(camera.disparity_t)), np.arange(len(camera.rgb_t))
+    return replace(camera, disparity_index=every[0], rgb_index=every[1])
+
+
+def pairing_gaps(camera: RgbdStream) -> dict[str, np.ndarray]:
+    """Seconds between a colour image and its disparity image, paired by number and by stamp."""
+    n = min(len(camera.disparity_t), len(camera.rgb_t))
+    nearest = camera.disparity_t[nearest_stamp(camera.disparity_t, camera.rgb_t)]
+    return {
+        "same number": np.abs(camera.rgb_t[:n] - camera.disparity_t[:n]),
+        "nearest stamp": np.abs(camera.rgb_t - nearest),
+    }
+
+
+def pairing_picture(camera: RgbdStream) -> Picture:
+    """How far apart in time the two images of a pair are, along the drive."""
+    figure, axes = new_figure(6.2, 3.3)
+    words = []
+    for (name, gap), colour in zip(pairing_gaps(camera).items(), ("odometry", "estimate"), strict=True):
+        t = camera.rgb_t[: len(gap)] - camera.rgb_t[0]
+        axes.plot(t, gap, color=COLOURS[colour], label=name, linestyle=LINE_STYLES[colour])
+        words.append(f"{name}: median {np.median(gap):.3f} s, at most {gap.max():.2f} s")
+    axes.set(yscale="log", ylim=(1e-4, 30), xlabel="time [s]", ylabel="apart by")
+    axes.set_yticks([1e-3, 1e-2, 0.1, 1, 10], ["1 ms", "10 ms", "0.1 s", "1 s", "10 s"])
+    axes.legend(loc="lower right", fontsize=11)
+    return Picture(figure, f"Time between the two images of each pair. {'; '.join(words)}.")
+
+
+def nominal_error(t: np.ndarray, period: float) -> float:
+    """By how much (s) the last stamp is misplaced if reading k is given the time ``k * period``."""
+    return float((len(t) - 1) * period - (t[-1] - t[0]))
+
+
+# ---- raw units
+
+
+def counts_picture(recording: Recording, start: float = 50.0, seconds: float = 4.0) -> Picture:
+    """The same four seconds of one wheel, logged in the two ways that exist; which is which is the question."""
+    encoders, _ = recording.wheels_and_gyro()
+    t = encoders.t - encoders.t[0] - start
+    shown = (t >= 0) & (t < seconds)
+    counts = encoders.counts[shown, 0]
+    figure, axes = new_figure(6.2, 3.0, 1, 2)
+    for ax, values, name in zip(axes, (np.cumsum(counts), counts), "AB", strict=True):
+        ax.plot(t[shown], values, color=COLOURS["odometry"], marker=".", linewidth=0.8)
+        ax.set(xlabel="time [s]", ylabel="counts" if name == "A" else "", title=name, ylim=(0, None))
+    alt = f"""Two logs of one wheel over {seconds:.0f} seconds of steady driving. A climbs from
+    {counts[0]} to {counts.sum()} counts; B stays on a plateau around {np.median(counts):.0f} counts."""
+    return Picture(figure, alt)
+
+
+def depth_picture(camera: RgbdModel) -> Picture:
+    """Depth against disparity, and what one step of disparity is worth."""
+    d = np.arange(400, 1089)
+    depth = depth_from_disparity(d, camera)
+    figure, axes = new_figure(6.2, 3.4, 1, 2)
+    axes[0].plot(d, depth, color=COLOURS["estimate"])
+    axes[0].axvline(
+        camera.disparity_offset / -camera.disparity_slope, color=COLOURS["odometry"], linestyle="--"
+    )
+    axes[0].set(xlabel="disparity", ylabel="depth [m]", ylim=(0, 10), xticks=(400, 700, 1000))
+    z = np.linspace(0.5, 10, 100)
+    axes[1].plot(z, 100 * depth_step(z, camera), color=COLOURS["estimate"])
+    axes[1].set(xlabel="depth [m]", ylabel="one step [cm]", xlim=(0, 10), ylim=(0, None))
+    axes[1].axhline(5, color=COLOURS["truth"], linestyle=":")
+    steps = ", ".join(f"{100 * depth_step(m, camera):.1f} cm at {m:g} m" for m in (1.0, 3.0, 10.0))
+    alt = f"""Left: depth against disparity climbs ever more steeply towards the end of the scale at
+    {camera.disparity_offset / -camera.disparity_slope:.0f} (dashed). Right: what one step of disparity is worth:
+    {steps}; 5 cm (dotted) is passed at {depth_for_step(0.05, camera):.1f} m."""
+    return Picture(figure, alt)

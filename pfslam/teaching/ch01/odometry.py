@@ -1,0 +1,229 @@
+"""Chapter 01, dead reckoning: readings of Eq. 19, steps of Eq. 5, and what a wrong calibration does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pfslam.errors import DataError
+from pfslam.evaluation.trajectory import aligned_at_first, trajectory_error
+from pfslam.motion import Controls, controls, dead_reckoning, integrate, motion_model, motion_model_arc
+from pfslam.poses import Trajectory, wrap_angle
+from pfslam.recording import Encoders, Recording
+from pfslam.teaching.show.drives import at_rate, length
+from pfslam.teaching.show.figures import draw_trajectory
+from pfslam.teaching.show.pictures import Picture
+from pfslam.teaching.show.style import COLOURS, LINE_STYLES, metric_axes, new_figure
+from pfslam.teaching.show.widgets import Explorer, Slider
+
+DRAW_EVERY = 10  # of 100 poses a second, ten are enough for a line
+
+
+def calibrated(
+    recording: Recording,
+    gyro_bias: float = 0.0,
+    gyro_scale: float = 1.0,
+    metres_per_count: float | None = None,
+) -> Recording:
+    """The same readings, understood with another calibration of gyro (rad/s, 1) and wheels (m)."""
+    robot = recording.robot
+    imu = replace(robot.imu, gyro_bias=gyro_bias, gyro_scale=gyro_scale)
+    length = robot.encoders.metres_per_count if metres_per_count is None else metres_per_count
+    encoders = replace(robot.encoders, metres_per_count=length)
+    return replace(recording, robot=replace(robot, imu=imu, encoders=encoders))
+
+
+def readings_of_equation_19(recording: Recording) -> dict[str, Controls]:
+    """Three ways to read Eq. 19: as printed, divided by each reading's own interval, and the package's.
+
+    The first two take the encoder reading with the nearest stamp, as the report says.
+    """
+    inputs, encoders = controls(recording), recording.encoders
+    if encoders is None:
+        raise DataError(recording.name, "encoders", "none", "a recording with wheel encoders")
+    per_reading = encoders.counts.mean(axis=1) * recording.robot.encoders.metres_per_count
+    own_interval = per_reading[1:] / np.diff(encoders.t)
+    near = nearest(encoders.t[1:], inputs.t[1:])
+    return {
+        "as printed": replace(inputs, v=per_reading[1:][near]),
+        "own interval": replace(inputs, v=own_interval[near]),
+        "cumulated": inputs,
+    }
+
+
+def nearest(stamps: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Index of the stamp nearest to each time."""
+    after = np.clip(np.searchsorted(stamps, t), 1, len(stamps) - 1)
+    return after - (t - stamps[after - 1] < stamps[after] - t)
+
+
+def distance(inputs: Controls) -> float:
+    """Distance (m) that a list of controls drives."""
+    return float(inputs.v @ np.diff(inputs.t))
+
+
+def hand_encoders() -> Encoders:
+    """Two readings 25 ms apart: the robot stood still, then every wheel turned by 10 counts."""
+    return Encoders(np.array([0.0, 0.025]), np.array([[0, 0, 0, 0], [10, 10, 10, 10]]))
+
+
+def opinion_picture(recording: Recording) -> Picture:
+    """The robot's own idea of its drive, nothing else."""
+    odometry = dead_reckoning(recording)
+    figure, axes = new_figure(6.0, 5.0)
+    draw_trajectory(axes, odometry, "odometry", "wheels and gyro")
+    x, y = odometry.poses[[0, -1], :2].T
+    axes.scatter(x[0], y[0], s=90, color=COLOURS["free"], zorder=4, label="start")
+    axes.scatter(x[1], y[1], s=90, color=COLOURS["highlight"], marker="s", zorder=4, label="end")
+    metric_axes(axes).legend(loc="center right")
+    alt = f"""A path of {length(odometry):.0f} metres drawn from wheels and gyro alone: two long arms at a right
+    angle, each driven out and back. It starts at (0, 0) and ends at ({x[1]:.1f}, {y[1]:.1f}) metres."""
+    return Picture(figure, alt)
+
+
+def two_paths_picture(recordings: dict[str, Recording]) -> Picture:
+    """Figures 1 and 2 of the report, with the truth that the report did not have."""
+    figure, grid = new_figure(6.2, 3.9, 1, 2, sharex=True, sharey=True)
+    words = []
+    for axes, (name, recording) in zip(grid, recordings.items(), strict=True):
+        odometry, truth = dead_reckoning(recording), recording.true_path()
+        draw_trajectory(axes, truth, "truth")
+        draw_trajectory(axes, odometry, "odometry", "dead reckoning")
+        metric_axes(axes, name).set_xticks([0, 10, 20])
+        error = trajectory_error(odometry, truth)
+        words.append(f"{name}: at most {error.ate_max_m:.1f} m from the truth")
+    handles, labels = grid[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=11)
+    return Picture(figure, f"True and dead-reckoned path of two drives, side by side. {'; '.join(words)}.")
+
+
+def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
+    """Speed over time around the worst spike: two readings of Eq. 19, and the second over longer intervals."""
+    readings = readings_of_equation_19(recording)
+    readings["cumulated, 10 a second"] = at_rate(readings["cumulated"], 10.0)
+    start = readings["own interval"].t[1 + np.argmax(readings["own interval"].v)] - seconds / 2
+    figure, axes = new_figure(6.8, 3.8)
+    looks = {
+        "own interval": (COLOURS["odometry"], 1.2),
+        "cumulated": (COLOURS["particles"], 1.6),
+        "cumulated, 10 a second": (COLOURS["estimate"], 2.4),
+    }
+    for name, (colour, width) in looks.items():
+        inputs = readings[name]
+        shown = (inputs.t[1:] >= start) & (inputs.t[1:] < start + seconds)
+        t = inputs.t[1:][shown] - inputs.t[0]
+        axes.plot(t, inputs.v[shown], color=colour, linewidth=width, label=name)
+    axes.axhline(1.4, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"], label="top speed of the robot")
+    axes.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0.0, None))
+    axes.legend(loc="upper left", fontsize=11)
+    worst = {name: readings[name].v.max() for name in looks}
+    alt = f"""Speed over {seconds:.0f} seconds around the worst spike of the drive. Divided by each reading's own
+    interval it reaches {worst["own interval"]:.1f} m/s; cumulated and read off at each gyro sample,
+    {worst["cumulated"]:.1f} m/s; read off ten times a second, {worst["cumulated, 10 a second"]:.1f} m/s.
+    The robot never exceeds 1.4 m/s."""
+    return Picture(figure, alt)
+
+
+def circle_picture(v: float = 1.0, omega: float = 0.8, seconds: float = 7.0) -> Picture:
+    """Euler steps of three sizes against the arc that the robot drives."""
+    figure, axes = new_figure(6.2, 3.7)
+    exact = _circle(v, omega, seconds, 0.01, motion_model_arc)
+    axes.plot(*exact[:, :2].T, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"], label="exact arc")
+    gaps = []
+    colours = (COLOURS["odometry"], COLOURS["highlight"], COLOURS["estimate"])
+    for tau, colour, marker in zip((1.0, 0.5, 0.1), colours, "so.", strict=True):
+        path = _circle(v, omega, seconds, tau, motion_model)
+        gaps.append(f"{np.hypot(*(path[-1] - exact[-1])[:2]):.2f} m for {tau:g} s")
+        label = rf"Euler, $\tau$ = {tau:g} s"
+        axes.plot(*path[:, :2].T, color=colour, marker=marker, linewidth=1.2, markersize=5, label=label)
+    metric_axes(axes).legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=11)
+    alt = f"""A robot drives {seconds:.0f} seconds round a circle of {v / omega:.2f} m radius. Euler steps
+    leave the circle outwards; their end is off by {", ".join(gaps)}."""
+    return Picture(figure, alt)
+
+
+def _circle(v: float, omega: float, seconds: float, tau: float, model) -> np.ndarray:
+    steps = round(seconds / tau)
+    inputs = Controls(tau * np.arange(steps + 1), np.full(steps, v), np.full(steps, omega))
+    return integrate(inputs, model=model).poses
+
+
+def heading_errors(recording: Recording, calibrations: dict[str, dict]) -> dict[str, np.ndarray]:
+    """Heading error over time, degrees, ``(K, 2)`` with the time first, for each named calibration."""
+    errors = {}
+    for name, calibration in calibrations.items():
+        odometry = dead_reckoning(calibrated(recording, **calibration))
+        poses, true_poses = aligned_at_first(odometry, recording.true_path())
+        error = np.rad2deg(wrap_angle(poses[:, 2] - true_poses[:, 2]))
+        errors[name] = np.column_stack([odometry.t - odometry.t[0], error])
+    return errors
+
+
+def heading_error_picture(recording: Recording, calibrations: dict[str, dict]) -> Picture:
+    """Heading error over time: one curve for each calibration."""
+    figure, axes = new_figure(6.8, 3.6)
+    styles = zip(("odometry", "highlight", "estimate"), ("--", "-.", "-"), strict=True)
+    words = []
+    for (name, error), (colour, line) in zip(
+        heading_errors(recording, calibrations).items(), styles, strict=True
+    ):
+        t, degrees = error[::DRAW_EVERY].T
+        axes.plot(t, degrees, color=COLOURS[colour], linestyle=line, label=name)
+        words.append(f"{name} between {error[:, 1].min():.1f} and {error[:, 1].max():.1f}")
+    axes.set(xlabel="time [s]", ylabel="heading error [deg]")
+    axes.legend(fontsize=11)
+    return Picture(figure, f"Heading error over the drive in degrees: {'; '.join(words)}.")
+
+
+def draw_calibration(recording: Recording, bias: float, scale: float, diameter: float) -> Figure:
+    """The dead-reckoned path for a gyro bias (rad/s), a gyro scale and a wheel diameter (mm), over the truth."""
+    odometry, truth = _sketch(recording, bias, scale, diameter), recording.true_path()
+    figure, axes = new_figure(4.8, 4.8)
+    draw_trajectory(axes, Trajectory(truth.t[::4], truth.poses[::4]), "truth")
+    draw_trajectory(axes, odometry, "odometry", "dead reckoning")
+    low, high = truth.poses[:, :2].min(axis=0) - 4.0, truth.poses[:, :2].max(axis=0) + 4.0
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    error = trajectory_error(odometry, truth)
+    metric_axes(axes, f"rms error {error.ate_rmse_m:.2f} m, path {length(odometry):.1f} m")
+    axes.legend(loc="upper right", fontsize=11)
+    return figure
+
+
+def describe_calibration(recording: Recording, bias: float, scale: float, diameter: float) -> str:
+    """The same in words."""
+    odometry = _sketch(recording, bias, scale, diameter)
+    error = trajectory_error(odometry, recording.true_path())
+    x, y = odometry.poses[-1, :2]
+    return f"""Gyro bias {bias:g} rad/s removed, rate times {scale:g}, wheels of {diameter:g} mm: the path is
+    {length(odometry):.1f} m long and ends at ({x:.1f}, {y:.1f}) m; it is {error.ate_rmse_m:.2f} m (rms) and at
+    most {error.ate_max_m:.2f} m from the truth."""
+
+
+def _sketch(recording: Recording, bias: float, scale: float, diameter: float) -> Trajectory:
+    odometry = dead_reckoning(calibrated(recording, bias, scale, np.pi * diameter / 360e3))
+    return Trajectory(odometry.t[::DRAW_EVERY], odometry.poses[::DRAW_EVERY])
+
+
+def calibration_explorer(recording: Recording) -> Explorer:
+    """Three sliders that bend the trajectory."""
+    return Explorer(
+        partial(draw_calibration, recording),
+        [
+            Slider(
+                "bias",
+                (-0.003, 0.0, 0.0005, 0.003),
+                1,
+                "Gyro bias removed",
+                "rad/s",
+                "g",
+                (-0.005, 0.005, 0.0005),
+            ),
+            Slider("scale", (1.0, 1.03, 1.06), 0, "Gyro scale", "", ".3f", (0.95, 1.08, 0.005)),
+            Slider("diameter", (240.0, 252.1, 254.0), 1, "Wheel diameter", "mm", ".1f", (230.0, 270.0, 0.1)),
+        ],
+        alt=partial(describe_calibration, recording),
+        title="Find the calibration that lays the path on the truth",
+    )

@@ -1,0 +1,61 @@
+"""What the notebook of chapter 03 calls."""
+
+from pfslam.teaching.ch03.checks import (
+    check_heading_spread,
+    check_mean_pose,
+    check_predict,
+)
+from pfslam.teaching.ch03.cloud import (
+    cloud_explorer,
+    end_spreads,
+    fans_picture,
+    honesty,
+    honesty_picture,
+    rates_picture,
+)
+from pfslam.teaching.ch03.corridor import (
+    corridor_explorer,
+    corridor_walk,
+    door_likelihood,
+    predict_belief,
+    update_belief,
+)
+from pfslam.teaching.ch03.mean import (
+    means_picture,
+)
+from pfslam.teaching.ch03.models import (
+    MODELS,
+    TRUE_BIAS,
+    model_cloud,
+    models_explorer,
+    path,
+    widths,
+)
+from pfslam.teaching.show.source import (
+    show_source,
+)
+
+__all__ = [
+    "MODELS",
+    "TRUE_BIAS",
+    "check_heading_spread",
+    "check_mean_pose",
+    "check_predict",
+    "cloud_explorer",
+    "corridor_explorer",
+    "corridor_walk",
+    "door_likelihood",
+    "end_spreads",
+    "fans_picture",
+    "honesty",
+    "honesty_picture",
+    "means_picture",
+    "model_cloud",
+    "models_explorer",
+    "path",
+    "predict_belief",
+    "rates_picture",
+    "show_source",
+    "update_belief",
+    "widths",
+]

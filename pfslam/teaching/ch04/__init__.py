@@ -1,0 +1,83 @@
+"""What the notebook of chapter 04 calls."""
+
+from pfslam.teaching.ch04.checks import (
+    check_choose,
+    check_count_on_walls,
+    check_transform_test,
+)
+from pfslam.teaching.ch04.cost import (
+    update_parts,
+    update_picture,
+    width_picture,
+    width_times,
+)
+from pfslam.teaching.ch04.scores import (
+    LATTICE,
+    fit_explorer_alt,
+    fit_explorer_frame,
+    heading_picture,
+    question_picture,
+    surfaces_picture,
+)
+from pfslam.teaching.ch04.search import (
+    block_by_definition,
+    block_from_volume,
+    fine_scores_picture,
+    first_index_walk,
+    match_on_empty_map,
+    search_times,
+    search_times_picture,
+    trials,
+)
+from pfslam.teaching.ch04.weights import (
+    best_shift,
+    cloud,
+    counts_of_the_window,
+    counts_where_they_stand,
+    n_eff,
+    sharpness_explorer,
+    walls_picture,
+)
+from pfslam.teaching.show.drives import place_at
+from pfslam.teaching.show.source import (
+    show_source,
+)
+from pfslam.teaching.show.widgets import (
+    Explorer,
+    Slider,
+)
+
+__all__ = [
+    "LATTICE",
+    "Explorer",
+    "Slider",
+    "best_shift",
+    "block_by_definition",
+    "block_from_volume",
+    "check_choose",
+    "check_count_on_walls",
+    "check_transform_test",
+    "cloud",
+    "counts_of_the_window",
+    "counts_where_they_stand",
+    "fine_scores_picture",
+    "first_index_walk",
+    "fit_explorer_alt",
+    "fit_explorer_frame",
+    "heading_picture",
+    "match_on_empty_map",
+    "n_eff",
+    "place_at",
+    "question_picture",
+    "search_times",
+    "search_times_picture",
+    "sharpness_explorer",
+    "show_source",
+    "surfaces_picture",
+    "trials",
+    "update_parts",
+    "update_picture",
+    "walls_picture",
+    "width_picture",
+    "width_times",
+]

@@ -1,0 +1,199 @@
+"""Chapter 04, second half: the search that all particles share, ties, and the distance field."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pfslam.config import SearchConfig
+from pfslam.correlation import (
+    MAX_FIELD_VALUE,
+    map_correlation,
+    score_field,
+    score_volume,
+    search,
+    updated_field,
+)
+from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
+from pfslam.matching import match
+from pfslam.poses import transform_points
+from pfslam.recording import Recording
+from pfslam.search.lattice import Window
+from pfslam.sensors import scan_points
+from pfslam.teaching.ch04.scores import LATTICE
+from pfslam.teaching.show.drives import Place
+from pfslam.teaching.show.pictures import Picture
+from pfslam.teaching.show.style import COLOURS, new_figure
+
+WINDOW = Window(cells=4, yaws=4)
+"""The report's 9 x 9 x 9 perturbations."""
+PARTICLES = 200
+
+
+def block_by_definition(place: Place, node: np.ndarray) -> np.ndarray:
+    """The 729 counts ``(9, 9, 9)`` around a lattice node ``(3,)``, each pose by itself: Eq. 8, word for word."""
+    poses = LATTICE.pose(node + WINDOW.steps())
+    grid = place.grid
+    counts = [map_correlation(grid.occupied, grid.spec, transform_points(p, place.points_b)) for p in poses]
+    return np.array(counts).reshape(WINDOW.shape)
+
+
+def block_from_volume(place: Place, node: np.ndarray) -> np.ndarray:
+    """The same 729 counts from one score volume."""
+    field = score_field(place.grid.occupied, "occupied")
+    reach = np.array([WINDOW.cells, WINDOW.cells, WINDOW.yaws])
+    return score_volume(field, place.grid.spec, place.points_b, LATTICE, node - reach, node + reach)
+
+
+def cloud_around(pose: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
+    """A compact cloud ``(n, 3)``: 2 cm and 0.003 rad."""
+    return pose + rng.standard_normal((n, 3)) * [0.02, 0.02, 0.003]
+
+
+def search_times(place: Place, count_by_hand: Callable, rng: np.random.Generator) -> dict[str, float]:
+    """Seconds to score one scan for 200 particles with 729 poses each, in four ways.
+
+    The slow ones are timed on a few poses and multiplied.
+    """
+    grid, cloud = place.grid, cloud_around(place.pose, PARTICLES, rng)
+    field, poses = score_field(grid.occupied, "occupied"), PARTICLES * len(WINDOW.steps())
+    node = LATTICE.nearest(place.pose[None])[0]
+    by_pose = _seconds(lambda: map_correlation(grid.occupied, grid.spec, place.moved()), 50)
+    return {
+        "loop over points": poses
+        * _seconds(lambda: count_by_hand(grid.occupied, grid.spec, place.moved()), 2),
+        "arrays": poses * by_pose,
+        "lattice": PARTICLES * _seconds(lambda: block_from_volume(place, node), 5),
+        "shared volume": _seconds(
+            lambda: list(search(field, grid.spec, place.points_b, cloud, LATTICE, WINDOW)), 5
+        ),
+    }
+
+
+def _seconds(function: Callable, repeats: int) -> float:
+    """Best of several: the least disturbed."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def search_times_picture(seconds: dict[str, float]) -> Picture:
+    """Bars on a logarithmic scale."""
+    figure, axes = new_figure(6.2, 2.7)
+    names, values = list(seconds), np.array(list(seconds.values()))
+    bars = axes.barh(names[::-1], values[::-1], color=COLOURS["estimate"])
+    shown = [_duration(v) for v in values]
+    axes.bar_label(bars, shown[::-1], padding=4)
+    axes.set_xscale("log")
+    axes.set(xlabel="seconds per scan, 200 particles", xlim=(values.min() / 3, values.max() * 20))
+    axes.set_xticks([1e-3, 1e-2, 1e-1, 1, 10, 100], ["1 ms", "", "0.1 s", "", "10 s", ""])
+    words = ", ".join(f"{name} {text}" for name, text in zip(names, shown, strict=True))
+    return Picture(figure, f"Time to score one scan for 200 particles: {words}.")
+
+
+def _duration(seconds: float) -> str:
+    """Two or three digits with a unit that fits."""
+    number, unit = (seconds, "s") if seconds >= 1.0 else (1000.0 * seconds, "ms")
+    return f"{number:.0f} {unit}" if number >= 10.0 else f"{number:.1f} {unit}"
+
+
+# ---- an empty map
+
+
+def first_index_walk(scans: int) -> np.ndarray:
+    """Where a particle ends up, scan after scan ``(scans + 1, 3)``, if all scores are 0 and argmax picks the first."""
+    step = LATTICE.pose(WINDOW.steps()[np.argmax(np.zeros(len(WINDOW.steps())))])
+    return np.arange(scans + 1)[:, None] * step
+
+
+def match_on_empty_map(place: Place, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Poses before and after the package's search where the map has no wall: ``(200, 3)`` each."""
+    cloud = cloud_around(place.pose, PARTICLES, rng)
+    nothing = np.zeros_like(place.grid.log_odds)
+    found = match(nothing, place.grid.spec, place.points_b, cloud, (0.05, 0.01), SearchConfig(), rng)
+    return cloud, found.poses
+
+
+# ---- count against distance field
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """Searches around true poses: ``tied (K,)`` poses share the best score, ``miss (K,)`` m away on average."""
+
+    tied: np.ndarray
+    miss: np.ndarray
+
+
+def trials(recording: Recording, kind: str, every: int = 20, moving_after: float = 10.0) -> Trials:
+    """Search the report's window around the truth for every scan, in the map of the scans before it.
+
+    The map is drawn from true poses, so that a miss is the score's own fault. The centre is the lattice pose nearest
+    to the truth: half a cell in x and y cannot be told apart.
+    """
+    scans, lidar, truth = recording.scans(), recording.robot.lidar, recording.true_path()
+    stamps = scans.t
+    grid = OccupancyGrid.empty(GridSpec.around(truth.poses[:1, :2], MapConfig().resolution))
+    field, tied, miss = score_field(grid.occupied, kind), [], []
+    for i in range(0, len(stamps), every):
+        points, pose = scan_points(scans.ranges[i], lidar), truth.at(stamps[i])
+        if stamps[i] - stamps[0] > moving_after:
+            box = next(search(field, grid.spec, points, pose[None], LATTICE, WINDOW))
+            best = np.flatnonzero(box.scores[0] == box.scores[0].max())
+            found = LATTICE.pose(box.nodes[0] + WINDOW.steps()[best])
+            tied.append(len(best))
+            miss.append(np.hypot(*(found - pose)[:, :2].T).mean())
+        grid, field = _drawn(
+            grid, field, kind, pose, points, np.flatnonzero(lidar.valid(scans.ranges[i])), lidar
+        )
+    return Trials(np.array(tied), np.array(miss))
+
+
+def _drawn(
+    grid: OccupancyGrid, field, kind: str, pose, points_b, beams, lidar
+) -> tuple[OccupancyGrid, np.ndarray]:
+    """Map and score field after one more scan."""
+    points = transform_points(pose, points_b)
+    sensor = transform_points(pose, np.array([lidar.position_b[:2]]))
+    larger = grid.covering(np.concatenate([points, sensor]))
+    drawn, part = integrate_scan(larger, points, beams, sensor[0], MapConfig())
+    if larger is not grid:
+        return drawn, score_field(drawn.occupied, kind)
+    return drawn, updated_field(field, drawn.occupied, part, kind)
+
+
+def fine_scores(place: Place, dx: np.ndarray, kind: str) -> np.ndarray:
+    """Mean score per beam, from 0 to 1, for displacements ``dx`` (m) finer than a cell."""
+    field, spec = score_field(place.grid.occupied, kind), place.grid.spec
+    best = MAX_FIELD_VALUE if kind == "distance" else 1
+    scores = []
+    for d in dx:
+        cells = spec.world_to_cell(place.moved(dx=d))
+        ix, iy = cells[spec.contains(cells)].T
+        scores.append(field[iy, ix].sum() / best / len(place.points_b))
+    return np.array(scores)
+
+
+def fine_scores_picture(place: Place) -> Picture:
+    """Both scores along x, every 5 mm."""
+    dx = np.arange(-60, 61) * 0.005
+    figure, axes = new_figure(6.2, 3.2)
+    words = []
+    for kind, name, colour in (("occupied", "count", "hits"), ("distance", "distance field", "estimate")):
+        scores = fine_scores(place, dx, kind)
+        axes.plot(
+            dx, scores, color=COLOURS[colour], label=name, linestyle="--" if kind == "occupied" else "-"
+        )
+        words.append(
+            f"{name}: {scores[60]:.2f} at the truth, {scores[80]:.2f} at 0.1 m, {scores[100]:.2f} at 0.2 m"
+        )
+    axes.axvline(0.0, color=COLOURS["truth"], linestyle=":")
+    axes.set(xlabel="dx [m]", ylabel="mean score per beam", ylim=(0, 1), xticks=(-0.3, -0.15, 0, 0.15, 0.3))
+    axes.legend(loc="upper right")
+    return Picture(figure, f"Mean score per beam while the scan slides along x. {'; '.join(words)}.")

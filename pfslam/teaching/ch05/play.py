@@ -1,0 +1,203 @@
+"""Chapter 05: runs of the filter, kept so that they can be played, and their pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pfslam.config import SlamConfig
+from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.grid import OccupancyGrid
+from pfslam.motion import dead_reckoning
+from pfslam.poses import Trajectory, transform_points
+from pfslam.recording import Recording, nearest_stamp
+from pfslam.runs import slam_steps
+from pfslam.sensors import scan_points
+from pfslam.slam import StepInfo
+from pfslam.teaching.show.figures import (
+    draw_map,
+    draw_particles,
+    draw_robot,
+    draw_scan,
+    draw_trajectory,
+    map_along,
+)
+from pfslam.teaching.show.pictures import Picture, steady
+from pfslam.teaching.show.style import COLOURS, new_figure
+
+FRAMES = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """A run with what a film of it needs: every info, and the map at ``FRAMES`` of the steps (``shown``)."""
+
+    recording: Recording
+    config: SlamConfig
+    infos: tuple[StepInfo, ...]
+    shown: np.ndarray
+    maps: tuple[OccupancyGrid, ...]
+
+    @property
+    def trajectory(self) -> Trajectory:
+        return Trajectory(np.array([i.t for i in self.infos]), np.array([i.estimate for i in self.infos]))
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        return self.maps[-1]
+
+    @property
+    def seconds(self) -> np.ndarray:
+        """Time of every step since the first."""
+        return np.array([i.t for i in self.infos]) - self.infos[0].t
+
+    @property
+    def n_eff_share(self) -> np.ndarray:
+        """N_eff / N_p at every step."""
+        return np.array([i.effective_sample_size for i in self.infos]) / self.config.particles
+
+
+def play(recording: Recording, config: SlamConfig, seed: int = 0) -> Played:
+    """Run the filter and keep what the film shows; the last frame is the last step."""
+    steps = list(_steps(recording, config, np.random.default_rng(seed)))
+    shown = np.linspace(0, len(steps) - 1, FRAMES + 1).astype(int)[1:]
+    maps = tuple(OccupancyGrid(steps[k][0].spec, steps[k][0].log_odds) for k in shown)
+    return Played(recording, config, tuple(info for _, info in steps), shown, maps)
+
+
+def _steps(recording: Recording, config: SlamConfig, rng) -> Iterator[tuple[OccupancyGrid | None, StepInfo]]:
+    """Map and info of every step; a step's map shares memory with the next as long as nothing is drawn."""
+    for state, info in slam_steps(recording, config, rng):
+        yield state.grid, info
+
+
+def odometry_at(recording: Recording, t: np.ndarray) -> Trajectory:
+    """Dead reckoning at the given times."""
+    return Trajectory(t, dead_reckoning(recording).at(t))
+
+
+# ---- pictures
+
+
+def dead_reckoned_maps_picture(recordings: dict[str, Recording]) -> Picture:
+    """Figures 5 and 6 of the report: what dead reckoning draws."""
+    figure, axes = new_figure(6.2, 3.7, columns=len(recordings))
+    words = []
+    for ax, (name, recording) in zip(axes, recordings.items(), strict=True):
+        odometry = dead_reckoning(recording)
+        draw_map(ax, map_along(recording, odometry, every=20), name)
+        error = trajectory_error(odometry, recording.true_path())
+        words.append(f"{name}: the path is off by up to {error.ate_max_m:.1f} m")
+    axes[1].set_ylabel("")
+    return Picture(
+        figure, f"Maps drawn along dead reckoning. Corridors appear twice, turned. {'; '.join(words)}."
+    )
+
+
+def results_picture(runs: dict[str, Played]) -> Picture:
+    """Figures 7 and 8 of the report in one: map and trajectory of each run, with the truth."""
+    figure, axes = new_figure(6.2, 3.7, columns=len(runs))
+    words = []
+    for ax, (name, run) in zip(axes, runs.items(), strict=True):
+        draw_map(ax, run.grid, name)
+        draw_trajectory(ax, run.trajectory, "estimate")
+        draw_trajectory(ax, run.recording.true_path(), "truth")
+        error = trajectory_error(run.trajectory, run.recording.true_path())
+        words.append(f"{name}: error {error.ate_rmse_m:.2f} m, at most {error.ate_max_m:.2f} m")
+    axes[0].legend(loc="upper right", fontsize=11, borderaxespad=0.2)
+    axes[1].set_ylabel("")
+    return Picture(figure, f"Map, estimated path and true path of two runs. {'; '.join(words)}.")
+
+
+def n_eff_picture(runs: dict[str, Played]) -> Picture:
+    """N_eff over time for each run, with the threshold below which it resamples."""
+    figure, axes = new_figure(6.2, 3.3)
+    words = []
+    for (name, run), colour in zip(runs.items(), ("odometry", "estimate"), strict=True):
+        axes.plot(run.seconds, run.n_eff_share, color=COLOURS[colour], linewidth=1.2, label=name)
+        axes.axhline(run.config.resample_below, color=COLOURS[colour], linestyle=":")
+        resamplings = sum(info.resampled for info in run.infos)
+        words.append(f"{name}: median {np.median(run.n_eff_share[1:]):.2f}, {resamplings} resamplings")
+    axes.set(xlabel="time [s]", ylabel="$N_{eff}$ / $N_p$", ylim=(0, 1.05))
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(runs))
+    alt = f"Effective share of particles over the drive. {'; '.join(words)}. Dotted: the thresholds for resampling."
+    return Picture(figure, alt)
+
+
+# ---- the film
+
+
+def film_frame(runs: dict[str, Played]) -> Callable[..., Figure]:
+    """The drawing function of the chapter's widget: one frame of one run."""
+
+    def draw(filter: str, frame: int) -> Figure:
+        run = runs[filter]
+        figure, axes = new_figure(6.2, 4.4, 2, 2, width_ratios=[1.6, 1], height_ratios=[1.5, 1])
+        grid_spec = axes[0, 0].get_gridspec()
+        for ax in axes[:, 0]:
+            ax.remove()
+        _draw_building(figure.add_subplot(grid_spec[:, 0]), run, frame)
+        _draw_cloud(axes[0, 1], run, frame)
+        _draw_n_eff(axes[1, 1], run, frame)
+        return figure
+
+    return steady(draw)
+
+
+def film_alt(runs: dict[str, Played]) -> Callable[..., str]:
+    """The words for a frame of the film."""
+
+    def alt(filter: str, frame: int) -> str:
+        run = runs[filter]
+        k = run.shown[frame - 1]
+        info = run.infos[k]
+        error = np.hypot(*(info.estimate - run.recording.true_path().at(info.t))[:2])
+        spread = np.hypot(*info.particles.poses[:, :2].std(axis=0))
+        resamplings = sum(i.resampled for i in run.infos[: k + 1])
+        return f"""Filter {filter}, {run.seconds[k]:.0f} s: estimate {error:.2f} m from the truth, particles spread over
+        {spread:.2f} m, N_eff {run.n_eff_share[k]:.2f} of N_p, {resamplings} resamplings so far."""
+
+    return alt
+
+
+def _draw_building(axes: Axes, run: Played, frame: int) -> None:
+    k = run.shown[frame - 1]
+    draw_map(axes, run.maps[frame - 1], f"{run.seconds[k]:.0f} s")
+    past = Trajectory(run.trajectory.t[: k + 1], run.trajectory.poses[: k + 1])
+    draw_trajectory(axes, past, "estimate")
+    draw_robot(axes, run.infos[k].estimate, length=1.6)
+    x, y = run.recording.true_path().poses[:, :2].T
+    axes.set(xlim=(x.min() - 3.5, x.max() + 3), ylim=(y.min() - 3, y.max() + 3))
+    axes.set_facecolor(COLOURS["unknown"])
+
+
+def _draw_cloud(axes: Axes, run: Played, frame: int, reach: float = 0.4) -> None:
+    """The particles near the estimate, with scan, map and truth."""
+    info = run.infos[run.shown[frame - 1]]
+    true = run.recording.true_path().at(info.t)
+    scans = run.recording.scans()
+    i = nearest_stamp(scans.t, np.array([info.t]))[0]
+    points = scan_points(scans.ranges[i], run.recording.robot.lidar)
+    draw_map(axes, run.maps[frame - 1])
+    draw_scan(axes, transform_points(info.estimate, points), size=8, label=None)
+    draw_particles(axes, info.particles, size=14)
+    draw_robot(axes, info.estimate, length=0.35)
+    axes.plot(*true[:2], marker="x", markersize=9, markeredgewidth=2.5, color=COLOURS["truth"])
+    x, y, _ = info.estimate
+    axes.set(
+        xlim=(x - reach, x + reach), ylim=(y - reach, y + reach), xticks=(), yticks=(), xlabel="", ylabel=""
+    )
+    axes.set_facecolor(COLOURS["unknown"])
+    axes.set_title(f"particles, {2 * reach:g} m wide")
+
+
+def _draw_n_eff(axes: Axes, run: Played, frame: int) -> None:
+    k = run.shown[frame - 1]
+    axes.plot(run.seconds[1 : k + 1], run.n_eff_share[1 : k + 1], color=COLOURS["estimate"], linewidth=1.0)
+    axes.axhline(run.config.resample_below, color=COLOURS["highlight"], linestyle="--")
+    axes.set(xlim=(0, run.seconds[-1]), ylim=(0, 1.08), xlabel="time [s]", ylabel="$N_{eff}$ / $N_p$")
+    axes.set(xticks=(0, 60, 120), yticks=(0, 0.5, 1))

@@ -1,0 +1,169 @@
+"""Checks of the exercises of chapter 08. Each takes the student's answer and says what is wrong in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pfslam.particles import multinomial_resample, stratified_resample, systematic_resample
+from pfslam.teaching.ch08.mystery import FAULTS, Patient
+from pfslam.teaching.show.checks import Check, attempt, hint, is_unanswered, not_a_number, passed, unanswered
+
+Resampler = Callable[[np.ndarray, np.ndarray, np.random.Generator], tuple[np.ndarray, np.ndarray]]
+
+
+def _right(draw: Callable) -> Resampler:
+    def resample(poses, weights, rng):
+        return poses[draw(weights, rng)], np.full(len(poses), 1 / len(poses))
+
+    return resample
+
+
+def _kept(poses, weights, rng):
+    rows = systematic_resample(weights, rng)
+    return poses[rows], weights[rows] / weights[rows].sum()
+
+
+def _torn(poses, weights, rng):
+    rows, others = (rng.permutation(systematic_resample(weights, rng)) for _ in range(2))
+    return np.column_stack([poses[rows, :2], poses[others, 2]]), np.full(len(poses), 1 / len(poses))
+
+
+def _deaf(poses, weights, rng):
+    return poses[rng.integers(0, len(poses), len(poses))], np.full(len(poses), 1 / len(poses))
+
+
+def _idle(poses, weights, rng):
+    return poses.copy(), np.full(len(poses), 1 / len(poses))
+
+
+def _best(poses, weights, rng):
+    return np.tile(poses[np.argmax(weights)], (len(poses), 1)), np.full(len(poses), 1 / len(poses))
+
+
+GOOD = {
+    "systematic": _right(systematic_resample),
+    "stratified": _right(stratified_resample),
+    "multinomial": _right(multinomial_resample),
+}
+BAD: dict[str, tuple[Resampler, str]] = {
+    "deaf": (
+        _deaf,
+        "draws without looking at the weights: count the offspring of each particle over many calls.",
+    ),
+    "idle": (_idle, "hands the cloud back as it was: count the offspring of each particle over many calls."),
+    "best": (_best, "copies the heaviest particle N times: the mean offspring of particle i must be N w_i."),
+    "kept": (_kept, "draws well and keeps the old weights: look at the weights that come back, too."),
+    "torn": (_torn, "draws positions and headings separately: look whether whole rows were rows before."),
+}
+
+
+def check_looks_broken(looks_broken) -> Check:
+    """Whether ``looks_broken(resample)`` tells three right resamplers from five broken ones."""
+    for name, resample in GOOD.items():
+        answer = attempt(looks_broken, resample)
+        if is_unanswered(answer):
+            return unanswered()
+        if isinstance(answer, Check):
+            return answer
+        if not isinstance(answer, bool | np.bool_):
+            return hint(f"Return True or False; your function returns {answer!r}.")
+        if answer:
+            return hint(
+                f"Your test accuses the {name} resampler, which is right. One call is chance: average the offspring "
+                "over hundreds of calls, and leave room for what is left of chance."
+            )
+    for resample, words in BAD.values():
+        answer = attempt(looks_broken, resample)
+        if isinstance(answer, Check):
+            return answer
+        if not answer:
+            return hint(f"Your test lets one pass that {words}")
+    return passed("Three right resamplers pass, five broken ones are caught.")
+
+
+def blur_curve(best: float) -> Callable[[float], float]:
+    """A made-up curve of cells over clock shift with its minimum at ``best`` s."""
+    return lambda shift: 4400.0 + 30000.0 * abs(shift - best) / (1.0 + 2.0 * abs(shift - best))
+
+
+BEST = (-0.137, 0.063)
+
+
+def check_find_shift(find_shift) -> Check:
+    """Whether ``find_shift(cells)`` finds the shift of the stamps (s) that needs the fewest cells."""
+    answers = [attempt(find_shift, blur_curve(best)) for best in BEST]
+    for answer in answers:
+        verdict = not_a_number(answer, "seconds")
+        if verdict is not None:
+            return verdict
+    found, best = np.array(answers, dtype=float), np.array(BEST)
+    if np.allclose(found, best, atol=0.011):
+        return passed("Within a hundredth of a second.")
+    if np.allclose(found, -best, atol=0.011):
+        return hint(
+            "That is by how much the clock is wrong. Asked is the shift that you handed to cells, which puts it right: "
+            "the other sign."
+        )
+    if (np.abs(found) > 0.29).all():
+        return hint(
+            "You take the largest number of cells, so the most blurred map. Sharp walls need few cells."
+        )
+    if (found >= 0).all():
+        return hint("You never try negative shifts. A clock may be late or early.")
+    if np.allclose(found, best, atol=0.06):
+        return hint(
+            "The right valley, but your steps are too coarse. 10 ms at 1 rad/s is half a degree: go finer."
+        )
+    return hint(
+        f"For curves with their minimum at {BEST} s your function returns {np.round(found, 3).tolist()}."
+    )
+
+
+RULED_OUT = {
+    "clock": ("delay [s]", "a wrong clock shows as a delay of many hundredths of a second"),
+    "lever arm": ("lever [m]", "a wrong lever arm shows as a lever error of decimetres"),
+    "track": ("turn ratio", "yaw from the wheels shows as a turn ratio near 1.9"),
+    "renumbered beams": ("cut scans", "renumbered scans all miss their last beams, a share near 1"),
+    "lost second": ("metres lost", "a lost second shows as metres that the wheels turned and the path lacks"),
+}
+
+
+def check_diagnosis(diagnosis, patients: list[Patient]) -> Check:
+    """Whether ``diagnosis`` names the fault of every patient: a dictionary from letter to name."""
+    if is_unanswered(diagnosis) or (isinstance(diagnosis, dict) and is_unanswered(list(diagnosis.values()))):
+        return unanswered()
+    letters = [p.letter for p in patients]
+    if not isinstance(diagnosis, dict) or set(diagnosis) != set(letters):
+        return hint(f"A dictionary with the letters {', '.join(letters)} is asked for.")
+    for patient in patients:
+        answer = diagnosis[patient.letter]
+        if answer not in FAULTS:
+            return hint(f"{answer!r} is none of {', '.join(FAULTS)}.")
+        if answer != patient.fault:
+            return hint(_objection(patient, answer))
+    return passed("All patients named. Another seed makes another ward.")
+
+
+def _objection(patient: Patient, answer: str) -> str:
+    """The number that rules a wrong answer out."""
+    if answer == "healthy":
+        column, sign = RULED_OUT[patient.fault]
+        return (
+            f"Patient {patient.letter} is not healthy. Look at its {column}: {patient.numbers[column]:.2f}."
+        )
+    letter, (column, sign) = patient.letter, RULED_OUT[answer]
+    if patient.fault == "track":
+        ratio = patient.numbers["turn ratio"]
+        return (
+            f"Patient {letter}: its headings are wrong by themselves, so no fit to the filter's corrections can be "
+            f"trusted. First compare the instruments with each other: turn ratio {ratio:.2f}."
+        )
+    found = f"{patient.numbers[column]:.2f}"
+    if patient.fault == "renumbered beams":
+        return (
+            f"Patient {letter}: bearings that are wrong bend every fit ({column} {found}). Look at the raw scans "
+            f"before any fit: cut scans {patient.numbers['cut scans']:.2f}."
+        )
+    return f"Patient {letter} has no {answer} fault: {sign}, and here {column} is {found}."

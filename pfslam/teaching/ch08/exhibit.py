@@ -1,0 +1,135 @@
+"""Chapter 08: what all its pictures share. An exhibit is one fault with its symptom, its diagnosis and its number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pfslam.grid import OccupancyGrid
+from pfslam.teaching.ch08.data import Turn
+from pfslam.teaching.show.figures import draw_map
+from pfslam.teaching.show.style import COLOURS, new_figure
+from pfslam.teaching.show.widgets import Explorer, Slider
+
+STATES = ("healthy", "broken")
+COLOUR = {"healthy": COLOURS["estimate"], "broken": COLOURS["odometry"]}
+OFFSETS = (-0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.2)
+
+
+@dataclass(frozen=True, eq=False)
+class Exhibit:
+    """One fault: two panels for each state, "healthy" or "broken", and the number that tells the states apart.
+
+    ``what`` says what was done wrong; ``number`` what is measured, and ``unit`` in what; ``reading`` holds the values.
+    ``symptom`` and ``diagnosis`` draw a panel and say in words what it shows.
+    """
+
+    name: str
+    what: str
+    number: str
+    unit: str
+    reading: dict[str, float]
+    symptom: Callable[[Axes, str], str]
+    diagnosis: Callable[[Axes, str], str]
+
+    def value(self, state: str) -> str:
+        """The number in words, rounded to what matters; a count has no decimals."""
+        return f"{self.number} {round(self.reading[state], 2) + 0.0:g} {self.unit}".strip()
+
+
+def exhibit_frame(exhibit: Exhibit, state: str) -> tuple[Figure, str]:
+    """Symptom on the left, diagnosis on the right; and the alt text, for the panels say themselves what they show."""
+    figure, axes = new_figure(6.2, 3.5, columns=2)
+    left, right = exhibit.symptom(axes[0], state), exhibit.diagnosis(axes[1], state)
+    for ax, title in zip(axes, ("symptom", "diagnosis"), strict=True):
+        ax.set_title(title, fontsize=12)
+    value = exhibit.value(state).replace("N_eff / N", "$N_{eff}/N$")
+    figure.suptitle(f"{exhibit.name}, {state}: {value}", fontsize=12, color=COLOUR[state])
+    done = exhibit.what if state == "broken" else "all is right"
+    alt = f"{exhibit.name}, {state} ({done}). Symptom: {left}. Diagnosis: {right}. {exhibit.value(state)}."
+    return figure, alt
+
+
+def bench(exhibits: list[Exhibit], title: str) -> Explorer:
+    """The widget of a family of faults: which fault, and healthy or broken."""
+    by_name = {exhibit.name: exhibit for exhibit in exhibits}
+    words: dict[tuple[str, str], str] = {}  # of what has been drawn: not drawn again for its words
+
+    def draw(fault: str, state: str) -> Figure:
+        figure, words[fault, state] = exhibit_frame(by_name[fault], state)
+        return figure
+
+    def alt(fault: str, state: str) -> str:
+        if (fault, state) not in words:
+            draw(fault, state)
+        return words[fault, state]
+
+    controls = [
+        Slider("fault", list(by_name), label="Fault"),
+        Slider("state", STATES, start=1, label="State"),
+    ]
+    return Explorer(draw, controls, alt=alt, title=title)
+
+
+def readings(exhibits: list[Exhibit]) -> str:
+    """One line per fault: the number that gives it away, healthy and broken."""
+    lines = [f"{'fault':20s} {'number':34s} healthy  broken"]
+    for e in exhibits:
+        good, bad = (round(e.reading[state], 2) + 0.0 for state in STATES)
+        lines.append(f"{e.name:20s} {e.number:34s} {good:7.2f} {bad:7.2f} {e.unit}".rstrip())
+    return "\n".join(lines)
+
+
+def small_map(axes: Axes, grid: OccupancyGrid) -> None:
+    """A map in a small panel, with few ticks."""
+    draw_map(axes, grid)
+    axes.locator_params(nbins=4)
+
+
+def few_ticks(axes: Axes, **labels) -> None:
+    """Axes labels, and few ticks so that a phone can show them."""
+    axes.set(**labels)
+    axes.locator_params(nbins=4)
+
+
+# ---- the clock
+
+
+def clock_explorer(turn: Turn) -> Explorer:
+    """Scans laid out along odometry with a shifted clock: how blurred, and in which scans."""
+    curve = {s: turn.cells(s) for s in np.round(np.arange(-4, 5) * 0.05, 2)}
+    rate = np.abs(turn.yaw_rate())
+
+    @lru_cache(maxsize=1)
+    def laid_out(shift: float) -> tuple[np.ndarray, np.ndarray]:
+        return turn.places(shift), turn.lonely(shift)
+
+    def draw(shift: float) -> Figure:
+        figure, axes = new_figure(6.2, 3.5, columns=2)
+        places, stray = laid_out(shift)
+        axes[0].plot(*places.T, "s", markersize=1.0, markeredgewidth=0, color=COLOURS["truth"])
+        axes[0].set_aspect("equal")
+        axes[0].grid(False)
+        limits = {"xlim": (2, 13), "ylim": (13.5, 24.5)}
+        few_ticks(axes[0], xlabel="x [m]", ylabel="y [m]", title=f"{len(places)} cells", **limits)
+        axes[1].scatter(rate, 100 * stray, s=14, color=COLOURS["hits"])
+        few_ticks(axes[1], xlabel="yaw rate [rad/s]", ylabel="stray points [%]", ylim=(0, 100))
+        return figure
+
+    def alt(shift: float) -> str:
+        places, stray = laid_out(shift)
+        least = min(curve, key=lambda s: curve[s])
+        return f"""Scan stamps moved by {shift:.2f} s: the walls need {len(places)} cells. Points that hardly
+        another scan confirms: {100 * stray[rate > 0.5].mean():.0f} % of a scan while turning faster than 0.5 rad/s,
+        {100 * stray[rate < 0.1].mean():.0f} % while driving straight. Fewest cells at {least:.2f} s."""
+
+    live = (-0.25, 0.25, 0.01)
+    control = Slider("shift", OFFSETS, start=5, label="Clock offset", unit="s", form=".2f", live=live)
+    return Explorer(
+        draw, [control], alt=alt, title="A clock that is off blurs only what is seen while turning"
+    )

@@ -1,0 +1,176 @@
+"""Chapter 09: short live runs, one for each rung of the ladder, and what the grid does to a heading."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pfslam.config import PolishConfig, SearchConfig, SlamConfig
+from pfslam.correlation import score_field
+from pfslam.evaluation.faults import first_seconds
+from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
+from pfslam.motion import dead_reckoning
+from pfslam.poses import Trajectory, transform_points
+from pfslam.recording import Recording
+from pfslam.refinement import HitMoments, polish
+from pfslam.runs import run_slam
+from pfslam.teaching.show.figures import draw_map, draw_trajectory, map_along
+from pfslam.teaching.show.pictures import Picture, steady
+from pfslam.teaching.show.style import COLOURS, new_figure
+
+SECONDS, EVERY, PARTICLES = 65.0, 20, 20
+"""Of each live run: the first minute of the drive, at every twentieth scan."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rung:
+    """One live run: its map, and its path."""
+
+    grid: OccupancyGrid
+    path: Trajectory
+
+
+def rung_configs() -> dict[str, SlamConfig]:
+    """Five stops between the report's filter and the refined one; each keeps the changes of those before it."""
+    report, best = SlamConfig.report(), SlamConfig.refined()
+    gentle = replace(report, map=best.map)
+    field = SearchConfig(field="distance", weight="likelihood")
+    weights = replace(gentle, search=field, estimate="mean", resample_below=0.5)
+    no_polish = replace(best, polish=None)
+    return {
+        "report": report,
+        "gentle clearing": gentle,
+        "field, likelihood, mean": weights,
+        "prior, sub-cell, noise": no_polish,
+        "polish": best,
+    }
+
+
+def live_rungs(recording: Recording) -> dict[str, Rung]:
+    """Dead reckoning and the five stops, on the first minute."""
+    start = first_seconds(recording, SECONDS)
+    rungs = {}
+    for name, config in rung_configs().items():
+        small = replace(config, particles=PARTICLES, every=EVERY)
+        result = run_slam(start, small, keep_particles=False)
+        rungs[name] = Rung(result.grid, result.trajectory)
+    t, odometry = rungs["report"].path.t, dead_reckoning(start)
+    path = Trajectory(t, odometry.at(t))
+    return {"dead reckoning": Rung(map_along(start, path, every=EVERY), path)} | rungs
+
+
+def rung_frame(recording: Recording, rungs: dict[str, Rung]) -> Callable[..., Figure]:
+    """The drawing function of the ladder's widget: map and path of one stop, and its error over time."""
+
+    def draw(rung: str) -> Figure:
+        run = rungs[rung]
+        figure, (left, right) = new_figure(6.4, 4.2, columns=2, width_ratios=[1.15, 1])
+        draw_map(left, run.grid, rung)
+        draw_trajectory(left, run.path, "odometry" if rung == "dead reckoning" else "estimate", "path")
+        draw_trajectory(left, Trajectory(run.path.t, recording.true_path().at(run.path.t)), "truth")
+        _same_window(left, recording, run.path.t)
+        left.legend(loc="upper left", fontsize=10)
+        for name, other in rungs.items():
+            seconds, away = other.path.t - other.path.t[0], _distance(recording, other.path)
+            own = COLOURS["odometry" if name == "dead reckoning" else "estimate"]
+            chosen = name == rung
+            right.plot(seconds, away, color=own if chosen else COLOURS["unknown"], zorder=3 if chosen else 1)
+        right.set(yscale="log", ylim=(0.0005, 3), xlabel="time [s]", title="off the truth by")
+        right.set_yticks([0.001, 0.01, 0.1, 1], ["1 mm", "1 cm", "10 cm", "1 m"])
+        right.set_yticks([0.002, 0.005, 0.02, 0.05, 0.2, 0.5], minor=True)  # few: each tick takes its time
+        return figure
+
+    return steady(draw)
+
+
+def _same_window(axes, recording: Recording, t: np.ndarray) -> None:
+    x, y = recording.true_path().at(t)[:, :2].T
+    axes.set(xlim=(x.min() - 2.5, x.max() + 2.5), ylim=(y.min() - 2.5, y.max() + 2.5))
+    axes.set_facecolor(COLOURS["unknown"])
+
+
+def _distance(recording: Recording, path: Trajectory) -> np.ndarray:
+    away = path.poses[:, :2] - recording.true_path().at(path.t)[:, :2]
+    return np.maximum(np.hypot(*away.T), 5e-4)
+
+
+def rung_alt(recording: Recording, rungs: dict[str, Rung]) -> Callable[..., str]:
+    """The words for a stop of the ladder."""
+
+    def alt(rung: str) -> str:
+        error = trajectory_error(rungs[rung].path, recording.true_path())
+        return f"""{rung}: map and path of the first minute beside the truth. The path is off by
+        {error.ate_rmse_m:.3f} m (root mean square), at most {error.ate_max_m:.3f} m. Grey lines: the errors of the
+        other stops over time."""
+
+    return alt
+
+
+# ---- grid lock
+
+
+LOCK_SPEC = GridSpec((-8.0, -4.0), 0.05, (160, 320))
+BEAMS = np.deg2rad(np.linspace(-135.0, 135.0, 541))
+
+
+def corridor_scan(tilt: float, walls: np.ndarray, rng: np.random.Generator, reach: float = 4.0) -> tuple:
+    """End points ``(M, 2)`` and beams of a scan between two walls, turned by ``tilt`` rad; 1 cm of noise.
+
+    ``walls`` are the distances (m) to the left and to the right.
+    """
+    slope = np.sin(BEAMS - tilt)
+    slope = np.where(np.abs(slope) < 1e-6, 1e-6, slope)
+    ranges = np.where(slope > 0, walls[0], -walls[1]) / slope
+    seen = ranges < reach
+    r = ranges[seen] + 0.01 * rng.standard_normal(np.count_nonzero(seen))
+    return np.column_stack([r * np.cos(BEAMS[seen]), r * np.sin(BEAMS[seen])]), np.flatnonzero(seen)
+
+
+def heading_errors(tilt: float, rng: np.random.Generator) -> tuple[float, float]:
+    """A robot stands at the origin and maps a corridor from its true pose; then it asks the map for its heading.
+
+    Returns the answers (rad) of the best score over a fine sweep, and of the polish. The truth is 0.
+    """
+    walls = 0.9 + 0.1 * rng.random(2)
+    grid, moments = OccupancyGrid.empty(LOCK_SPEC), HitMoments.empty(LOCK_SPEC)
+    for _ in range(3):
+        points, beams = corridor_scan(tilt, walls, rng)
+        grid, _ = integrate_scan(grid, points, beams, np.zeros(2), SlamConfig.refined().map)
+        moments = moments.add(points)
+    field, (points, _) = score_field(grid.occupied, "distance"), corridor_scan(tilt, walls, rng)
+    yaws = np.deg2rad(np.linspace(-1.0, 1.0, 51))
+    cells = [LOCK_SPEC.world_to_cell(transform_points(np.array([0.0, 0.0, yaw]), points)) for yaw in yaws]
+    best = float(yaws[np.argmax([field[c[:, 1], c[:, 0]].sum() for c in cells])])
+    polished = polish(moments, points, np.array([0.0, 0.0, best]), np.zeros(3), PolishConfig())
+    return best, float(polished.pose[2])
+
+
+def grid_lock(tilts_deg: np.ndarray, repeats: int = 4) -> np.ndarray:
+    """Heading errors in degrees ``(tilts, repeats, 2)``: of the grid, and after the polish."""
+    rng = np.random.default_rng(0)
+    found = [[heading_errors(np.deg2rad(t), rng) for _ in range(repeats)] for t in tilts_deg]
+    return np.rad2deg(np.array(found))
+
+
+def grid_lock_picture(tilts_deg: np.ndarray, errors: np.ndarray) -> Picture:
+    """Heading errors against the angle between wall and grid."""
+    figure, axes = new_figure(6.2, 3.2)
+    for k, (name, colour) in enumerate(
+        (("best score on the grid", "hits"), ("after the polish", "estimate"))
+    ):
+        x = np.repeat(tilts_deg, errors.shape[1]) + 0.012 * (2 * k - 1)
+        axes.scatter(
+            x, errors[:, :, k].ravel(), s=28, color=COLOURS[colour], alpha=0.8, linewidths=0, label=name
+        )
+    axes.axhline(0.0, color=COLOURS["truth"], linestyle=":")
+    axes.set(xlabel="angle between wall and grid [deg]", ylabel="heading error [deg]")
+    axes.legend(loc="upper right", fontsize=10)
+    worst = np.abs(errors).max(axis=(0, 1))
+    alt = f"""Heading that the map of a corridor suggests, for walls turned by {tilts_deg[0]:.1f} to
+    {tilts_deg[-1]:.1f} degrees against the grid. The best score is off by up to {worst[0]:.2f} degrees, after the
+    polish by at most {worst[1]:.2f}."""
+    return Picture(figure, alt)

@@ -1,0 +1,45 @@
+"""What the notebook of chapter 10 calls."""
+
+from pfslam.teaching.ch10.checks import (
+    check_classify,
+    check_increments,
+    check_track,
+)
+from pfslam.teaching.ch10.robot import (
+    check_up_picture,
+    drives,
+    faults_explorer,
+    lever_explorer,
+    run_figure,
+    sharpest_lever,
+    track_explorer,
+)
+from pfslam.teaching.show.figures import (
+    map_along,
+    map_figure,
+    trajectory_figure,
+)
+from pfslam.teaching.show.pictures import (
+    Picture,
+)
+from pfslam.teaching.show.source import (
+    show_source,
+)
+
+__all__ = [
+    "Picture",
+    "check_classify",
+    "check_increments",
+    "check_track",
+    "check_up_picture",
+    "drives",
+    "faults_explorer",
+    "lever_explorer",
+    "map_along",
+    "map_figure",
+    "run_figure",
+    "sharpest_lever",
+    "show_source",
+    "track_explorer",
+    "trajectory_figure",
+]

@@ -1,0 +1,258 @@
+"""Chapter 10, your own robot: faults of real recordings, the check-up that finds them, a run on whatever is there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import pfslam
+from pfslam.datasets import data_folder
+from pfslam.evaluation.checkup import Finding, check_up
+from pfslam.evaluation.faults import first_seconds, missing_beams
+from pfslam.motion import controls
+from pfslam.poses import transform_points
+from pfslam.recording import Encoders, Imu, LidarScans, Recording
+from pfslam.runs import SlamResult
+from pfslam.sensors import scan_points
+from pfslam.teaching.show.figures import draw_trajectory, map_figure
+from pfslam.teaching.show.pictures import Picture
+from pfslam.teaching.show.style import COLOURS, INK, metric_axes, new_figure
+from pfslam.teaching.show.widgets import Explorer, Slider
+
+HEALTHY = "none"
+MARKS = {True: ("✓", COLOURS["free"]), False: ("✗", COLOURS["odometry"]), None: ("–", COLOURS["unknown"])}
+
+
+def with_counts(recording: Recording, counts: np.ndarray) -> Recording:
+    """The recording with other wheel counts."""
+    encoders, _ = recording.wheels_and_gyro()
+    return replace(recording, encoders=Encoders(encoders.t, counts))
+
+
+def with_gyro(recording: Recording, factor: float) -> Recording:
+    """The recording with every angular velocity multiplied."""
+    _, imu = recording.wheels_and_gyro()
+    return replace(recording, imu=Imu(imu.t, factor * imu.angular_velocity, imu.acceleration_g))
+
+
+def with_scans(recording: Recording, late: float = 0.0, backwards: bool = False) -> Recording:
+    """The recording with scans stamped ``late`` s late, or with their beams numbered from the other end."""
+    scans = recording.scans()
+    ranges = scans.ranges[:, ::-1] if backwards else scans.ranges
+    return replace(recording, lidar=LidarScans(scans.t + late, ranges))
+
+
+def silent_gyro(recording: Recording, begin: float, seconds: float) -> Recording:
+    """The recording without gyro samples for a while."""
+    _, imu = recording.wheels_and_gyro()
+    since = imu.t - imu.t[0]
+    kept = (since < begin) | (since > begin + seconds)
+    return replace(recording, imu=Imu(imu.t[kept], imu.angular_velocity[kept], imu.acceleration_g[kept]))
+
+
+def wrapped(counts: np.ndarray, bits: int = 8) -> np.ndarray:
+    """What careless differences make of a counter of so many bits: the increments ``(K, 4)``, jumps included."""
+    readings = np.cumsum(counts, axis=0) % 2**bits
+    return np.diff(readings, axis=0, prepend=readings[:1])
+
+
+FAULTS: dict[str, Callable[[Recording], Recording]] = {
+    HEALTHY: lambda r: r,
+    "running totals": lambda r: with_counts(r, np.cumsum(r.wheels_and_gyro()[0].counts, axis=0)),
+    "8-bit counter": lambda r: with_counts(r, wrapped(r.wheels_and_gyro()[0].counts)),
+    "gyro in degrees": lambda r: with_gyro(r, float(np.rad2deg(1.0))),
+    "gyro flipped": lambda r: with_gyro(r, -1.0),
+    "beams backwards": lambda r: with_scans(r, backwards=True),
+    "both mirrored": lambda r: with_scans(with_gyro(r, -1.0), backwards=True),
+    "scans 150 ms late": lambda r: with_scans(r, late=0.15),
+    "gyro silent for 3 s": lambda r: silent_gyro(r, 30.0, 3.0),
+    "60 % of beams lost": lambda r: missing_beams(r, 0.6, np.random.default_rng(0)),
+}
+"""By name: what some loader or some cable does to a recording."""
+
+
+def findings_figure(findings: list[Finding]) -> Figure:
+    """The check-up as a list with marks."""
+    figure, axes = new_figure(4.4, 0.56 * len(findings))
+    axes.set_axis_off()
+    for row, finding in enumerate(findings):
+        mark, colour = MARKS[finding.ok]
+        y = 1.0 - (row + 0.5) / len(findings)
+        axes.text(0.0, y, mark, color=colour, fontsize=17, weight="bold", va="center")
+        axes.text(0.08, y, finding.question, va="bottom", fontsize=12)
+        ink = colour if finding.ok is False else None
+        axes.text(0.08, y, finding.found, va="top", fontsize=12, weight="bold", color=ink)
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    return figure
+
+
+def findings_alt(findings: list[Finding]) -> str:
+    """The same list in words, complaints first."""
+    wrong = [f"{f.question} {f.found}, expected {f.expected}." for f in findings if f.ok is False]
+    fine = sum(finding.ok is True for finding in findings)
+    silent = sum(finding.ok is None for finding in findings)
+    head = f"{fine} checks pass, {len(wrong)} complain" + (
+        f", {silent} have nothing to ask" if silent else ""
+    )
+    return f"{head}. {' '.join(wrong)}"
+
+
+def check_up_picture(recording: Recording) -> Picture:
+    """The check-up of one recording."""
+    findings = check_up(recording)
+    return Picture(findings_figure(findings), findings_alt(findings))
+
+
+def faults_explorer(recording: Recording) -> Explorer:
+    """Choose a fault; see which checks complain. The check-ups are made once."""
+    short = replace(first_seconds(recording, 60.0), camera=None)
+    made = {fault: check_up(harm(short)) for fault, harm in FAULTS.items()}
+    return Explorer(
+        lambda fault: findings_figure(made[fault]),
+        [Slider("fault", list(FAULTS), 0, "Fault")],
+        alt=lambda fault: f"Fault: {fault}. {findings_alt(made[fault])}",
+        title="One minute of the drive, harmed on purpose, and its check-up",
+    )
+
+
+def heading_from_wheels(recording: Recording, track: float, t: np.ndarray) -> np.ndarray:
+    """Heading ``(T,)`` (rad) that left and right wheels tell if they stood ``track`` m apart."""
+    encoders, _ = recording.wheels_and_gyro()
+    right, left = encoders.counts[:, [0, 2]].mean(axis=1), encoders.counts[:, [1, 3]].mean(axis=1)
+    apart = np.cumsum(right - left) * recording.robot.encoders.metres_per_count / track
+    heading = np.interp(t, encoders.t, apart)
+    return heading - heading[0]
+
+
+def heading_from_gyro(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+    """Times ``(T,)`` (s) and the gyro's heading there (rad)."""
+    inputs = controls(recording)
+    return inputs.t, np.concatenate([[0.0], np.cumsum(inputs.omega * np.diff(inputs.t))])
+
+
+def track_explorer(recording: Recording) -> Explorer:
+    """Slide the track until wheels and gyro turn alike."""
+    t, gyro = (values[::20] for values in heading_from_gyro(recording))
+    since, turned = t - t[0], np.rad2deg(np.ptp(gyro))
+    limits = np.rad2deg(gyro.min()) - 0.3 * turned, np.rad2deg(gyro.max()) + turned
+
+    @cache
+    def wheels(track: float) -> np.ndarray:
+        return heading_from_wheels(recording, track, t)
+
+    def apart(track: float) -> float:
+        return float(np.rad2deg(np.sqrt(np.mean((wheels(track) - gyro) ** 2))))
+
+    def draw(track: float) -> Figure:
+        figure, axes = new_figure(6.8, 3.8)
+        axes.plot(since, np.rad2deg(gyro), color=INK, linewidth=1.2, label="gyro")
+        axes.plot(since, np.rad2deg(wheels(track)), color=COLOURS["odometry"], label="wheels")
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel("heading [deg]")
+        axes.set_ylim(*limits)
+        axes.set_title(f"apart by {apart(track):.0f} deg (root mean square)")
+        axes.legend(loc="upper left")
+        return figure
+
+    values = [0.3, recording.robot.encoders.track, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.9, 1.0]
+    return Explorer(
+        draw,
+        [Slider("track", values, 1, "Track", "m", ".3f", live=(0.3, 1.0, 0.01))],
+        alt=lambda track: (
+            f"Heading over time from the gyro and from the wheels with a track of {track:.2f} m: apart by "
+            f"{apart(track):.0f} degrees, root mean square."
+        ),
+        title="How wide is a robot that skids?",
+    )
+
+
+def strongest_turn(recording: Recording, seconds: float = 2.5) -> tuple[float, float]:
+    """The stretch (s, s) in which the gyro turned most while the robot hardly drove."""
+    inputs = controls(recording)
+    t = inputs.t
+    turned = np.concatenate([[0.0], np.cumsum(inputs.omega * np.diff(t))])
+    driven = np.concatenate([[0.0], np.cumsum(np.abs(inputs.v) * np.diff(t))])
+    starts = np.arange(t[0], t[-1] - seconds, 0.1)
+    score = np.abs(np.interp(starts + seconds, t, turned) - np.interp(starts, t, turned))
+    score -= np.interp(starts + seconds, t, driven) - np.interp(starts, t, driven)
+    begin = float(starts[int(np.argmax(score))])
+    return begin, begin + seconds
+
+
+def turn_points(recording: Recording, lever: float, span: tuple[float, float]) -> np.ndarray:
+    """End points ``(M, 2)`` of the scans of a turn, by dead reckoning, if the LiDAR sat ``lever`` m ahead."""
+    lidar = replace(recording.robot.lidar, position_b=(lever, 0.0, recording.robot.lidar.position_b[2]))
+    scans, path = recording.scans(), pfslam.dead_reckoning(recording)
+    inside = np.flatnonzero((scans.t >= span[0]) & (scans.t <= span[1]))[::6]
+    return np.concatenate(
+        [transform_points(path.at(scans.t[i]), scan_points(scans.ranges[i], lidar)) for i in inside]
+    )
+
+
+def cells_hit(points: np.ndarray, cell: float = 0.02) -> int:
+    """How many cells the points fall into: the fewer, the sharper the picture."""
+    return len(np.unique(np.floor(points / cell).astype(np.int64), axis=0))
+
+
+def lever_explorer(recording: Recording) -> Explorer:
+    """Slide the LiDAR along the robot until the walls of one turn are sharp."""
+    span = strongest_turn(recording)
+    here = pfslam.dead_reckoning(recording).at(0.5 * sum(span))[:2]
+
+    @cache
+    def points(lever: float) -> np.ndarray:
+        return turn_points(recording, lever, span)
+
+    def draw(lever: float) -> Figure:
+        figure, axes = new_figure(6.0, 5.2)
+        near = points(lever)
+        near = near[np.abs(near - here).max(axis=1) < 2.6]
+        axes.scatter(*near.T, s=1.5, color=COLOURS["hits"], linewidths=0)
+        metric_axes(axes, f"{cells_hit(points(lever))} cells of 2 cm are hit")
+        axes.set(xlim=(here[0] - 2.6, here[0] + 2.6), ylim=(here[1] - 2.6, here[1] + 2.6))
+        return figure
+
+    values = [-0.3, -0.2, -0.1, 0.0, 0.05, 0.1, 0.13, 0.2, 0.3, 0.4]
+    return Explorer(
+        draw,
+        [Slider("lever", values, 3, "LiDAR ahead of the centre by", "m", ".2f", live=(-0.3, 0.4, 0.01))],
+        alt=lambda lever: (
+            f"End points of the scans of one turn with the LiDAR {lever:.2f} m ahead of the centre: "
+            f"they fall into {cells_hit(points(lever))} cells of 2 cm."
+        ),
+        title="One turn, and where the LiDAR sits",
+    )
+
+
+def sharpest_lever(recording: Recording) -> float:
+    """The place of the LiDAR (m ahead of the centre) for which the scans of the strongest turn hit the fewest cells."""
+    span, levers = strongest_turn(recording), np.arange(-0.3, 0.401, 0.02)
+    return float(levers[np.argmin([cells_hit(turn_points(recording, x, span)) for x in levers])])
+
+
+def drives() -> dict[str, tuple[str, Path | None]]:
+    """Every data set within reach by name: the built-in ones, then the numbered sets and logs of the data folder."""
+    found: dict[str, tuple[str, Path | None]] = {"hall": ("hall", None), "ramp": ("ramp", None)}
+    folder = data_folder()
+    for place in (folder, folder / "data", *(p for p in sorted(folder.glob("*")) if p.is_dir())):
+        for path in sorted(place.glob("[Ee]ncoders*.npz")):
+            number = path.stem[len("encoders") :]
+            found[f"{place.name} {number}"] = (number, place)
+        for path in sorted(place.glob("*.log")):
+            found[path.stem] = (str(path), None)
+    return found
+
+
+def run_figure(name: str, recording: Recording, result: SlamResult) -> Picture:
+    """Map and path of a run on anything."""
+    figure = map_figure(result.grid, f"{name}: {len(result.infos)} scans", result.trajectory)
+    if recording.truth is not None:
+        draw_trajectory(figure.axes[0], recording.truth, "truth")
+        figure.axes[0].legend()
+    way = np.hypot(*np.diff(result.trajectory.poses[:, :2], axis=0).T).sum()
+    return Picture(figure, f"Map and path of {name}: {way:.0f} m driven, {len(result.infos)} scans used.")

@@ -1,0 +1,1 @@
+"""What every chapter shows with: pictures, sliders, listings, checks, one style."""

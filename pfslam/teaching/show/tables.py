@@ -1,0 +1,64 @@
+"""The stored tables of studies, as chapters read them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pfslam.errors import DataError
+from pfslam.study.table import Table
+from pfslam.study.table import read_table as read_table_file
+
+CHAPTERS = Path(__file__).resolve().parents[1]
+ERROR = "ate_rmse_m"
+"""The column with the error that the chapters speak of: position, root mean square, by the first pose."""
+
+
+def stored_studies() -> list[str]:
+    """The names of all studies whose tables are stored."""
+    return sorted(path.stem for path in CHAPTERS.glob("*/studies/*.csv"))
+
+
+def study_file(name: str, suffix: str = ".toml") -> Path:
+    """The file of the stored study ``name`` that ends so: its definition, its table or what made it."""
+    found = next(CHAPTERS.glob(f"*/studies/{name}{suffix}"), None)
+    if found is None:
+        raise DataError("study", "name", repr(name), f"one of {', '.join(stored_studies())}")
+    return found
+
+
+def read_table(name: str) -> Table:
+    """The stored table ``name``: an array for each column, numbers as float, text as str."""
+    return read_table_file(study_file(name, ".csv"))
+
+
+def read_provenance(name: str) -> dict[str, Any]:
+    """What made the stored table ``name``: command, configuration, versions, machine."""
+    return json.loads(study_file(name, ".json").read_text(encoding="utf-8"))
+
+
+def select(table: Table, **wanted: Any) -> Table:
+    """The rows in which each named column has the given value, or one of the values of a list.
+
+    A column with a dot in its name is given as ``**{"map.free": 0.139}``.
+    """
+    keep = np.ones(len(next(iter(table.values()))), dtype=bool)
+    for column, value in wanted.items():
+        if column not in table:
+            raise DataError("select", "column", repr(column), f"one of {', '.join(table)}")
+        values = value if isinstance(value, (list, tuple, np.ndarray)) else [value]
+        keep &= np.isin(table[column], np.asarray(values, dtype=table[column].dtype))
+    return {column: cells[keep] for column, cells in table.items()}
+
+
+def labels_of(table: Table) -> list[str]:
+    """The labels of a table in the order of their first rows."""
+    return list(dict.fromkeys(table["label"].tolist()))
+
+
+def errors_by_label(table: Table, column: str = ERROR) -> dict[str, np.ndarray]:
+    """The values of one column, one array for each label."""
+    return {label: select(table, label=label)[column] for label in labels_of(table)}
