@@ -118,6 +118,51 @@ def test_equal_pictures_are_stored_once():
     assert len(data["alts"]) == 3
 
 
+def test_stops_lie_where_their_values_are():
+    assert Slider("a", [0, 10, 20]).places == (0, 1, 2)
+    assert Slider("a", [0.0, 5.0, 20.0]).places == (0, 250, 1000)
+    assert Slider("a", [-0.003, 0.0, 0.0005, 0.003]).places == (0, 500, 583, 1000)
+    # Over more than a factor of ten the scale is logarithmic: here even, and here with 4 in the middle of 1 and 16.
+    assert Slider("a", [10, 20, 40, 80, 160]).places == (0, 1, 2, 3, 4)
+    assert Slider("a", [1, 4, 8, 16]).places == (0, 500, 750, 1000)
+    # What has no place on a scale is counted.
+    for values in (["on", "off"], [3, 2, 1], [1, 2, float("inf")], [False, True], [1, 1]):
+        assert Slider("a", values).places == tuple(range(len(values)))
+
+
+def choosing():
+    """An explorer with a choice between words and a slider."""
+    controls = [
+        Slider("way", ["right", "no <arm>"], start=1, label="Way"),
+        Slider("level", [10, 20, 50], label="Level"),
+    ]
+    return Explorer(
+        lambda way, level: grey(level, len(way) / 10), controls, alt="Grey", title="Ways", play="way"
+    )
+
+
+def test_words_are_radio_buttons_on_the_page():
+    fragment = page_fragment(choosing())
+    assert "<legend>Way</legend>" in fragment
+    assert re.findall(
+        r'<input type="radio" name="[^"]+-0" value="(\d)" [^>]*?(checked)?> ([^<]+)', fragment
+    ) == [
+        ("0", "", "right"),
+        ("1", "checked", "no &lt;arm&gt;"),
+    ]
+    assert fragment.count('<input type="range"') == 1
+    assert page_data(fragment)["places"] == [[0, 1], [0, 250, 1000]]
+
+
+def test_words_are_buttons_with_a_kernel():
+    image, _caption, way, _level, player = live_view(choosing()).children
+    assert [option[0] for option in way.options] == ["right", "no <arm>"]
+    assert type(way).__name__ == "ToggleButtons"
+    way.value = "right"
+    assert quick_uri(grey(10, 0.5)) in image.value
+    assert (player.min, player.max) == (0, 1)
+
+
 def test_every_slider_is_labelled():
     fragment = page_fragment(explorer())
     sliders = re.findall(r'<input type="range" id="([^"]+)"', fragment)

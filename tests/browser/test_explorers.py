@@ -30,6 +30,16 @@ def shown(slider):
     return slider.evaluate("s => document.querySelector(`output[for='${s.id}']`).textContent")
 
 
+def at(slider) -> int:
+    """The stop at which a slider stands."""
+    return int(slider.get_attribute("data-stop"))
+
+
+def last(slider) -> int:
+    """The last stop of a slider."""
+    return slider.evaluate("s => s.list.options.length") - 1
+
+
 def move_to(slider, position: int) -> None:
     """Move a slider by keys alone."""
     slider.focus()
@@ -42,7 +52,7 @@ def sweep(slider, explorer) -> list:
     """The pictures from one end of a slider to the other, by arrow keys."""
     move_to(slider, 0)
     pictures = [picture(explorer)]
-    for _ in range(int(slider.get_attribute("max"))):
+    for _ in range(last(slider)):
         slider.press("ArrowRight")
         pictures.append(picture(explorer))
     return pictures
@@ -52,7 +62,7 @@ def test_every_slider_changes_the_picture_by_key(explorers):
     for explorer in explorers:
         name, before = explorer.locator("figcaption").text_content(), picture(explorer)
         for slider in explorer.locator("input[type=range]").all():
-            start = int(slider.input_value())
+            start = at(slider)
             pictures = sweep(slider, explorer)
             sources, alts = {source for source, _ in pictures}, {alt for _, alt in pictures}
             assert len(sources) > 1, f"{name}: {slider.get_attribute('id')} moves, the picture does not"
@@ -67,23 +77,39 @@ def test_every_slider_changes_the_picture_by_pointer(explorers):
             slider.scroll_into_view_if_needed()
             box = slider.bounding_box()
             middle = box["y"] + box["height"] / 2
-            start, seen = int(slider.input_value()), []
+            start, seen = at(slider), []
             for part in (0.01, 0.5, 0.99):
                 slider.page.mouse.click(box["x"] + part * box["width"], middle)
-                seen.append((slider.input_value(), shown(slider), picture(explorer)[0]))
-            assert seen[0][0] == "0"
-            assert seen[-1][0] == slider.get_attribute("max")
+                seen.append((at(slider), shown(slider), picture(explorer)[0]))
+            assert seen[0][0] == 0
+            assert seen[-1][0] == last(slider)
             assert seen[0][1] != seen[-1][1]
             assert len({source for _, _, source in seen}) > 1
             assert box["height"] >= 40, "too low for a thumb"
             move_to(slider, start)
 
 
+def test_every_choice_changes_the_picture(explorers):
+    for explorer in explorers:
+        for choice in explorer.locator("fieldset").all():
+            radios, seen = choice.locator("input[type=radio]").all(), []
+            before = picture(explorer)
+            start = next(k for k, radio in enumerate(radios) if radio.is_checked())
+            for radio in radios:
+                radio.check()
+                seen.append(picture(explorer))
+            assert len({source for source, _ in seen}) > 1
+            assert len({alt for _, alt in seen}) > 1
+            assert all(label.bounding_box()["height"] >= 40 for label in choice.locator("label").all())
+            radios[start].check()
+            assert picture(explorer) == before
+
+
 def test_sliders_work_from_the_file(visit, site, explorer_page):
     seen = visit(explorer_page, "file")
     for explorer in seen.page.locator("figure.pfslam-explorer").all():
         for slider in explorer.locator("input[type=range]").all():
-            start = int(slider.input_value())
+            start = at(slider)
             pictures = []
             for key in ("Home", "End"):
                 slider.press(key)
@@ -114,37 +140,35 @@ def test_play_starts_stops_and_ends(explorers):
         button = explorer.locator("button")
         if button.count() == 0:
             continue
-        sliders = explorer.locator("input[type=range]")
         data = explorer.evaluate(
             "f => JSON.parse(f.querySelector('script[type=\"application/json\"]').textContent)"
         )
-        player = sliders.nth(data["play"])
-        last = int(player.get_attribute("max"))
+        player = explorer.locator("input[type=range], fieldset").nth(data["play"])
         player.focus()
         player.press("Home")
         assert button.text_content() == "Play"
         button.click()
         assert button.text_content() == "Pause"
-        wait_for_value(player, 1)
+        wait_for_stop(player, 1)
         button.click()
         assert button.text_content() == "Play"
-        halted = player.input_value()
+        halted = at(player)
         player.page.wait_for_timeout(2 * data["pause"])
-        assert player.input_value() == halted, "it plays on after Pause"
+        assert at(player) == halted, "it plays on after Pause"
         player.focus()
         player.press("End")
         player.press("ArrowLeft")
         button.click()
-        wait_for_value(player, last)
+        wait_for_stop(player, last(player))
         button.page.wait_for_timeout(2 * data["pause"])
         assert button.text_content() == "Play", "it does not stop at the end"
 
 
-def wait_for_value(slider, value: int) -> None:
+def wait_for_stop(slider, stop: int) -> None:
     slider.evaluate(
-        "(s, value) => new Promise(done => { const t = setInterval(() => {"
-        " if (Number(s.value) >= value) { clearInterval(t); done(); } }, 10); })",
-        value,
+        "(s, stop) => new Promise(done => { const t = setInterval(() => {"
+        " if (Number(s.dataset.stop) >= stop) { clearInterval(t); done(); } }, 10); })",
+        stop,
     )
 
 

@@ -2,48 +2,91 @@
   "use strict";
   var root = document.currentScript.parentElement;
   var data = JSON.parse(root.querySelector('script[type="application/json"]').textContent);
-  var sliders = Array.from(root.querySelectorAll('input[type="range"]'));
   var image = root.querySelector("img"), status = root.querySelector('[role="status"]');
-  var button = root.querySelector("button"), player = sliders[data.play], timer = null;
+  var button = root.querySelector("button"), timer = null;
   var calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
 
-  function show(moved) {
-    if (data.alone && moved) {  // this page holds frames for one slider away from its start at a time
-      sliders.forEach(function (slider, k) { if (slider !== moved) slider.value = data.start[k]; });
+  // A control is {at, set, last}: the stop where it stands, a way to move it, and its last stop.
+  function slider(input, k) {
+    var places = data.places[k], output = root.querySelector('output[for="' + input.id + '"]');
+    var self = {at: data.start[k], last: places.length - 1, set: function (stop) {
+      self.at = Math.max(0, Math.min(self.last, stop));
+      input.value = places[self.at];
+      input.dataset.stop = self.at;
+      output.textContent = data.labels[k][self.at];
+      input.setAttribute("aria-valuetext", data.labels[k][self.at]);
+    }};
+    function nearest() {
+      var best = 0;
+      places.forEach(function (place, stop) {
+        if (Math.abs(place - input.value) < Math.abs(places[best] - input.value)) best = stop;
+      });
+      return best;
     }
-    sliders.forEach(function (slider, k) {
-      var text = data.labels[k][slider.value];
-      slider.setAttribute("aria-valuetext", text);
-      root.querySelector('output[for="' + slider.id + '"]').textContent = text;
+    input.addEventListener("input", function () { moved(k, nearest()); });
+    input.addEventListener("keydown", function (event) {
+      var step = {ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 1, PageDown: -1,
+                  Home: -self.last, End: self.last}[event.key];
+      if (step === undefined || event.altKey || event.ctrlKey || event.metaKey) return;
+      event.preventDefault();
+      moved(k, self.at + step);
     });
-    var state = data.states[sliders.map(function (slider) { return slider.value; }).join()];
+    return self;
+  }
+  function choice(fieldset, k) {
+    var radios = Array.from(fieldset.querySelectorAll("input"));
+    var self = {at: data.start[k], last: radios.length - 1, set: function (stop) {
+      self.at = Math.max(0, Math.min(self.last, stop));
+      radios[self.at].checked = true;
+    }};
+    radios.forEach(function (radio, stop) {
+      radio.addEventListener("change", function () { moved(k, stop); });
+    });
+    return self;
+  }
+  var controls = Array.from(root.querySelectorAll('input[type="range"], fieldset')).map(function (element, k) {
+    return element.matches("fieldset") ? choice(element, k) : slider(element, k);
+  });
+  var player = controls[data.play];
+
+  function show() {
+    var state = data.states[controls.map(function (control) { return control.at; }).join()];
     image.src = data.frames[state[0]];
     image.alt = data.alts[state[1]];
-    if (moved && timer === null) status.textContent = image.alt;
   }
-  function stop() {
+  function move(k, stop) {
+    if (data.alone) {  // this page holds frames for one control away from its start at a time
+      controls.forEach(function (control, other) { if (other !== k) control.set(data.start[other]); });
+    }
+    controls[k].set(stop);
+    show();
+  }
+  function moved(k, stop) {  // by the reader
+    stop_playing();
+    move(k, stop);
+    status.textContent = image.alt;
+  }
+  function stop_playing() {
     clearInterval(timer);
     timer = null;
     if (button) button.textContent = calm ? "Next" : "Play";
   }
   function step() {
-    player.value = Number(player.value) + 1;
-    show(player);
-    if (player.value === player.max) stop();
+    move(data.play, player.at + 1);
+    if (timer === null) status.textContent = image.alt;
+    if (player.at === player.last) stop_playing();
   }
-  sliders.forEach(function (slider) {
-    slider.addEventListener("input", function () { stop(); show(slider); });
-  });
   if (button) {
     button.addEventListener("click", function () {
-      if (timer !== null) { stop(); return; }
-      if (player.value === player.max) { player.value = player.min; show(player); if (calm) return; }
+      if (timer !== null) { stop_playing(); return; }
+      if (player.at === player.last) { move(data.play, 0); if (calm) return; }
       if (calm) { step(); return; }
       button.textContent = "Pause";
       timer = setInterval(step, data.pause);
     });
     button.hidden = false;
-    stop();
+    stop_playing();
   }
-  show(null);
+  controls.forEach(function (control, k) { control.set(data.start[k]); });
+  show();
 })();

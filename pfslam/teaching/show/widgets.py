@@ -21,13 +21,14 @@ from matplotlib.figure import Figure
 from .pictures import FRAME_QUALITY, data_uri, image_tag, output_mode, quick_uri, to_rgb
 
 MAX_FRAMES = 60  # about 1 MB on the page
+TRACK = 1000  # places on the track of a slider whose stops are not evenly spaced
 
 
 @dataclass(frozen=True)
 class Slider:
     """One control: the name of the argument of `draw` that it sets, and the values it takes.
 
-    values : the stops of the slider in the built book, in order: numbers, or words.
+    values : the stops in the built book, in order: numbers on a slider, or words, which become radio buttons.
     start : index of the stop shown first, and in print.
     label, unit : how the page names it; `form` formats the value.
     live : (low, high, step) of a continuous slider in JupyterLab; without it the same stops are used.
@@ -53,6 +54,29 @@ class Slider:
     @property
     def title(self) -> str:
         return self.label or self.name
+
+    @property
+    def is_choice(self) -> bool:
+        """Whether the values are words, which a reader must see all at once to choose from."""
+        return all(isinstance(value, str) for value in self.values)
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Where each stop lies on the track, as whole numbers from 0.
+
+        Evenly spaced values, and values that do not increase, are counted. All others lie where a linear scale has
+        them, or a logarithmic one if they are positive and the last is more than ten times the first.
+        """
+        counted = tuple(range(len(self.values)))
+        if self.is_choice or not all(isinstance(value, (int, float)) for value in self.values):
+            return counted
+        values = np.asarray(self.values, dtype=float)
+        if values[0] > 0 and values[-1] > 10 * values[0]:
+            values = np.log(values)
+        steps = np.diff(values)
+        if not np.isfinite(steps).all() or (steps <= 0).any() or np.ptp(steps) < 0.01 * steps.max():
+            return counted
+        return tuple(int(place) for place in np.rint(TRACK * (values - values[0]) / np.ptp(values)))
 
     def text(self, value) -> str:
         """A value as the reader sees it, with its unit."""
@@ -209,10 +233,13 @@ def _live_slider(control: Slider, plays: bool):
         start = control.values[control.start]
         return ipywidgets.FloatSlider(value=start, min=low, max=high, step=step, readout_format=".3g", **look)
     options = [(control.text(value), value) for value in control.values]
+    if control.is_choice:
+        look["style"]["button_width"] = "auto"
+        return ipywidgets.ToggleButtons(options=options, index=control.start, **look)
     return ipywidgets.SelectionSlider(options=options, index=control.start, **look)
 
 
-# ---- the page without a kernel: labelled range inputs, pictures as data, and a short script
+# ---- the page without a kernel: labelled range inputs and radio buttons, pictures as data, and a short script
 
 
 def page_fragment(explorer: Explorer) -> str:
@@ -234,7 +261,7 @@ def page_fragment(explorer: Explorer) -> str:
 {_buttons(explorer)}</div>
 <p class="pfslam-status" role="status" aria-live="polite"></p>
 <figcaption>{title}</figcaption>
-<noscript><p>The sliders need JavaScript; the picture shows their first position.</p></noscript>
+<noscript><p>The controls need JavaScript; the picture shows their first position.</p></noscript>
 <script type="application/json">{_json(_data(explorer, uris, alts))}</script>
 <script>{files("pfslam.teaching.show").joinpath("explorer.js").read_text(encoding="utf-8")}</script>
 </figure>"""
@@ -246,14 +273,28 @@ def _identifier(explorer: Explorer) -> str:
 
 
 def _row(identifier: str, control: Slider) -> str:
+    if control.is_choice:
+        return _choice(identifier, control)
     text = html.escape(control.text(control.values[control.start]))
     widest = max(len(control.text(value)) for value in control.values)  # or the slider would grow and shrink
+    marks = "".join(f'<option value="{place}"></option>' for place in control.places)
     return (
         f'<label for="{identifier}">{html.escape(control.title)}</label>'
         f'<output for="{identifier}" style="min-width:{widest}ch">{text}</output>'
-        f'<input type="range" id="{identifier}" min="0" max="{len(control.values) - 1}" step="1" '
-        f'value="{control.start}" autocomplete="off" aria-valuetext="{text}">'
+        f'<input type="range" id="{identifier}" list="{identifier}-stops" min="0" max="{control.places[-1]}" step="1" '
+        f'value="{control.places[control.start]}" autocomplete="off" aria-valuetext="{text}">'
+        f'<datalist id="{identifier}-stops">{marks}</datalist>'
     )
+
+
+def _choice(identifier: str, control: Slider) -> str:
+    """Radio buttons, so that all words are seen at once."""
+    buttons = "".join(
+        f'<label><input type="radio" name="{identifier}" value="{k}" autocomplete="off"'
+        f"{' checked' if k == control.start else ''}> {html.escape(control.text(value))}</label>"
+        for k, value in enumerate(control.values)
+    )
+    return f'<fieldset id="{identifier}"><legend>{html.escape(control.title)}</legend>{buttons}</fieldset>'
 
 
 def _buttons(explorer: Explorer) -> str:
@@ -277,6 +318,7 @@ def _data(explorer: Explorer, uris: dict, alts: dict) -> dict:
         "alone": explorer.one_at_a_time,
         "start": explorer.start,
         "labels": [[c.text(value) for value in c.values] for c in explorer.controls],
+        "places": [c.places for c in explorer.controls],
         "states": {",".join(map(str, s)): [frames.index(uris[s]), texts.index(alts[s])] for s in uris},
         "alts": texts,
         "frames": frames,
