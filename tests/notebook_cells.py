@@ -1,6 +1,7 @@
 """Cells of a chapter by tag, so that a test runs the very lines that the reader sees."""
 
 import json
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,9 @@ def source(chapter: str, tag: str) -> str:
 
 
 def defined(chapter: str, tag: str, **names) -> dict:
-    """What that cell defines when it runs with NumPy as ``np`` and the given names."""
-    space = {"np": np, **names}
+    """What that cell defines when it runs with NumPy as ``np``, its chapter's ``chNN`` and the given names."""
+    helpers = f"ch{chapter}"
+    space = {"np": np, helpers: import_module(f"pfslam.teaching.{helpers}"), **names}
     exec(source(chapter, tag), space)
     return space
 

@@ -13,15 +13,11 @@ from pfslam.teaching.ch05.weights import (
     raw_count_weights,
     weights_from,
 )
+from pfslam.teaching.show.tables import errors_by_label, read_table
 
 
 def from_notebook(tag, name):
-    checks = {
-        "check_update": check_update,
-        "check_resample": check_resample,
-        "check_mean_pose": check_mean_pose,
-    }
-    return defined("05", tag, **checks)[name]
+    return defined("05", tag)[name]
 
 
 def test_update_stub_and_solution():
@@ -117,3 +113,11 @@ def test_every_scheme_makes_n_w_copies_on_average():
     table = copies_table()
     assert all(mean == pytest.approx(3.0, abs=0.12) for mean, _ in table.values())
     assert table["systematic"][1] < 0.05 < table["multinomial"][1]
+
+
+def test_stored_runs_say_what_the_chapter_says_of_them():
+    errors = errors_by_label(read_table("ch05_cures"))
+    typical = {name: np.median(values) for name, values in errors.items()}
+    others = np.concatenate([errors["report"], errors["gentle clearing"]])
+    assert typical["gentle clearing"] < typical["report"] < typical["dead reckoning"]
+    assert errors["refined"].max() < min(0.02, others.min())

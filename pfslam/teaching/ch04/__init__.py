@@ -13,8 +13,7 @@ from pfslam.teaching.ch04.cost import (
 )
 from pfslam.teaching.ch04.scores import (
     LATTICE,
-    fit_explorer_alt,
-    fit_explorer_frame,
+    fit_explorer,
     heading_picture,
     question_picture,
     surfaces_picture,
@@ -42,15 +41,9 @@ from pfslam.teaching.show.drives import place_at
 from pfslam.teaching.show.source import (
     show_source,
 )
-from pfslam.teaching.show.widgets import (
-    Explorer,
-    Slider,
-)
 
 __all__ = [
     "LATTICE",
-    "Explorer",
-    "Slider",
     "best_shift",
     "block_by_definition",
     "block_from_volume",
@@ -62,8 +55,7 @@ __all__ = [
     "counts_where_they_stand",
     "fine_scores_picture",
     "first_index_walk",
-    "fit_explorer_alt",
-    "fit_explorer_frame",
+    "fit_explorer",
     "heading_picture",
     "match_on_empty_map",
     "n_eff",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +14,7 @@ from pfslam.teaching.show.drives import Place
 from pfslam.teaching.show.figures import draw_map
 from pfslam.teaching.show.pictures import Picture, steady
 from pfslam.teaching.show.style import COLOURS, new_figure
+from pfslam.teaching.show.widgets import Explorer, Slider
 
 LATTICE = Lattice(step_xy=0.05, step_yaw=0.005)
 """The report's steps: one cell of 5 cm in x and y, 0.005 rad in heading."""
@@ -110,29 +111,36 @@ def heading_picture(place: Place) -> Picture:
     return Picture(figure, alt)
 
 
-def fit_explorer_frame(place: Place) -> Callable[..., Figure]:
-    """The drawing function of the chapter's widget for one place."""
-
-    def draw(x: float, y: float, theta: float) -> Figure:
-        figure, (left, right) = new_figure(6.2, 3.7, columns=2, width_ratios=[1.25, 1])
-        points = place.moved(x, y, np.deg2rad(theta))
-        draw_fit(left, place, points, reach=3.5, size=6)
-        share = map_correlation(place.grid.occupied, place.grid.spec, points) / len(points)
-        left.set_title(f"{share:.0%} on walls")
-        draw_surface(right, surface(place, np.deg2rad(theta)) / len(points), 1.0, (x, y))
-        right.set_title("score at this heading")
-        return figure
-
-    return steady(draw)
+def draw_guess(place: Place, x: float, y: float, theta: float) -> Figure:
+    """The scan on the map from a guessed pose, and the scores of all shifts at that heading (degrees)."""
+    figure, (left, right) = new_figure(6.2, 3.7, columns=2, width_ratios=[1.25, 1])
+    points = place.moved(x, y, np.deg2rad(theta))
+    draw_fit(left, place, points, reach=3.5, size=6)
+    share = map_correlation(place.grid.occupied, place.grid.spec, points) / len(points)
+    left.set_title(f"{share:.0%} on walls")
+    draw_surface(right, surface(place, np.deg2rad(theta)) / len(points), 1.0, (x, y))
+    right.set_title("score at this heading")
+    return figure
 
 
-def fit_explorer_alt(place: Place) -> Callable[..., str]:
-    """The words for a frame of that widget."""
+def describe_guess(place: Place, x: float, y: float, theta: float) -> str:
+    """The same in words."""
+    count = map_correlation(place.grid.occupied, place.grid.spec, place.moved(x, y, np.deg2rad(theta)))
+    best = int(surface(place, np.deg2rad(theta)).max())
+    return f"""Scan moved by {x:.2f} m in x, {y:.2f} m in y and turned by {theta:.1f} degrees: {count} of
+    {len(place.points_b)} end points on walls. The best position at this heading scores {best}."""
 
-    def alt(x: float, y: float, theta: float) -> str:
-        count = map_correlation(place.grid.occupied, place.grid.spec, place.moved(x, y, np.deg2rad(theta)))
-        best = int(surface(place, np.deg2rad(theta)).max())
-        return f"""Scan moved by {x:.2f} m in x, {y:.2f} m in y and turned by {theta:.1f} degrees: {count} of
-        {len(place.points_b)} end points on walls. The best position at this heading scores {best}."""
 
-    return alt
+def fit_explorer(place: Place) -> Explorer:
+    """Three sliders that move the scan over the map until it fits."""
+    metres, live = {"unit": "m", "form": ".2f"}, (-0.4, 0.4, 0.01)
+    return Explorer(
+        steady(partial(draw_guess, place)),
+        [
+            Slider("x", [-0.2, -0.1, 0.0, 0.1, 0.2], 2, "Shift in x", **metres, live=live),
+            Slider("y", [-0.2, -0.1, 0.0], 2, "Shift in y", **metres, live=live),
+            Slider("theta", [-2.0, 0.0, 2.0, 4.0], 1, "Turn", "deg", ".1f", (-6.0, 6.0, 0.1)),
+        ],
+        alt=partial(describe_guess, place),
+        title="Slide the scan over the map",
+    )

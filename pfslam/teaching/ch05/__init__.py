@@ -17,10 +17,8 @@ from pfslam.teaching.ch05.measurements import (
     slip_picture,
 )
 from pfslam.teaching.ch05.play import (
-    FRAMES,
     dead_reckoned_maps_picture,
-    film_alt,
-    film_frame,
+    film_explorer,
     n_eff_picture,
     odometry_at,
     play,
@@ -40,16 +38,9 @@ from pfslam.teaching.show.tables import (
     errors_by_label,
     read_table,
 )
-from pfslam.teaching.show.widgets import (
-    Explorer,
-    Slider,
-)
 
 __all__ = [
-    "FRAMES",
     "GENTLE",
-    "Explorer",
-    "Slider",
     "check_mean_pose",
     "check_resample",
     "check_update",
@@ -61,8 +52,7 @@ __all__ = [
     "erosion_picture",
     "errors_by_label",
     "errors_picture",
-    "film_alt",
-    "film_frame",
+    "film_explorer",
     "first_seconds",
     "map_along",
     "n_eff_picture",

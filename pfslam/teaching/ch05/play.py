@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,6 +29,7 @@ from pfslam.teaching.show.figures import (
 )
 from pfslam.teaching.show.pictures import Picture, steady
 from pfslam.teaching.show.style import COLOURS, new_figure
+from pfslam.teaching.show.widgets import Explorer, Slider
 
 FRAMES = 20
 
@@ -131,37 +133,39 @@ def n_eff_picture(runs: dict[str, Played]) -> Picture:
 # ---- the film
 
 
-def film_frame(runs: dict[str, Played]) -> Callable[..., Figure]:
-    """The drawing function of the chapter's widget: one frame of one run."""
-
-    def draw(filter: str, frame: int) -> Figure:
-        run = runs[filter]
-        figure, axes = new_figure(6.2, 4.4, 2, 2, width_ratios=[1.6, 1], height_ratios=[1.5, 1])
-        grid_spec = axes[0, 0].get_gridspec()
-        for ax in axes[:, 0]:
-            ax.remove()
-        _draw_building(figure.add_subplot(grid_spec[:, 0]), run, frame)
-        _draw_cloud(axes[0, 1], run, frame)
-        _draw_n_eff(axes[1, 1], run, frame)
-        return figure
-
-    return steady(draw)
+def film_explorer(runs: dict[str, Played]) -> Explorer:
+    """The runs as films of ``FRAMES`` pictures: choose one and play it."""
+    frames = range(1, FRAMES + 1)
+    return Explorer(
+        steady(partial(_film_frame, runs)),
+        [Slider("name", list(runs), 0, "Filter"), Slider("frame", list(frames), FRAMES - 1, "Frame")],
+        alt=partial(_film_alt, runs),
+        title="The filter at work",
+        play="frame",
+    )
 
 
-def film_alt(runs: dict[str, Played]) -> Callable[..., str]:
-    """The words for a frame of the film."""
+def _film_frame(runs: dict[str, Played], name: str, frame: int) -> Figure:
+    run = runs[name]
+    figure, axes = new_figure(6.2, 4.4, 2, 2, width_ratios=[1.6, 1], height_ratios=[1.5, 1])
+    grid_spec = axes[0, 0].get_gridspec()
+    for ax in axes[:, 0]:
+        ax.remove()
+    _draw_building(figure.add_subplot(grid_spec[:, 0]), run, frame)
+    _draw_cloud(axes[0, 1], run, frame)
+    _draw_n_eff(axes[1, 1], run, frame)
+    return figure
 
-    def alt(filter: str, frame: int) -> str:
-        run = runs[filter]
-        k = run.shown[frame - 1]
-        info = run.infos[k]
-        error = np.hypot(*(info.estimate - run.recording.true_path().at(info.t))[:2])
-        spread = np.hypot(*info.particles.poses[:, :2].std(axis=0))
-        resamplings = sum(i.resampled for i in run.infos[: k + 1])
-        return f"""Filter {filter}, {run.seconds[k]:.0f} s: estimate {error:.2f} m from the truth, particles spread over
-        {spread:.2f} m, N_eff {run.n_eff_share[k]:.2f} of N_p, {resamplings} resamplings so far."""
 
-    return alt
+def _film_alt(runs: dict[str, Played], name: str, frame: int) -> str:
+    run = runs[name]
+    k = run.shown[frame - 1]
+    info = run.infos[k]
+    error = np.hypot(*(info.estimate - run.recording.true_path().at(info.t))[:2])
+    spread = np.hypot(*info.particles.poses[:, :2].std(axis=0))
+    resamplings = sum(i.resampled for i in run.infos[: k + 1])
+    return f"""Filter {name}, {run.seconds[k]:.0f} s: estimate {error:.2f} m from the truth, particles spread over
+    {spread:.2f} m, N_eff {run.n_eff_share[k]:.2f} of N_p, {resamplings} resamplings so far."""
 
 
 def _draw_building(axes: Axes, run: Played, frame: int) -> None:
