@@ -10,24 +10,17 @@ from pfslam.teaching.ch10.robot import (
     drives,
     faults_explorer,
     lever_explorer,
+    map_picture,
+    path_picture,
     run_figure,
     sharpest_lever,
     track_explorer,
-)
-from pfslam.teaching.show.figures import (
-    map_along,
-    map_figure,
-    trajectory_figure,
-)
-from pfslam.teaching.show.pictures import (
-    Picture,
 )
 from pfslam.teaching.show.source import (
     show_source,
 )
 
 __all__ = [
-    "Picture",
     "check_classify",
     "check_increments",
     "check_track",
@@ -35,11 +28,10 @@ __all__ = [
     "drives",
     "faults_explorer",
     "lever_explorer",
-    "map_along",
-    "map_figure",
+    "map_picture",
+    "path_picture",
     "run_figure",
     "sharpest_lever",
     "show_source",
     "track_explorer",
-    "trajectory_figure",
 ]

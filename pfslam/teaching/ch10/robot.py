@@ -15,11 +15,12 @@ from pfslam.datasets import data_folder
 from pfslam.evaluation.checkup import Finding, check_up
 from pfslam.evaluation.faults import first_seconds, missing_beams
 from pfslam.motion import controls
-from pfslam.poses import transform_points
-from pfslam.recording import Encoders, Imu, LidarScans, Recording
+from pfslam.poses import Trajectory, transform_points
+from pfslam.recording import Encoders, Imu, Recording
 from pfslam.runs import SlamResult
 from pfslam.sensors import scan_points
-from pfslam.teaching.show.figures import draw_trajectory, map_figure
+from pfslam.teaching.show.faults import clockwise, gyro_flipped, gyro_gap, late_scans
+from pfslam.teaching.show.figures import draw_trajectory, map_along, map_figure, trajectory_figure
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, INK, metric_axes, new_figure
 from pfslam.teaching.show.widgets import Explorer, Slider
@@ -34,25 +35,10 @@ def with_counts(recording: Recording, counts: np.ndarray) -> Recording:
     return replace(recording, encoders=Encoders(encoders.t, counts))
 
 
-def with_gyro(recording: Recording, factor: float) -> Recording:
-    """The recording with every angular velocity multiplied."""
+def gyro_in_degrees(recording: Recording) -> Recording:
+    """Return the recording with the gyro's degrees per second taken for radians per second."""
     _, imu = recording.wheels_and_gyro()
-    return replace(recording, imu=Imu(imu.t, factor * imu.angular_velocity, imu.acceleration_g))
-
-
-def with_scans(recording: Recording, late: float = 0.0, backwards: bool = False) -> Recording:
-    """The recording with scans stamped ``late`` s late, or with their beams numbered from the other end."""
-    scans = recording.scans()
-    ranges = scans.ranges[:, ::-1] if backwards else scans.ranges
-    return replace(recording, lidar=LidarScans(scans.t + late, ranges))
-
-
-def silent_gyro(recording: Recording, begin: float, seconds: float) -> Recording:
-    """The recording without gyro samples for a while."""
-    _, imu = recording.wheels_and_gyro()
-    since = imu.t - imu.t[0]
-    kept = (since < begin) | (since > begin + seconds)
-    return replace(recording, imu=Imu(imu.t[kept], imu.angular_velocity[kept], imu.acceleration_g[kept]))
+    return replace(recording, imu=Imu(imu.t, np.rad2deg(imu.angular_velocity), imu.acceleration_g))
 
 
 def wrapped(counts: np.ndarray, bits: int = 8) -> np.ndarray:
@@ -65,12 +51,12 @@ FAULTS: dict[str, Callable[[Recording], Recording]] = {
     HEALTHY: lambda r: r,
     "running totals": lambda r: with_counts(r, np.cumsum(r.wheels_and_gyro()[0].counts, axis=0)),
     "8-bit counter": lambda r: with_counts(r, wrapped(r.wheels_and_gyro()[0].counts)),
-    "gyro in degrees": lambda r: with_gyro(r, float(np.rad2deg(1.0))),
-    "gyro flipped": lambda r: with_gyro(r, -1.0),
-    "beams backwards": lambda r: with_scans(r, backwards=True),
-    "both mirrored": lambda r: with_scans(with_gyro(r, -1.0), backwards=True),
-    "scans 150 ms late": lambda r: with_scans(r, late=0.15),
-    "gyro silent for 3 s": lambda r: silent_gyro(r, 30.0, 3.0),
+    "gyro in degrees": gyro_in_degrees,
+    "gyro flipped": gyro_flipped,
+    "beams backwards": clockwise,
+    "both mirrored": lambda r: clockwise(gyro_flipped(r)),
+    "scans 150 ms late": lambda r: late_scans(r, 0.15),
+    "gyro silent for 3 s": lambda r: gyro_gap(r, 30.0, 3.0),
     "60 % of beams lost": lambda r: missing_beams(r, 0.6, np.random.default_rng(0)),
 }
 """By name: what some loader or some cable does to a recording."""
@@ -246,6 +232,23 @@ def drives() -> dict[str, tuple[str, Path | None]]:
         for path in sorted(place.glob("*.log")):
             found[path.stem] = (str(path), None)
     return found
+
+
+def path_picture(recording: Recording, path: Trajectory) -> Picture:
+    """Draw a recording's path by dead reckoning, the report's figure 1 for any data."""
+    figure = trajectory_figure(recording, path, "odometry", "Dead reckoning of the converted log")
+    apart = np.hypot(*path.poses[-1, :2])
+    return Picture(
+        figure, f"Path of the converted log by dead reckoning: it ends {apart:.1f} m from its start."
+    )
+
+
+def map_picture(recording: Recording, path: Trajectory) -> Picture:
+    """Draw the map that dead reckoning makes, the report's figure 5 for any data."""
+    figure = map_figure(map_along(recording, path, every=20), "Its map, drawn from dead reckoning")
+    return Picture(
+        figure, "Map of the converted log drawn from dead reckoning: corridors appear twice, at an angle."
+    )
 
 
 def run_figure(name: str, recording: Recording, result: SlamResult) -> Picture:
