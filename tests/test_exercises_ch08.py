@@ -6,9 +6,9 @@ from notebook_cells import defined
 
 import pfslam
 from pfslam.teaching.ch08.checks import check_diagnosis, check_find_shift, check_looks_broken
-from pfslam.teaching.ch08.mystery import FAULTS, Patient, mystery
+from pfslam.teaching.ch08.mystery import FAULTS, MysteryRobot, mystery
 
-SEED = 1  # of the ward in the chapter
+SEED = 1  # of the robots in the chapter
 
 
 def from_notebook(tag, name, **names):
@@ -21,7 +21,7 @@ def from_notebook(tag, name, **names):
 
 
 @pytest.fixture(scope="module")
-def patients():
+def robots():
     return mystery(pfslam.load("hall"), SEED)
 
 
@@ -84,33 +84,33 @@ def test_find_shift_hints():
     assert "minimum at" in check_find_shift(lambda cells: -0.25).message
 
 
-def test_diagnosis_stub_and_solution(patients):
-    stub = from_notebook("exercise-3", "diagnosis", patients=patients)
-    assert check_diagnosis(stub, patients).verdict == "unanswered"
-    assert check_diagnosis(from_notebook("solution-3", "diagnosis_solution", patients=patients), patients)
+def test_diagnosis_stub_and_solution(robots):
+    stub = from_notebook("exercise-3", "diagnosis", robots=robots)
+    assert check_diagnosis(stub, robots).verdict == "unanswered"
+    assert check_diagnosis(from_notebook("solution-3", "diagnosis_solution", robots=robots), robots)
 
 
-def patient(fault, **numbers):
+def robot(fault, **numbers):
     healthy = {"delay [s]": 0.0, "lever [m]": 0.01, "turn ratio": 1.0, "cut scans": 0.0, "metres lost": 0.0}
-    return Patient("A", fault, healthy | {k.replace("_", " "): v for k, v in numbers.items()}, None)
+    return MysteryRobot("A", fault, healthy | {k.replace("_", " "): v for k, v in numbers.items()}, None)
 
 
 def test_diagnosis_hints_name_the_number_that_rules_an_answer_out():
-    late = patient("clock")
+    late = robot("clock")
     late.numbers["delay [s]"] = 0.14
     assert "lever [m] is 0.01" in check_diagnosis({"A": "lever arm"}, [late]).message
     assert "delay [s]: 0.14" in check_diagnosis({"A": "healthy"}, [late]).message
-    assert "delay [s] is 0.00" in check_diagnosis({"A": "clock"}, [patient("healthy")]).message
-    turned = patient("track", turn_ratio=1.91)
+    assert "delay [s] is 0.00" in check_diagnosis({"A": "clock"}, [robot("healthy")]).message
+    turned = robot("track", turn_ratio=1.91)
     assert "compare the instruments" in check_diagnosis({"A": "clock"}, [turned]).message
-    closed = patient("renumbered beams", cut_scans=1.0)
+    closed = robot("renumbered beams", cut_scans=1.0)
     assert "raw scans" in check_diagnosis({"A": "lever arm"}, [closed]).message
     assert "none of" in check_diagnosis({"A": "bad luck"}, [late]).message
     assert "dictionary" in check_diagnosis({"B": "clock"}, [late]).message
     assert "dictionary" in check_diagnosis("clock", [late]).message
 
 
-def test_each_patient_shows_its_own_fault(patients):
+def test_each_robot_shows_its_own_fault(robots):
     """The number that the hints point to is the one that stands out."""
     stands_out = {
         "healthy": lambda n: abs(n["delay [s]"]) < 0.03 and abs(n["lever [m]"]) < 0.05,
@@ -121,8 +121,8 @@ def test_each_patient_shows_its_own_fault(patients):
         "lost second": lambda n: n["metres lost"] > 0.4,
     }
     assert set(stands_out) == set(FAULTS)
-    assert len({p.fault for p in patients}) == len(patients) == 4
-    for p in patients:
-        assert stands_out[p.fault](p.numbers), (p.fault, p.numbers)
-        raw = [f for f in ("track", "renumbered beams", "lost second") if stands_out[f](p.numbers)]
-        assert raw in ([], [p.fault])
+    assert len({r.fault for r in robots}) == len(robots) == 4
+    for r in robots:
+        assert stands_out[r.fault](r.numbers), (r.fault, r.numbers)
+        raw = [f for f in ("track", "renumbered beams", "lost second") if stands_out[f](r.numbers)]
+        assert raw in ([], [r.fault])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pfslam.poses import Trajectory, transform_points
-from pfslam.recording import RgbdStream, nearest_stamp
+from pfslam.recording import Recording, RgbdStream, nearest_stamp
 from pfslam.sensors import RgbdModel, scan_points
 from pfslam.simulator.cache import cached_simulation
 from pfslam.texture.floor import back_project, depth_from_disparity, to_world
@@ -107,3 +107,16 @@ def colour_shift(
     turned = truth.at(t + 0.05)[:, 2] - truth.at(t - 0.05)[:, 2]
     rate = np.abs((turned + np.pi) % (2 * np.pi) - np.pi) / 0.1
     return rate, np.hypot(*(there - here).T)
+
+
+def swap_pixels(recording: Recording) -> float:
+    """By how many columns a swapped principal point moves every pixel."""
+    camera = recording.robot.camera
+    return camera.centre_u - camera.centre_v
+
+
+def swap_angle_deg(recording: Recording, edge: float) -> float:
+    """The turn (deg) of a ray by the swapped principal point, from the middle (0) to the edge (1) of the image."""
+    camera = recording.robot.camera
+    across = edge * 0.5 * camera.width / camera.focal_u
+    return float(np.rad2deg(swap_pixels(recording) / camera.focal_u / (1.0 + across**2)))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pfslam.particles import multinomial_resample, stratified_resample, systematic_resample
-from pfslam.teaching.ch08.mystery import FAULTS, Patient
+from pfslam.teaching.ch08.mystery import FAULTS, MysteryRobot
 from pfslam.teaching.show.checks import Check, attempt, hint, is_unanswered, not_a_number, passed, unanswered
 
 Resampler = Callable[[np.ndarray, np.ndarray, np.random.Generator], tuple[np.ndarray, np.ndarray]]
@@ -130,40 +130,38 @@ RULED_OUT = {
 }
 
 
-def check_diagnosis(diagnosis, patients: list[Patient]) -> Check:
-    """Whether ``diagnosis`` names the fault of every patient: a dictionary from letter to name."""
+def check_diagnosis(diagnosis, robots: list[MysteryRobot]) -> Check:
+    """Whether ``diagnosis`` names the fault of every robot: a dictionary from letter to name."""
     if is_unanswered(diagnosis) or (isinstance(diagnosis, dict) and is_unanswered(list(diagnosis.values()))):
         return unanswered()
-    letters = [p.letter for p in patients]
+    letters = [r.letter for r in robots]
     if not isinstance(diagnosis, dict) or set(diagnosis) != set(letters):
         return hint(f"A dictionary with the letters {', '.join(letters)} is asked for.")
-    for patient in patients:
-        answer = diagnosis[patient.letter]
+    for robot in robots:
+        answer = diagnosis[robot.letter]
         if answer not in FAULTS:
             return hint(f"{answer!r} is none of {', '.join(FAULTS)}.")
-        if answer != patient.fault:
-            return hint(_objection(patient, answer))
-    return passed("All patients named. Another seed makes another ward.")
+        if answer != robot.fault:
+            return hint(_objection(robot, answer))
+    return passed("All robots named. Another seed makes other robots.")
 
 
-def _objection(patient: Patient, answer: str) -> str:
+def _objection(robot: MysteryRobot, answer: str) -> str:
     """The number that rules a wrong answer out."""
     if answer == "healthy":
-        column, sign = RULED_OUT[patient.fault]
+        column, sign = RULED_OUT[robot.fault]
+        return f"Robot {robot.letter} is not healthy. Look at its {column}: {robot.numbers[column]:.2f}."
+    letter, (column, sign) = robot.letter, RULED_OUT[answer]
+    if robot.fault == "track":
+        ratio = robot.numbers["turn ratio"]
         return (
-            f"Patient {patient.letter} is not healthy. Look at its {column}: {patient.numbers[column]:.2f}."
-        )
-    letter, (column, sign) = patient.letter, RULED_OUT[answer]
-    if patient.fault == "track":
-        ratio = patient.numbers["turn ratio"]
-        return (
-            f"Patient {letter}: its headings are wrong by themselves, so no fit to the filter's corrections can be "
+            f"Robot {letter}: its headings are wrong by themselves, so no fit to the filter's corrections can be "
             f"trusted. First compare the instruments with each other: turn ratio {ratio:.2f}."
         )
-    found = f"{patient.numbers[column]:.2f}"
-    if patient.fault == "renumbered beams":
+    found = f"{robot.numbers[column]:.2f}"
+    if robot.fault == "renumbered beams":
         return (
-            f"Patient {letter}: bearings that are wrong bend every fit ({column} {found}). Look at the raw scans "
-            f"before any fit: cut scans {patient.numbers['cut scans']:.2f}."
+            f"Robot {letter}: bearings that are wrong bend every fit ({column} {found}). Look at the raw scans "
+            f"before any fit: cut scans {robot.numbers['cut scans']:.2f}."
         )
-    return f"Patient {letter} has no {answer} fault: {sign}, and here {column} is {found}."
+    return f"Robot {letter} has no {answer} fault: {sign}, and here {column} is {found}."

@@ -138,19 +138,24 @@ def lever_fit(step, turn, shift) -> np.ndarray:
     return np.linalg.lstsq(causes, shift.T.ravel(), rcond=None)[0][1:]
 
 
+def body_corrections(path: Trajectory, odometry: Trajectory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Steps ``(K, 3)`` by odometry, and what a run's path added to them: headings ``(K,)`` and shifts ``(K, 2)``."""
+    step = between(odometry.at(path.t[:-1]), odometry.at(path.t[1:]))
+    matched = between(path.poses[:-1], path.poses[1:])
+    return step, wrap_angle(matched[:, 2] - step[:, 2]), matched[:, :2] - step[:, :2]
+
+
 def corrections(recording: Recording, seed: int = 0, every: int = 20) -> Corrections:
     """Run the refined filter with twenty particles and see where it disagrees with the odometry."""
     config = replace(SlamConfig.refined(), particles=20, every=every, tilt=None)
     path = run_slam(recording, config, rng=np.random.default_rng(seed), keep_particles=False).trajectory
     odometry = dead_reckoning(recording)
-    told = between(odometry.at(path.t[:-1]), odometry.at(path.t[1:]))
-    matched = between(path.poses[:-1], path.poses[1:])
-    heading, shift = wrap_angle(matched[:, 2] - told[:, 2]), matched[:, :2] - told[:, :2]
+    step, heading, shift = body_corrections(path, odometry)
     change = np.diff(_rate(odometry, path.t))
-    scale, delay = correction_fit(told[:, 2], change, np.diff(path.t), heading)
-    lever = lever_fit(told, told[:, 2], shift)
+    scale, delay = correction_fit(step[:, 2], change, np.diff(path.t), heading)
+    lever = lever_fit(step, step[:, 2], shift)
     ate = trajectory_error(path, recording.true_path()).ate_rmse_m
-    return Corrections(told[:, 2], change, heading, shift, delay, scale, lever, ate)
+    return Corrections(step[:, 2], change, heading, shift, delay, scale, lever, ate)
 
 
 # ---- one instrument against another
@@ -174,8 +179,8 @@ def ends_cut(recording: Recording) -> float:
     valid = recording.robot.lidar.valid(recording.scans().ranges)
     missing = ~valid.all(axis=1)
     in_order = (np.diff(valid.astype(int), axis=1) <= 0).all(axis=1)
-    told = int(np.count_nonzero(missing))
-    return float(np.count_nonzero(in_order & missing) / told) if told else 0.0
+    count = int(np.count_nonzero(missing))
+    return float(np.count_nonzero(in_order & missing) / count) if count else 0.0
 
 
 Inputs = Callable[[Controls], Controls]

@@ -24,7 +24,7 @@ from pfslam.teaching.ch08.data import (
     metres_lost,
     turn_ratio,
 )
-from pfslam.teaching.ch08.exhibit import COLOUR, Exhibit, few_ticks, small_map
+from pfslam.teaching.ch08.exhibit import COLOUR, Exhibit, by_name, few_ticks, small_map
 from pfslam.teaching.show.faults import (
     glass_pane,
     gyro_gap,
@@ -37,9 +37,9 @@ from pfslam.teaching.show.faults import (
 from pfslam.teaching.show.style import COLOURS
 
 DELAY = 0.15
-"""By how much the clock of the scans is off in the laboratory (s)."""
+"""By how much the clock of the scans is off (s)."""
 MIRRORED_X = -0.13323
-"""Where the program takes the LiDAR to be: behind the centre instead of before it (m)."""
+"""Where the program takes the LiDAR to be: behind the centre instead of in front of it (m)."""
 PANE = (300, 40)
 """First beam and number of beams of the glass pane."""
 GAP = (40.5, 1.0)
@@ -48,17 +48,17 @@ GAP = (40.5, 1.0)
 Panel = Callable[[Axes, str], str]
 
 
-def data_exhibits(recording: Recording) -> list[Exhibit]:
-    """The five faults of the data, each beside the healthy recording."""
-    lab = cut(recording, *BENDS)
-    healthy = corrections(lab)
-    return [
-        clock_exhibit(recording, lab, healthy),
-        lever_exhibit(recording, lab, healthy),
+def data_faults(recording: Recording) -> dict[str, Exhibit]:
+    """The five faults of the data by name, each beside the healthy recording."""
+    part = cut(recording, *BENDS)
+    healthy = corrections(part)
+    return by_name(
+        clock_exhibit(recording, part, healthy),
+        lever_exhibit(recording, part, healthy),
         track_exhibit(recording),
         beams_exhibit(recording),
         gap_exhibit(recording),
-    ]
+    )
 
 
 def pair(healthy, broken) -> dict:
@@ -81,7 +81,7 @@ def map_panel(grids: dict[str, OccupancyGrid]) -> Panel:
 
 
 def odometry_maps(healthy: Recording, broken: Recording) -> Panel:
-    """The maps of the last seconds of the laboratory, with its half turn."""
+    """The maps of the last seconds, with the half turn in the dead end."""
     return map_panel(pair(*(drawn_by_odometry(cut(r, *TURNS)) for r in (healthy, broken))))
 
 
@@ -101,9 +101,9 @@ def line_panel(points: dict[str, tuple[np.ndarray, np.ndarray, float]], x: str, 
     return draw
 
 
-def clock_exhibit(recording: Recording, lab: Recording, healthy: Corrections) -> Exhibit:
+def clock_exhibit(recording: Recording, part: Recording, healthy: Corrections) -> Exhibit:
     """Scans stamped too late."""
-    broken = corrections(late_scans(lab, DELAY))
+    broken = corrections(late_scans(part, DELAY))
 
     def points(c: Corrections) -> tuple[np.ndarray, np.ndarray, float]:
         rest = np.rad2deg(c.heading - (c.scale - 1.0) * c.turn)
@@ -126,10 +126,10 @@ def clock_exhibit(recording: Recording, lab: Recording, healthy: Corrections) ->
     )
 
 
-def lever_exhibit(recording: Recording, lab: Recording, healthy: Corrections) -> Exhibit:
-    """The LiDAR noted on the wrong side of the robot's centre."""
+def lever_exhibit(recording: Recording, part: Recording, healthy: Corrections) -> Exhibit:
+    """The LiDAR taken to be on the wrong side of the robot's centre."""
     y = recording.robot.lidar.position_b[1]
-    broken = corrections(lidar_at(lab, MIRRORED_X, y))
+    broken = corrections(lidar_at(part, MIRRORED_X, y))
 
     def points(c: Corrections) -> tuple[np.ndarray, np.ndarray, float]:
         return np.rad2deg(c.turn), 100 * c.shift[:, 1], float(100 * np.deg2rad(c.lever[0]))
@@ -142,7 +142,7 @@ def lever_exhibit(recording: Recording, lab: Recording, healthy: Corrections) ->
     )
     return Exhibit(
         "lever arm",
-        "the LiDAR is noted 0.13 m behind the centre, not before it",
+        "the program has the LiDAR 0.13 m behind the centre instead of in front of it",
         "lever error found",
         "m",
         pair(float(healthy.lever[0]), float(broken.lever[0])),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,9 +12,10 @@ from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.particles import Particles, resample, reweight
 from pfslam.recording import Recording
 from pfslam.runs import run_slam
-from pfslam.teaching.ch08.data import BENDS, corrections, cut
+from pfslam.teaching.ch08.data import BENDS, LAB, corrections, cut, turn_ratio
 from pfslam.teaching.ch08.data_exhibits import DELAY, MIRRORED_X
-from pfslam.teaching.show.faults import clockwise, gyro_flipped, late_scans, lidar_at
+from pfslam.teaching.show.faults import clockwise, gyro_flipped, heading_from_wheels, late_scans, lidar_at
+from pfslam.teaching.show.tables import Shown
 
 
 @dataclass(frozen=True)
@@ -27,9 +29,9 @@ class Cure:
 
 def cures(recording: Recording) -> dict[str, Cure]:
     """Clock and lever arm, cured by the numbers that the corrections gave away."""
-    lab = cut(recording, *BENDS)
-    healthy = corrections(lab).ate
-    late, moved = late_scans(lab, DELAY), lidar_at(lab, MIRRORED_X, 0.0)
+    part = cut(recording, *BENDS)
+    healthy = corrections(part).ate
+    late, moved = late_scans(part, DELAY), lidar_at(part, MIRRORED_X, 0.0)
     late_found, moved_found = corrections(late), corrections(moved)
     x, y = MIRRORED_X + moved_found.lever[0], moved_found.lever[1]
     return {
@@ -38,26 +40,43 @@ def cures(recording: Recording) -> dict[str, Cure]:
     }
 
 
-def cure_table(table: dict[str, Cure]) -> str:
-    """One line per fault, in centimetres."""
-    lines = [f"{'error [cm]':12s} healthy  broken   cured"]
-    for name, c in table.items():
-        lines.append(f"{name:12s} {100 * c.healthy:7.1f} {100 * c.broken:7.1f} {100 * c.cured:7.1f}")
-    return "\n".join(lines)
+def cures_table(found: dict[str, Cure]) -> Shown:
+    """One row per fault, in centimetres."""
+    rows = ((name, *(f"{100 * e:.1f}" for e in (c.healthy, c.broken, c.cured))) for name, c in found.items())
+    return Shown(("error [cm]", "healthy", "broken", "cured"), rows)
 
 
-def mirrored_worlds(recording: Recording) -> dict[str, tuple[float, float]]:
-    """(median score per beam, error in m) with the scan turned round, with the gyro turned round too, and healthy."""
-    lab = cut(recording, *BENDS)
-    worlds = {"healthy": lab, "scan flipped": clockwise(lab), "both flipped": gyro_flipped(clockwise(lab))}
+@dataclass(frozen=True)
+class World:
+    """Median score per beam of a run, its error (m), and how far the wheels turn for each radian of the gyro."""
+
+    score: float
+    error: float
+    wheels_per_gyro: float
+
+
+def mirrored_worlds(recording: Recording) -> dict[str, World]:
+    """The healthy recording, the scan read in the wrong sense, and the gyro turned round as well."""
+    flipped = clockwise(recording)
+    worlds = {"healthy": recording, "scan flipped": flipped, "both flipped": gyro_flipped(flipped)}
+    return {name: _world(world) for name, world in worlds.items()}
+
+
+def _world(recording: Recording) -> World:
     config = replace(SlamConfig.refined(), particles=20, every=20, tilt=None)
-    return {name: _score_and_error(world, config) for name, world in worlds.items()}
+    part = cut(recording, *BENDS)
+    result = run_slam(part, config, rng=np.random.default_rng(0), keep_particles=False)
+    score = float(np.median([info.score for info in result.infos if info.matched]))
+    error = trajectory_error(result.trajectory, part.true_path()).ate_rmse_m
+    return World(score, error, turn_ratio(heading_from_wheels(recording), recording, *LAB))
 
 
-def _score_and_error(recording: Recording, config: SlamConfig) -> tuple[float, float]:
-    result = run_slam(recording, config, rng=np.random.default_rng(0), keep_particles=False)
-    error = trajectory_error(result.trajectory, recording.true_path()).ate_rmse_m
-    return float(np.median([info.score for info in result.infos if info.matched])), error
+def mirrored_table(worlds: dict[str, World]) -> Shown:
+    """One row for each world."""
+    rows = (
+        (name, f"{w.score:.2f}", f"{w.error:.2f}", f"{w.wheels_per_gyro:+.2f}") for name, w in worlds.items()
+    )
+    return Shown(("", "mean score", "error [m]", "turn by wheels / by gyro"), rows)
 
 
 def standing_cloud(scans: int, n: int = 200, sigma: float = 0.05, off: float = 0.03) -> Particles:
@@ -72,3 +91,10 @@ def standing_cloud(scans: int, n: int = 200, sigma: float = 0.05, off: float = 0
         cloud, _ = reweight(cloud, -0.5 * ((cloud.poses[:, 0] - off) / sigma) ** 2)
         cloud = resample(cloud, rng)
     return cloud
+
+
+def standing_table(scans: Iterable[int]) -> Shown:
+    """Mean and spread (cm) of the standing cloud after each number of scans."""
+    clouds = {n: 100 * standing_cloud(n).poses[:, 0] for n in scans}
+    rows = ((str(n), f"{x.mean():.1f}", f"{x.std():.1f}") for n, x in clouds.items())
+    return Shown(("scans used", "mean [cm]", "spread [cm]"), rows)

@@ -1,4 +1,4 @@
-"""Chapter 08: what all its pictures share. An exhibit is one fault with its symptom, its diagnosis and its number."""
+"""Chapter 08: what all its pictures share: an exhibit is one fault with its symptom, its diagnosis and its number."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from pfslam.grid import OccupancyGrid
 from pfslam.teaching.ch08.data import Turn
 from pfslam.teaching.show.figures import draw_map
 from pfslam.teaching.show.style import COLOURS, new_figure
+from pfslam.teaching.show.tables import Shown
 from pfslam.teaching.show.widgets import Explorer, Slider
 
 STATES = ("healthy", "broken")
@@ -37,6 +38,16 @@ class Exhibit:
     symptom: Callable[[Axes, str], str]
     diagnosis: Callable[[Axes, str], str]
 
+    @property
+    def healthy(self) -> float:
+        """The number without the fault."""
+        return self.reading["healthy"]
+
+    @property
+    def broken(self) -> float:
+        """The number with the fault."""
+        return self.reading["broken"]
+
     def value(self, state: str) -> str:
         """The number in words, rounded to what matters; a count has no decimals."""
         return f"{self.number} {round(self.reading[state], 2) + 0.0:g} {self.unit}".strip()
@@ -55,13 +66,17 @@ def exhibit_frame(exhibit: Exhibit, state: str) -> tuple[Figure, str]:
     return figure, alt
 
 
-def bench(exhibits: list[Exhibit], title: str) -> Explorer:
-    """The widget of a family of faults: which fault, and healthy or broken."""
-    by_name = {exhibit.name: exhibit for exhibit in exhibits}
+def by_name(*exhibits: Exhibit) -> dict[str, Exhibit]:
+    """Exhibits under their names."""
+    return {exhibit.name: exhibit for exhibit in exhibits}
+
+
+def faults_explorer(exhibits: dict[str, Exhibit], title: str) -> Explorer:
+    """The widget of a family of faults lets the reader choose the fault, and healthy or broken."""
     words: dict[tuple[str, str], str] = {}  # of what has been drawn: not drawn again for its words
 
     def draw(fault: str, state: str) -> Figure:
-        figure, words[fault, state] = exhibit_frame(by_name[fault], state)
+        figure, words[fault, state] = exhibit_frame(exhibits[fault], state)
         return figure
 
     def alt(fault: str, state: str) -> str:
@@ -70,19 +85,20 @@ def bench(exhibits: list[Exhibit], title: str) -> Explorer:
         return words[fault, state]
 
     controls = [
-        Slider("fault", list(by_name), label="Fault"),
+        Slider("fault", list(exhibits), label="Fault"),
         Slider("state", STATES, start=1, label="State"),
     ]
     return Explorer(draw, controls, alt=alt, title=title)
 
 
-def readings(exhibits: list[Exhibit]) -> str:
-    """One line per fault: the number that gives it away, healthy and broken."""
-    lines = [f"{'fault':20s} {'number':34s} healthy  broken"]
-    for e in exhibits:
-        good, bad = (round(e.reading[state], 2) + 0.0 for state in STATES)
-        lines.append(f"{e.name:20s} {e.number:34s} {good:7.2f} {bad:7.2f} {e.unit}".rstrip())
-    return "\n".join(lines)
+def readings_table(exhibits: dict[str, Exhibit]) -> Shown:
+    """One row per fault shows the number that gives it away, healthy and broken."""
+    rows = []
+    for name, exhibit in exhibits.items():
+        good, bad = (f"{round(exhibit.reading[state], 2) + 0.0:.2f}" for state in STATES)
+        unit = f" [{exhibit.unit}]" if exhibit.unit else ""
+        rows.append((f"{name}: {exhibit.number}{unit}", good, bad))
+    return Shown(("fault and its number", *STATES), rows)
 
 
 def small_map(axes: Axes, grid: OccupancyGrid) -> None:

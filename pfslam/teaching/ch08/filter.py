@@ -66,6 +66,11 @@ class LabRun:
         return np.array([np.hypot(*i.particles.poses[:, :2].std(axis=0)) for i in self.infos])
 
     @property
+    def typical_spread(self) -> float:
+        """The median of that over the run (m)."""
+        return float(np.median(self.spread))
+
+    @property
     def seconds(self) -> np.ndarray:
         return np.array([i.t for i in self.infos]) - self.infos[0].t
 

@@ -10,7 +10,7 @@ from pfslam.particles import Particles
 from pfslam.recording import Recording
 from pfslam.teaching.ch08.data import BENDS, cut
 from pfslam.teaching.ch08.data_exhibits import Panel, pair
-from pfslam.teaching.ch08.exhibit import COLOUR, STATES, Exhibit, few_ticks
+from pfslam.teaching.ch08.exhibit import COLOUR, STATES, Exhibit, by_name, few_ticks
 from pfslam.teaching.ch08.filter import (
     LabRun,
     cloud_without_scans,
@@ -30,6 +30,7 @@ from pfslam.teaching.show.faults import (
     whole_rows,
 )
 from pfslam.teaching.show.style import COLOURS
+from pfslam.teaching.show.tables import Shown
 
 
 def filter_runs(recording: Recording, seed: int = 0) -> dict[str, LabRun]:
@@ -44,15 +45,15 @@ def filter_runs(recording: Recording, seed: int = 0) -> dict[str, LabRun]:
     }
 
 
-def filter_exhibits(recording: Recording, runs: dict[str, LabRun]) -> list[Exhibit]:
-    """The four faults of the filter, each beside the healthy run."""
+def filter_faults(recording: Recording, runs: dict[str, LabRun]) -> dict[str, Exhibit]:
+    """The four faults of the filter by name, each beside the healthy run."""
     lab, config = cut(recording, *BENDS), plain_filter()
-    return [
+    return by_name(
         sharp_exhibit(runs),
         kept_exhibit(runs),
         torn_exhibit(recording, runs),
         blind_exhibit(lab, config, runs),
-    ]
+    )
 
 
 def error_panel(runs: dict[str, LabRun]) -> Panel:
@@ -144,13 +145,11 @@ def torn_exhibit(recording: Recording, runs: dict[str, LabRun]) -> Exhibit:
     return Exhibit("torn rows", what, "share of rows known before", "", reading, symptom, diagnosis)
 
 
-def errors_over_seeds(recording: Recording, first: dict[str, LabRun], seeds: int = 3) -> str:
-    """Error of each filter, healthy or not, over some seeds, the first of which has been run: one line each."""
+def errors_over_seeds(recording: Recording, first: dict[str, LabRun], seeds: int = 3) -> Shown:
+    """Errors in cm of each filter, healthy or not, over some seeds, the first of which has been run."""
     more = [first, *(filter_runs(recording, seed) for seed in range(1, seeds))]
-    lines = [f"{'error [cm]':14s}" + "".join(f"  seed {seed}" for seed in range(seeds))]
-    for name in first:
-        lines.append(f"{name:14s}" + "".join(f"{100 * runs[name].ate:8.1f}" for runs in more))
-    return "\n".join(lines)
+    head = ("error [cm]", *(f"seed {seed}" for seed in range(seeds)))
+    return Shown(head, ((name, *(f"{100 * runs[name].ate:.1f}" for runs in more)) for name in first))
 
 
 def blind_exhibit(lab: Recording, config: SlamConfig, runs: dict[str, LabRun]) -> Exhibit:

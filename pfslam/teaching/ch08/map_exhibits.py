@@ -20,19 +20,19 @@ from pfslam.teaching.ch08.camera import (
     wall_turn_deg,
 )
 from pfslam.teaching.ch08.data_exhibits import pair
-from pfslam.teaching.ch08.exhibit import COLOUR, STATES, Exhibit, few_ticks, small_map
+from pfslam.teaching.ch08.exhibit import COLOUR, STATES, Exhibit, by_name, few_ticks, small_map
 from pfslam.teaching.ch08.filter import best_shift, door_map, door_scans, self_match
 from pfslam.teaching.show.faults import disparity_offset_by, pairs_by_number, swapped_centre
 from pfslam.teaching.show.style import COLOURS
 
 COUNTS = 20.0
-"""By how many counts the disparities are off in the laboratory."""
+"""By how many counts the disparities are off."""
 SHIFTS = np.arange(-0.1, 0.1001, 0.005)
 
 
-def map_exhibits(recording: Recording) -> list[Exhibit]:
-    """Two faults of the map, each beside a healthy one."""
-    return [door_exhibit(recording), rounding_exhibit(recording)]
+def map_faults(recording: Recording) -> dict[str, Exhibit]:
+    """Two faults of the map by name, each beside a healthy one."""
+    return by_name(door_exhibit(recording), rounding_exhibit(recording))
 
 
 def door_exhibit(recording: Recording) -> Exhibit:
@@ -93,9 +93,9 @@ def rounding_exhibit(recording: Recording) -> Exhibit:
     return Exhibit("half a cell", what, "best shift of a scan on itself", "cm", reading, symptom, diagnosis)
 
 
-def camera_exhibits(recording: Recording) -> list[Exhibit]:
-    """Three faults of the camera, each beside the healthy one."""
-    return [*model_exhibits(recording), pairing_exhibit(recording)]
+def camera_faults(recording: Recording) -> dict[str, Exhibit]:
+    """Three faults of the camera by name, each beside the healthy one."""
+    return by_name(*model_exhibits(recording), pairing_exhibit(recording))
 
 
 def model_exhibits(recording: Recording) -> list[Exhibit]:

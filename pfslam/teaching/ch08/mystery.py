@@ -32,14 +32,15 @@ from pfslam.teaching.show.faults import (
 )
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import new_figure
+from pfslam.teaching.show.tables import Shown
 
 FAULTS = ("healthy", "clock", "lever arm", "track", "renumbered beams", "lost second")
 COLUMNS = ("delay [s]", "lever [m]", "turn ratio", "cut scans", "metres lost")
 
 
 @dataclass(frozen=True, eq=False)
-class Patient:
-    """A recording, the numbers of ``COLUMNS`` measured on it, the map that its odometry draws, and its fault."""
+class MysteryRobot:
+    """A recording's numbers under the names of ``COLUMNS``, the map that its odometry draws, and its hidden fault."""
 
     letter: str
     fault: str
@@ -47,7 +48,7 @@ class Patient:
     grid: OccupancyGrid
 
 
-def fall_ill(recording: Recording, fault: str, rng: np.random.Generator) -> Recording:
+def with_fault(recording: Recording, fault: str, rng: np.random.Generator) -> Recording:
     """The recording with a fault of random size and sign."""
     x, y, _ = recording.robot.lidar.position_b
     sign = rng.choice([-1.0, 1.0])
@@ -65,41 +66,41 @@ def fall_ill(recording: Recording, fault: str, rng: np.random.Generator) -> Reco
     return pane  # a healthy robot may meet glass
 
 
-def examine(letter: str, fault: str, ill: Recording, healthy: Recording) -> Patient:
-    """Measure everything on one recording."""
-    lost = metres_lost(ill, skip_gaps) if fault == "lost second" else metres_lost(ill)
-    inputs = skip_gaps(controls(ill)) if fault == "lost second" else None
-    found = corrections(cut(ill, *BENDS))
-    values = (found.delay, float(found.lever[0]), turn_ratio(ill, healthy, *LAB), ends_cut(ill), lost)
+def measured(letter: str, fault: str, recording: Recording, healthy: Recording) -> MysteryRobot:
+    """All numbers of one recording that may have a fault."""
+    skips = fault == "lost second"
+    lost = metres_lost(recording, skip_gaps) if skips else metres_lost(recording)
+    inputs = skip_gaps(controls(recording)) if skips else None
+    found = corrections(cut(recording, *BENDS))
+    ratio = turn_ratio(recording, healthy, *LAB)
+    values = (found.delay, float(found.lever[0]), ratio, ends_cut(recording), lost)
     numbers = {name: round(value, 2) + 0.0 for name, value in zip(COLUMNS, values, strict=True)}
-    return Patient(letter, fault, numbers, drawn_by_odometry(cut(ill, *TURNS), inputs))
+    return MysteryRobot(letter, fault, numbers, drawn_by_odometry(cut(recording, *TURNS), inputs))
 
 
-def mystery(recording: Recording, seed: int, patients: int = 4) -> list[Patient]:
-    """Some patients, each with another fault, or none; which has which depends on the seed."""
+def mystery(recording: Recording, seed: int, robots: int = 4) -> list[MysteryRobot]:
+    """Some robots, each with another fault or none; which has which depends on the seed."""
     rng = np.random.default_rng(seed)
-    faults = rng.permutation(FAULTS)[:patients]
+    faults = rng.permutation(FAULTS)[:robots]
     return [
-        examine(letter, str(fault), fall_ill(recording, str(fault), rng), recording)
+        measured(letter, str(fault), with_fault(recording, str(fault), rng), recording)
         for letter, fault in zip("ABCDEF", faults, strict=False)
     ]
 
 
-def chart(patients: list[Patient]) -> str:
-    """The numbers of all patients, one line each."""
-    lines = [" " * 8 + "".join(f"{name:>13s}" for name in COLUMNS)]
-    for p in patients:
-        lines.append(f"{p.letter:8s}" + "".join(f"{p.numbers[name]:13.2f}" for name in COLUMNS))
-    return "\n".join(lines)
+def mystery_table(robots: list[MysteryRobot]) -> Shown:
+    """The numbers of all robots, one row each."""
+    rows = ((r.letter, *(f"{r.numbers[name]:.2f}" for name in COLUMNS)) for r in robots)
+    return Shown(("robot", *COLUMNS), rows)
 
 
-def ward_picture(patients: list[Patient]) -> Picture:
-    """What the odometry of each patient draws."""
+def mystery_picture(robots: list[MysteryRobot]) -> Picture:
+    """What the odometry of each robot draws."""
     figure, axes = new_figure(6.2, 6.4, rows=2, columns=2)
-    for ax, patient in zip(axes.flat, patients, strict=True):
-        small_map(ax, patient.grid)
-        few_ticks(ax, xlim=(-7, 5), ylim=(-6, 6.5), title=f"patient {patient.letter}")
-    cells = [f"{p.letter}: {np.count_nonzero(p.grid.occupied)}" for p in patients]
+    for ax, robot in zip(axes.flat, robots, strict=True):
+        small_map(ax, robot.grid)
+        few_ticks(ax, xlim=(-7, 5), ylim=(-6, 6.5), title=f"robot {robot.letter}")
+    cells = [f"{r.letter}: {np.count_nonzero(r.grid.occupied)}" for r in robots]
     return Picture(
         figure, f"Maps drawn along odometry. Wall cells: {', '.join(cells)}. The fewer, the sharper."
     )

@@ -1,8 +1,9 @@
-"""The stored tables of studies, as chapters read them."""
+"""The stored tables of studies as chapters read them, and tables as a cell shows them."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from pfslam.errors import DataError
 from pfslam.study.table import Table
 from pfslam.study.table import read_table as read_table_file
+from pfslam.teaching.show.pictures import output_mode
 
 CHAPTERS = Path(__file__).resolve().parents[1]
 ERROR = "ate_rmse_m"
@@ -62,3 +64,37 @@ def labels_of(table: Table) -> list[str]:
 def errors_by_label(table: Table, column: str = ERROR) -> dict[str, np.ndarray]:
     """The values of one column, one array for each label."""
     return {label: select(table, label=label)[column] for label in labels_of(table)}
+
+
+class Shown:
+    """A table as the last expression of a cell: aligned text in a committed notebook, a real table on a page.
+
+    The first column is text and the others are numbers, which are set to the right.
+    """
+
+    def __init__(self, head: Sequence[str], rows: Iterable[Sequence[str]]):
+        self.head, self.rows = list(head), [list(row) for row in rows]
+        for row in self.rows:
+            if len(row) != len(self.head):
+                raise ValueError(f"a row has {len(row)} cells, expected {len(self.head)}: {row}")
+
+    def __repr__(self) -> str:
+        lines = [self.head, *self.rows]
+        widths = [max(len(line[k]) for line in lines) for k in range(len(self.head))]
+        return "\n".join(
+            "  ".join(
+                cell.rjust(width) if k else cell.ljust(width)
+                for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+            ).rstrip()
+            for line in lines
+        )
+
+    def markdown(self) -> str:
+        """The table in Markdown."""
+        rule = ["---", *["---:"] * (len(self.head) - 1)]
+        return "\n".join("| " + " | ".join(line) + " |" for line in (self.head, rule, *self.rows))
+
+    def _repr_mimebundle_(self, include=None, exclude=None) -> dict[str, str]:
+        if output_mode() == "text":
+            return {"text/plain": repr(self)}
+        return {"text/plain": repr(self), "text/markdown": self.markdown()}
