@@ -1,116 +1,223 @@
-"""Exercises of chapter 03, and the two things that its pictures rest on."""
+"""Exercises of chapter 03: right answers in many styles, wrong ones and the words for each; and its pictures."""
 
 import numpy as np
 import pytest
 from notebook_cells import defined
 
-from pfslam.motion import Controls, motion_model
+from pfslam.motion import Controls, motion_model, motion_model_arc
 from pfslam.particles import ControlNoise, Particles, predict
-from pfslam.poses import average_pose, wrap_angle
+from pfslam.poses import wrap_angle
+from pfslam.teaching import ch03
 from pfslam.teaching.ch03 import mean as ch03_mean
 from pfslam.teaching.ch03 import models as ch03_models
-from pfslam.teaching.ch03.checks import check_heading_spread, check_mean_pose, check_predict
 from pfslam.teaching.ch03.cloud import fan
 from pfslam.teaching.ch03.corridor import STEP, corridor_walk, predict_belief, update_belief
 
+EXERCISES = {
+    1: ("spread_of_heading", ch03.check_heading_spread),
+    2: ("move", ch03.check_predict),
+    3: ("track", ch03.check_track),
+}
 
-def from_notebook(tag, name):
-    return defined("03", tag, motion_model=motion_model)[name]
+
+@pytest.mark.parametrize("number", EXERCISES)
+def test_the_stub_is_unanswered_and_the_solution_right(number):
+    name, check = EXERCISES[number]
+    stub = defined("03", f"exercise-{number}", motion_model=motion_model)[name]
+    solution = defined("03", f"solution-{number}", motion_model=motion_model)[f"{name}_solution"]
+    assert check(stub).verdict == "unanswered"
+    assert check(solution)
 
 
-def test_heading_spread_stub_and_solution():
-    assert check_heading_spread(from_notebook("exercise-1", "spread_of_heading")).verdict == "unanswered"
-    assert check_heading_spread(from_notebook("solution-1", "spread_of_heading_solution"))
+# ---- right answers: loops, lists, float32, four digits, other containers, complex numbers
+
+
+def spread_by_variances(sigma_omega, rate, seconds):
+    variance = sum((sigma_omega / rate) ** 2 for _ in range(round(rate * seconds * 1000))) / 1000
+    return [57.3 * variance**0.5]
+
+
+def move_in_a_loop(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    moved = []
+    for x, y, theta in poses.tolist():
+        a, b = v + rng.normal(0, sigma_v), omega + rng.normal(0, sigma_omega)
+        moved.append((x + dt * a * np.cos(theta), y + dt * a * np.sin(theta), theta + dt * b))
+    return moved
+
+
+def move_float32(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    noise = rng.standard_normal((len(poses), 2), dtype=np.float32) * np.float32([sigma_v, sigma_omega])
+    poses = poses.astype(np.float32)
+    return motion_model(poses, (v + noise[:, 0]), (omega + noise[:, 1]), dt).astype(np.float32)
+
+
+def move_complex(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    a, b = rng.normal([[v], [omega]], [[sigma_v], [sigma_omega]], (2, len(poses)))
+    z = poses[:, 0] + 1j * poses[:, 1] + dt * a * np.exp(1j * poses[:, 2])
+    return np.stack([z.real, z.imag, poses[:, 2] + dt * b], axis=1)
+
+
+def track_in_loops(belief, looks, step):
+    belief = list(belief)
+    for k, look in enumerate(looks):
+        if k:
+            moved = [0.0] * len(belief)
+            for i, p in enumerate(belief):
+                for cells, chance in step.items():
+                    moved[(i + cells) % len(belief)] += p * chance
+            belief = moved
+        belief = [a * b for a, b in zip(belief, look, strict=True)]
+        belief = [b / sum(belief) for b in belief]
+    return tuple(belief)
+
+
+def track_by_matrix(belief, looks, step):
+    move = sum(p * np.roll(np.eye(len(belief)), cells, axis=0) for cells, p in step.items())
+    for k, look in enumerate(looks):
+        belief = np.float32(look * (move @ belief if k else belief))
+    return belief / belief.sum()
 
 
 @pytest.mark.parametrize(
-    ("answer", "words"),
+    ("check", "answer"),
     [
-        (lambda sigma, rate, seconds: np.rad2deg(sigma * seconds), "a bias"),
-        (lambda sigma, rate, seconds: np.rad2deg(sigma * np.sqrt(seconds)), "where is the sample rate"),
-        (lambda sigma, rate, seconds: sigma * np.sqrt(seconds / rate), "in radians"),
-        (lambda sigma, rate, seconds: np.rad2deg(np.sqrt(sigma * seconds / rate)), "for a variance"),
-        (lambda sigma, rate, seconds: "wide", "One number"),
-        (lambda sigma, rate, seconds: 1.0, "expected 4.584 degrees"),
+        (ch03.check_heading_spread, lambda s, rate, t: round(float(np.rad2deg(s * (t / rate) ** 0.5)), 4)),
+        (ch03.check_heading_spread, lambda s, rate, t: np.float32(s * 180 / np.pi) * np.sqrt(t / rate)),
+        (ch03.check_heading_spread, lambda s, rate, t: np.array([57.3 * s * (t / rate) ** 0.5])),
+        (ch03.check_predict, move_in_a_loop),
+        (ch03.check_predict, move_float32),
+        (ch03.check_predict, move_complex),
+        (ch03.check_track, track_in_loops),
+        (ch03.check_track, track_by_matrix),
+        (ch03.check_track, lambda b, looks, s: np.round(track_by_matrix(b, looks, s), 5)),
     ],
 )
-def test_heading_spread_hints(answer, words):
-    assert words in check_heading_spread(answer).message
+def test_the_same_in_another_style_is_right_too(check, answer):
+    assert check(answer), check(answer)
 
 
-def test_predict_stub_and_solution():
-    assert check_predict(from_notebook("exercise-2", "my_predict")).verdict == "unanswered"
-    assert check_predict(from_notebook("solution-2", "my_predict_solution"))
+# ---- wrong answers
 
 
-def one_draw(poses, v, omega, dt, sigma_v, sigma_omega, rng):
-    return motion_model(poses, v + rng.normal(0, sigma_v), omega + rng.normal(0, sigma_omega), dt)
+def moving(
+    noise_v=1.0,
+    noise_omega=1.0,
+    v=1.0,
+    omega=1.0,
+    draw="both",
+    model=motion_model,
+    jitter=0.0,
+    shape="normal",
+):
+    """A prediction with one thing wrong: factors on noise and controls, another draw, model or shape of noise."""
+
+    def wrong(poses, v_, omega_, dt, sigma_v, sigma_omega, rng):
+        n = {"one for all": 1, "one for both": len(poses)}.get(draw, len(poses))
+        draws = rng.standard_normal((2, n)) if shape == "normal" else rng.uniform(-(3**0.5), 3**0.5, (2, n))
+        a, b = (draws[0], draws[0]) if draw == "one for both" else draws
+        sigma_v = noise_v(sigma_v, v_, dt) if callable(noise_v) else noise_v * sigma_v
+        sigma_omega = (
+            noise_omega(sigma_omega, omega_, dt) if callable(noise_omega) else noise_omega * sigma_omega
+        )
+        moved = model(poses, v * v_ + sigma_v * a, omega * omega_ + sigma_omega * b, dt)
+        return moved + jitter * dt * np.array([sigma_v, sigma_v, sigma_omega]) * rng.standard_normal(
+            poses.shape
+        )
+
+    return wrong
 
 
-def jitter_on_the_pose(poses, v, omega, dt, sigma_v, sigma_omega, rng):
-    noise = [sigma_v, sigma_v, sigma_omega] * rng.standard_normal(poses.shape)
-    return motion_model(poses, v, omega, dt) + dt * noise
-
-
-def variance_for_deviation(poses, v, omega, dt, sigma_v, sigma_omega, rng):
-    n = len(poses)
-    return motion_model(poses, v + rng.normal(0, sigma_v**2, n), omega + rng.normal(0, sigma_omega**2, n), dt)
-
-
-def no_noise(poses, v, omega, dt, sigma_v, sigma_omega, rng):
-    return motion_model(poses, v, omega, dt)
-
-
-def in_place(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+def into_the_input(poses, v, omega, dt, sigma_v, sigma_omega, rng):
     poses += 1.0
     return poses
 
 
+def from_the_global_state(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    own = np.random.RandomState()
+    return motion_model(poses, v + sigma_v * own.normal(size=len(poses)), omega, dt)
+
+
+def along_x(poses, v, omega, dt):
+    return poses + dt * np.stack([v, 0 * v, omega], axis=-1)
+
+
+def without_return(*arguments):
+    pass
+
+
+WRONG_SPREADS = [
+    (lambda s, rate, t: np.rad2deg(s * t), "a bias"),
+    (lambda s, rate, t: np.rad2deg(s * np.sqrt(t)), "where is the sample rate"),
+    (lambda s, rate, t: s * np.sqrt(t / rate), "in radians"),
+    (lambda s, rate, t: np.rad2deg(np.sqrt(s * t / rate)), "for a variance"),
+    (lambda s, rate, t: np.rad2deg(s**2 * t / rate), "That is the variance"),
+    (lambda s, rate, t: np.rad2deg(s * np.sqrt(t * rate)), "left out tau"),
+    (lambda s, rate, t: np.rad2deg(s * np.sqrt(t) / rate), "outside it"),
+    (lambda s, rate, t: -np.rad2deg(s * np.sqrt(t / rate)), "sign"),
+    (lambda s, rate, t: 1000 * np.rad2deg(s * np.sqrt(t / rate)), "thousand times too large"),
+    (lambda s, rate, t: 2.5 * np.sqrt(t / rate), "your function returns 1; expected 4.584"),
+    (lambda s, rate, t: "wide", "One number"),
+    (lambda s, rate, t: [1.0, 2.0], "One number"),
+    (without_return, "returns nothing"),
+]
+WRONG_MOVES = [
+    (moving(draw="one for all"), "one number for the whole cloud"),
+    (moving(draw="one for both"), "Draw two"),
+    (moving(jitter=1.0), "sideways"),
+    (moving(noise_v=lambda s, v, dt: s**2, noise_omega=lambda s, w, dt: s**2), "sigma squared"),
+    (moving(noise_v=lambda s, v, dt: s**0.5), "taken for a variance"),
+    (moving(noise_v=lambda s, v, dt: s * v), "in proportion to the control"),
+    (moving(noise_omega=lambda s, w, dt: s * abs(w)), "in proportion to the control"),
+    (moving(noise_v=lambda s, v, dt: s / dt), "1/dt times too wide"),
+    (moving(noise_v=lambda s, v, dt: s / dt**0.5), "per root second"),
+    (moving(noise_omega=0.0), "is missing"),
+    (moving(noise_v=0.0, noise_omega=0.0), "dead reckoning"),
+    (moving(v=0.95), "where v leads"),
+    (moving(omega=0.6), "where omega leads"),
+    (moving(shape="uniform"), "wrong shape"),
+    (moving(model=motion_model_arc), "exact arc"),
+    (moving(model=along_x), "own old heading"),
+    (lambda p, v, w, dt, sv, sw, rng: moving()(p, v, w, dt, sw, sv, rng), "the other way round"),
+    (lambda p, v, w, dt, sv, sw, rng: moving()(p[:1], v, w, dt, sv, sw, rng), "shape"),
+    (from_the_global_state, "rng that is given"),
+    (into_the_input, "changes what it is given"),
+    (lambda poses, v: poses, "TypeError"),
+]
+
+
+def tracking(move=predict_belief, look=update_belief):
+    def wrong(belief, looks, step):
+        for k, seen in enumerate(looks):
+            belief = look(move(belief, step) if k else belief, seen)
+        return belief
+
+    return wrong
+
+
+WRONG_TRACKS = [
+    (tracking(look=lambda b, seen: b * seen), "do not sum to 1"),
+    (tracking(look=lambda b, seen: (b + seen) / (b + seen).sum()), "expected"),
+    (tracking(look=lambda b, seen: seen / seen.sum()), "The look replaces"),
+    (tracking(move=lambda b, step: np.roll(b, 1)), "always moves by one cell"),
+    (tracking(move=lambda b, step: predict_belief(b, {-k: p for k, p in step.items()})), "the wrong way"),
+    (tracking(move=lambda b, step: b), "never moves"),
+    (lambda b, looks, step: predict_belief(tracking()(b, looks, step), step), "One move too many"),
+    (lambda b, looks, step: tracking()(predict_belief(b, step), looks, step), "before the first look"),
+    (lambda b, looks, step: int(np.argmax(tracking()(b, looks, step))), "shape"),
+    (lambda b, looks, step: tracking()(b, looks, step)[::-1], "opposite order"),
+]
+
+
 @pytest.mark.parametrize(
-    ("answer", "words"),
-    [
-        (one_draw, "one number for the whole cloud"),
-        (jitter_on_the_pose, "sideways"),
-        (variance_for_deviation, "taken for a variance"),
-        (no_noise, "dead reckoning"),
-        (in_place, "changes the poses"),
-        (lambda *arguments: arguments[0][0], "shape"),
-        (lambda poses, v: poses, "TypeError"),
-    ],
+    ("check", "answer", "words"),
+    [(ch03.check_heading_spread, *pair) for pair in WRONG_SPREADS]
+    + [(ch03.check_predict, *pair) for pair in WRONG_MOVES]
+    + [(ch03.check_track, *pair) for pair in WRONG_TRACKS],
 )
-def test_predict_hints(answer, words):
-    assert words in check_predict(answer).message
-
-
-def test_mean_pose_stub_and_solution():
-    assert check_mean_pose(from_notebook("exercise-3", "mean_pose")).verdict == "unanswered"
-    assert check_mean_pose(from_notebook("solution-3", "mean_pose_solution"))
-
-
-def with_heading(heading):
-    return lambda poses, w: np.array(
-        [*(w @ poses[:, :2]), heading(np.sin(poses[:, 2]), np.cos(poses[:, 2]), w)]
-    )
-
-
-@pytest.mark.parametrize(
-    ("answer", "words"),
-    [
-        (lambda poses, w: w @ poses, "mean of the numbers"),
-        (lambda poses, w: poses[np.argmax(w)], "heaviest particle"),
-        (with_heading(lambda sin, cos, w: np.arctan((w @ sin) / (w @ cos))), "Use arctan2"),
-        (with_heading(lambda sin, cos, w: np.arctan2(w @ cos, w @ sin)), "the sine first"),
-        (with_heading(lambda sin, cos, w: np.arctan2(sin.mean(), cos.mean())), "without the weights"),
-        (with_heading(lambda sin, cos, w: np.rad2deg(np.arctan2(w @ sin, w @ cos))), "in radians"),
-        (with_heading(lambda sin, cos, w: 1.0), "yours is 1.000"),
-        (lambda poses, w: average_pose(poses), "Weigh them"),
-        (lambda poses, w: poses.mean(axis=0), "each is one sum"),
-        (lambda poses, w: poses, "three numbers"),
-        (lambda poses: poses, "TypeError"),
-    ],
-)
-def test_mean_pose_hints(answer, words):
-    assert words in check_mean_pose(answer).message
+def test_a_wrong_answer_is_refused_by_name(check, answer, words):
+    verdict = check(answer)
+    assert verdict.verdict == "wrong"
+    assert words in verdict.message
 
 
 def test_noise_models_differ_where_the_chapter_says_so():

@@ -1,11 +1,12 @@
-"""Exercises of chapter 05: stub, solution, and the mistakes that the hints are written for."""
+"""Exercises of chapter 05: right answers in many styles, wrong ones and the words for each; and its tables."""
 
 import numpy as np
 import pytest
 from notebook_cells import defined
 
-from pfslam.particles import effective_sample_size
-from pfslam.teaching.ch05.checks import check_mean_pose, check_resample, check_update
+from pfslam.particles import RESAMPLERS, effective_sample_size
+from pfslam.poses import average_pose, wrap_angle
+from pfslam.teaching import ch05
 from pfslam.teaching.ch05.weights import (
     SHARPNESS,
     copies_table,
@@ -15,88 +16,221 @@ from pfslam.teaching.ch05.weights import (
 )
 from pfslam.teaching.show.tables import errors_by_label, read_table
 
-
-def from_notebook(tag, name):
-    return defined("05", tag)[name]
-
-
-def test_update_stub_and_solution():
-    assert check_update(from_notebook("exercise-1", "update")).verdict == "unanswered"
-    assert check_update(from_notebook("solution-1", "update_solution"))
+EXERCISES = {
+    1: ("update", ch05.check_update),
+    2: ("resample", ch05.check_resample),
+    3: ("mean_pose", ch05.check_mean_pose),
+}
 
 
-def test_update_hints():
-    def softmax(weights, counts):
-        return np.exp(counts) / np.exp(counts).sum()
-
-    def uniform_if_empty(weights, counts):
-        joint = weights * counts
-        return joint / joint.sum() if joint.any() else np.full(len(weights), 1 / len(weights))
-
-    assert "forgotten" in check_update(lambda weights, counts: counts / counts.sum()).message
-    assert "sum to 19" in check_update(lambda weights, counts: weights * counts).message
-    assert "exp of the count" in check_update(softmax).message
-    assert "0 by 0" in check_update(lambda w, c: w * c / (w * c).sum()).message
-    assert "wiped out" in check_update(uniform_if_empty).message
-    assert "shape" in check_update(lambda weights, counts: 1.0).message
-    assert "NameError" in check_update(lambda weights, counts: nothing).message  # noqa: F821
+@pytest.mark.parametrize("number", EXERCISES)
+def test_the_stub_is_unanswered_and_the_solution_right(number):
+    name, check = EXERCISES[number]
+    assert check(defined("05", f"exercise-{number}")[name]).verdict == "unanswered"
+    assert check(defined("05", f"solution-{number}")[f"{name}_solution"])
 
 
-def test_resample_stub_and_solution():
-    assert check_resample(from_notebook("exercise-2", "resample")).verdict == "unanswered"
-    assert check_resample(from_notebook("solution-2", "resample_solution"))
+# ---- right answers: loops, lists, float32, four digits, other containers, complex numbers
 
 
-def resampler(pick, keep_weights=False):
-    """A resampler with its own way to pick ancestors."""
+def update_in_a_loop(weights, counts):
+    products = [w * c for w, c in zip(weights.tolist(), counts.tolist(), strict=True)]
+    return [p / sum(products) for p in products] if any(products) else weights.tolist()
+
+
+def update_by_logarithms(weights, counts):
+    if not counts.any():
+        return weights
+    with np.errstate(divide="ignore"):
+        logs = np.log(weights) + np.log(counts)
+    return np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
+
+
+def resampling(pick, weights_after=None, change=None):
+    """A resampler with its own way to pick ancestors, and perhaps something wrong with what it returns."""
 
     def resample(poses, weights, rng):
-        ancestors = pick(poses, weights, rng)
-        return poses[ancestors], weights[ancestors] if keep_weights else np.full(len(poses), 1 / len(poses))
+        ancestors = pick(weights, rng)
+        poses = poses[ancestors] if change is None else change(poses[ancestors], rng)
+        return poses, np.full(len(poses), 1 / len(poses)) if weights_after is None else weights_after(
+            weights, ancestors
+        )
 
     return resample
 
 
-def by_weight(poses, weights, rng):
-    return rng.choice(len(poses), len(poses), p=weights)
+def by_weight(weights, rng):
+    return rng.choice(len(weights), len(weights), p=weights)
 
 
-def test_resample_hints():
-    def torn(poses, weights, rng):
-        first, second = by_weight(poses, weights, rng), by_weight(poses, weights, rng)
-        return np.column_stack([poses[first, :2], poses[second, 2]]), np.full(len(poses), 1 / len(poses))
-
-    def jittered(poses, weights, rng):
-        poses = poses[by_weight(poses, weights, rng)]
-        return poses + 0.01 * rng.standard_normal(poses.shape), np.full(len(poses), 1 / len(poses))
-
-    def best(poses, weights, rng):
-        return np.full(len(poses), np.argmax(weights))
-
-    assert check_resample(resampler(by_weight))
-    assert "counted twice" in check_resample(resampler(by_weight, keep_weights=True)).message
-    assert "one index array" in check_resample(torn).message
-    assert "next prediction" in check_resample(jittered).message
-    assert "play no part" in check_resample(resampler(lambda p, w, rng: rng.integers(0, 5, 5))).message
-    assert "Only the heaviest" in check_resample(resampler(best)).message
-    assert "two arrays" in check_resample(lambda poses, weights, rng: poses).message
+def low_variance(poses, weights, rng):
+    """The loop of the textbooks, with lists."""
+    n, kept, i, total = len(weights), [], 0, weights[0]
+    start = rng.random() / n
+    for m in range(n):
+        while start + m / n > total:
+            i += 1
+            total += weights[i]
+        kept.append(tuple(poses[i]))
+    return kept, (1 / n,) * n
 
 
-def test_mean_pose_stub_and_solution():
-    assert check_mean_pose(from_notebook("exercise-3", "mean_pose")).verdict == "unanswered"
-    assert check_mean_pose(from_notebook("solution-3", "mean_pose_solution"))
+def resampling_wheel(poses, weights, rng):
+    n, beta, kept = len(weights), 0.0, []
+    index = int(rng.random() * n)
+    for _ in range(n):
+        beta += rng.random() * 2 * weights.max()
+        while beta > weights[index]:
+            beta -= weights[index]
+            index = (index + 1) % n
+        kept.append(index)
+    return [np.float32(poses[kept]), [1 / n] * n]
 
 
-def test_mean_pose_hints():
-    def swapped(poses, weights):
-        heading = np.arctan2(weights @ np.cos(poses[:, 2]), weights @ np.sin(poses[:, 2]))
-        return np.array([*(weights @ poses[:, :2]), heading])
+def mean_complex(poses, weights):
+    z = weights @ (poses[:, 0] + 1j * poses[:, 1])
+    return z.real, z.imag, np.angle(weights @ np.exp(1j * poses[:, 2]))
 
-    assert "numbers on a line" in check_mean_pose(lambda poses, weights: weights @ poses).message
-    assert "weights play no part" in check_mean_pose(lambda poses, weights: poses.mean(axis=0)).message
-    assert "heaviest" in check_mean_pose(lambda poses, weights: poses[np.argmax(weights)]).message
-    assert "sine first" in check_mean_pose(swapped).message
-    assert "One pose" in check_mean_pose(lambda poses, weights: weights @ poses[:, :2]).message
+
+def mean_of_wrapped_differences(poses, weights):
+    first = poses[0, 2]
+    heading = first + weights @ wrap_angle(poses[:, 2] - first)
+    return [*(weights @ poses[:, :2]), heading]
+
+
+def mean_in_a_loop(poses, weights):
+    x = y = s = c = 0.0
+    for (px, py, theta), w in zip(poses, weights, strict=True):
+        x, y, s, c = x + w * px, y + w * py, s + w * np.sin(theta), c + w * np.cos(theta)
+    return np.float32([x, y, np.arctan2(s, c) % (2 * np.pi)])
+
+
+@pytest.mark.parametrize(
+    ("check", "answer"),
+    [
+        (ch05.check_update, update_in_a_loop),
+        (ch05.check_update, update_by_logarithms),
+        (ch05.check_update, lambda w, c: tuple(np.round(update_by_logarithms(w, c), 5))),
+        (ch05.check_update, lambda w, c: np.float32(update_by_logarithms(w, c))),
+        (ch05.check_resample, resampling(by_weight)),
+        *((ch05.check_resample, resampling(scheme)) for scheme in RESAMPLERS.values()),
+        (ch05.check_resample, low_variance),
+        (ch05.check_resample, resampling_wheel),
+        (ch05.check_mean_pose, mean_complex),
+        (ch05.check_mean_pose, mean_of_wrapped_differences),
+        (ch05.check_mean_pose, mean_in_a_loop),
+        (ch05.check_mean_pose, lambda poses, weights: np.round(average_pose(poses, weights), 4)),
+    ],
+)
+def test_the_same_in_another_style_is_right_too(check, answer):
+    assert check(answer), check(answer)
+
+
+# ---- wrong answers
+
+
+def normalised(rule, empty=None):
+    def update(weights, counts):
+        joint = rule(weights, counts)
+        return joint / joint.sum() if counts.any() else (weights if empty is None else empty)
+
+    return update
+
+
+def in_place(weights, counts):
+    weights *= counts
+    return weights / weights.sum()
+
+
+WRONG_UPDATES = [
+    (lambda w, c: w * c / (w * c).sum(), "0 by 0"),
+    (
+        lambda w, c: [a * b / sum((w * c).tolist()) for a, b in zip(w.tolist(), c.tolist(), strict=True)],
+        "0 by 0",
+    ),
+    (normalised(lambda w, c: w * c, np.full(4, 0.25)), "wiped out"),
+    (normalised(lambda w, c: w * c, np.zeros(4)), "not as zeros"),
+    (normalised(lambda w, c: np.where(c == 0, w, w * c)), "keeps its weight"),
+    (normalised(lambda w, c: c), "forgotten"),
+    (lambda w, c: w * c, "do not sum to 1"),
+    (normalised(lambda w, c: w + c), "not added"),
+    (normalised(lambda w, c: np.exp(c - c.max())), "exp of the count"),
+    (normalised(lambda w, c: w * np.exp(c - c.max())), "exp of the count"),
+    (normalised(lambda w, c: w * c**2), "square of the count"),
+    (lambda w, c: w * c / c.sum() if c.any() else w, "sum of the products"),
+    (lambda w, c: 1.0, "shape"),
+    (lambda w, c: nothing, "NameError"),  # noqa: F821
+    (in_place, "changes what it is given"),
+]
+
+
+def torn(poses, weights, rng):
+    first, second = by_weight(weights, rng), by_weight(weights, rng)
+    return np.column_stack([poses[first, :2], poses[second, 2]]), np.full(len(poses), 1 / len(poses))
+
+
+def with_jitter(poses, rng):
+    return poses + 0.01 * rng.standard_normal(poses.shape)
+
+
+def into_the_old(poses, weights, rng):
+    poses[:] = poses[by_weight(weights, rng)]
+    return poses, np.full(len(poses), 1 / len(poses))
+
+
+WRONG_RESAMPLERS = [
+    (resampling(by_weight, weights_after=lambda w, a: w[a]), "counted twice"),
+    (resampling(by_weight, weights_after=lambda w, a: np.ones(len(w))), "make each 1/N"),
+    (torn, "one index array"),
+    (resampling(by_weight, change=with_jitter), "next prediction"),
+    (resampling(lambda w, rng: rng.integers(0, 5, 5)), "play no part"),
+    (resampling(lambda w, rng: np.full(5, np.argmax(w))), "Only the heaviest"),
+    (resampling(lambda w, rng: by_weight(w**2 / (w**2).sum(), rng)), "square of the weight"),
+    (resampling(lambda w, rng: by_weight(w, np.random.default_rng(3))), "same copies"),
+    (resampling(lambda w, rng: np.arange(5)), "play no part"),
+    (resampling(lambda w, rng: by_weight(w, rng)[:4]), "must stay 5"),
+    (into_the_old, "changes what it is given"),
+    (lambda poses, weights, rng: poses, "two arrays"),
+]
+
+
+def with_heading(heading, weighted=True):
+    def mean_pose(poses, w):
+        position = w @ poses[:, :2] if weighted else poses[:, :2].mean(axis=0)
+        return np.array([*position, heading(np.sin(poses[:, 2]), np.cos(poses[:, 2]), w)])
+
+    return mean_pose
+
+
+WRONG_MEANS = [
+    (lambda poses, w: w @ poses, "mean of the numbers"),
+    (lambda poses, w: poses[np.argmax(w)], "heaviest particle"),
+    (lambda poses, w: average_pose(poses), "weights play no part"),
+    (lambda poses, w: poses.mean(axis=0), "weights play no part"),
+    (with_heading(lambda sin, cos, w: np.arctan((w @ sin) / (w @ cos))), "Use arctan2"),
+    (with_heading(lambda sin, cos, w: np.arctan2(w @ cos, w @ sin)), "sine first"),
+    (with_heading(lambda sin, cos, w: np.arctan2(sin.mean(), cos.mean())), "without the weights"),
+    (
+        with_heading(lambda sin, cos, w: np.arctan2(w @ sin, w @ cos), weighted=False),
+        "x and y are averaged without",
+    ),
+    (with_heading(lambda sin, cos, w: np.rad2deg(np.arctan2(w @ sin, w @ cos))), "in radians"),
+    (with_heading(lambda sin, cos, w: w @ (np.arctan2(sin, cos) % (2 * np.pi))), "Modulo 2 pi"),
+    (lambda poses, w: -average_pose(poses, w), "sign"),
+    (lambda poses, w: w @ poses[:, :2], "shape"),
+]
+
+
+@pytest.mark.parametrize(
+    ("check", "answer", "words"),
+    [(ch05.check_update, *pair) for pair in WRONG_UPDATES]
+    + [(ch05.check_resample, *pair) for pair in WRONG_RESAMPLERS]
+    + [(ch05.check_mean_pose, *pair) for pair in WRONG_MEANS],
+)
+def test_a_wrong_answer_is_refused_by_name(check, answer, words):
+    verdict = check(answer)
+    assert verdict.verdict == "wrong"
+    assert words in verdict.message
 
 
 def test_sharper_likelihoods_leave_fewer_particles():

@@ -2,8 +2,8 @@
 
 from pfslam.teaching.ch03.checks import (
     check_heading_spread,
-    check_mean_pose,
     check_predict,
+    check_track,
 )
 from pfslam.teaching.ch03.cloud import (
     cloud_explorer,
@@ -39,8 +39,8 @@ __all__ = [
     "MODELS",
     "TRUE_BIAS",
     "check_heading_spread",
-    "check_mean_pose",
     "check_predict",
+    "check_track",
     "cloud_explorer",
     "corridor_explorer",
     "corridor_walk",

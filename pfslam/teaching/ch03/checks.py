@@ -1,156 +1,206 @@
-"""Checks of the exercises of chapter 03. Each takes the student's function and says what is wrong in words."""
+"""Checks of the exercises of chapter 03: each takes the reader's function and says what is wrong in words."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from pfslam.poses import average_pose, wrap_angle
-from pfslam.teaching.show.checks import Check, attempt, hint, is_unanswered, not_a_number, passed, unanswered
+from pfslam.motion import motion_model_arc
+from pfslam.poses import wrap_angle
+from pfslam.teaching.ch03.corridor import CELLS, predict_belief, update_belief
+from pfslam.teaching.show.checks import Check, answer_to, compare, hint, passed
 
-START = np.tile([2.0, -1.0, 0.5], (4000, 1))
-V, OMEGA, DT, SIGMA_V, SIGMA_OMEGA = 1.0, 0.2, 0.1, 0.3, 0.5
-TOLERANCE = 0.1  # of a standard deviation estimated from 4000 draws, which is good to 1.1 %
+# ---- 1: how wide the headings are
+
+SPREADS = [
+    (0.2, 50.0, 8.0),
+    (0.13, 33.0, 61.0),
+    *np.random.default_rng(1).uniform(0.1, 90.0, (2, 3)).tolist(),
+]
+
+
+def heading_spread(sigma_omega: float, rate: float, seconds: float) -> float:
+    """Standard deviation of the headings in degrees after white noise of ``sigma_omega`` (rad/s) per sample."""
+    return np.rad2deg(sigma_omega * np.sqrt(seconds / rate))
+
+
+SPREAD_MISTAKES = [
+    (lambda s, rate, t: np.rad2deg(s * t), "That is a bias: the same error in every sample. Independent errors partly "
+     "cancel; their variances add, not their sizes."),
+    (lambda s, rate, t: np.rad2deg(s * np.sqrt(t)), "The root of time is right, but where is the sample rate? Each "
+     "sample turns the robot by tau times its noise."),
+    (lambda s, rate, t: np.rad2deg(s * np.sqrt(rate * t)), "Each of the rate * seconds samples adds its noise times "
+     "tau, the time that it lasts. You left out tau."),
+    (lambda s, rate, t: np.rad2deg(s * np.sqrt(t) / rate), "Variances add: tau^2 from each of rate * seconds samples "
+     "makes tau * seconds under the root. Your tau stands outside it."),
+    (lambda s, rate, t: np.rad2deg(s * t / rate), "tau * seconds is right, but it stands under a root: variances add."),
+    (lambda s, rate, t: np.rad2deg(np.sqrt(s * t / rate)), "You took sigma_omega for a variance. It is a standard "
+     "deviation."),
+    (lambda s, rate, t: np.rad2deg(s**2 * t / rate), "That is the variance. The spread is its root."),
+    (lambda s, rate, t: s**2 * t / rate, "That is the variance, in radians squared. The spread is its root."),
+]  # fmt: skip
 
 
 def check_heading_spread(spread_of_heading) -> Check:
     """Whether ``spread_of_heading(sigma_omega, rate, seconds)`` is right, in degrees."""
-    sigma, rate, seconds = 0.2, 50.0, 8.0
-    answer = attempt(spread_of_heading, sigma, rate, seconds)
-    verdict = not_a_number(answer, "degrees")
-    if verdict is not None:
-        return verdict
-    tau = 1.0 / rate
-    right = sigma * np.sqrt(tau * seconds)
-    if np.isclose(answer, np.rad2deg(right)):
-        return passed("The spread grows with the root of time, and with the root of the sample interval.")
-    wrong = {
-        right: "That is in radians; degrees are asked for.",
-        np.rad2deg(sigma * seconds): "That is a bias: the same error in every sample. "
-        "Independent errors partly cancel; their variances add, not their sizes.",
-        np.rad2deg(sigma * np.sqrt(seconds)): "The root of time is right, but where is the sample rate? "
-        "Each sample turns the robot by tau times its noise.",
-        np.rad2deg(
-            sigma * np.sqrt(rate * seconds)
-        ): "Each of the rate * seconds samples adds its noise times tau, "
-        "the time that it lasts. You left out tau.",
-        np.rad2deg(
-            np.sqrt(sigma * tau * seconds)
-        ): "You took sigma_omega for a variance. It is a standard deviation.",
-        np.rad2deg(right**2): "That is the variance. The spread is its root.",
-    }
-    for value, words in wrong.items():
-        if np.isclose(answer, value):
-            return hint(words)
-    return hint(f"For 0.2 rad/s, 50 Hz and 8 s your function returns {answer:.3f}, expected 4.584 degrees.")
+    praise = "The spread grows with the root of time, and with the root of the sample interval."
+    return compare(spread_of_heading, heading_spread, SPREADS, mistakes=SPREAD_MISTAKES, praise=praise)
+
+
+# ---- 2: Eq. 11
+
+PER_POSE = 3000
+START = np.repeat([[2.0, -1.0, 0.5], [-3.0, 0.7, 2.6]], PER_POSE, axis=0)
+V, OMEGA, DT, SIGMA_V, SIGMA_OMEGA = 0.7, -0.4, 0.13, 0.3, 0.5
+NEAR = 0.08
+"""Share of a standard deviation by which an estimate from so many draws may be off."""
 
 
 def check_predict(predict) -> Check:
     """Whether ``predict(poses, v, omega, dt, sigma_v, sigma_omega, rng)`` is Eq. 11."""
-    poses = START.copy()
-    moved = _call(predict, poses)
-    if is_unanswered(moved):
-        return unanswered()
-    if isinstance(moved, Check):
-        return moved
-    if not isinstance(moved, np.ndarray) or moved.shape != START.shape:
-        return hint(f"Poses of shape {START.shape} are asked for; found {np.shape(moved)}.")
-    if not np.array_equal(poses, START):
-        return hint(
-            "Your function changes the poses that it is given. Make new ones: others may need the old."
-        )
-    if not np.array_equal(moved, _call(predict, START.copy())):
-        return hint(
-            "Twice the same rng, two results: you draw from np.random. Draw from the rng that is given."
-        )
-    return _compare(moved)
+    moved, again = (
+        answer_to(predict, (START, V, OMEGA, DT, SIGMA_V, SIGMA_OMEGA, np.random.default_rng(0)), START)
+        for _ in range(2)
+    )
+    for answer in (moved, again):
+        if isinstance(answer, Check):
+            return answer
+    if not np.isfinite(moved).all():
+        return hint("Some of your poses are not finite numbers.")
+    if not np.array_equal(moved, again):
+        return hint("Twice the same rng, two results: draw from the rng that is given, not from np.random.")
+    step, heading = moved[:, :2] - START[:, :2], START[:, 2]
+    ahead = step[:, 0] * np.cos(heading) + step[:, 1] * np.sin(heading)
+    sideways = step[:, 1] * np.cos(heading) - step[:, 0] * np.sin(heading)
+    turned = wrap_angle(moved[:, 2] - heading)
+    problem = _sideways(ahead, sideways, turned) or _spread(ahead, turned) or _middle_and_shape(ahead, turned)
+    return hint(problem) if problem else passed("Every particle drives by its own noisy control.")
 
 
-def _call(predict, poses: np.ndarray):
-    return attempt(predict, poses, V, OMEGA, DT, SIGMA_V, SIGMA_OMEGA, np.random.default_rng(0))
-
-
-def _compare(moved: np.ndarray) -> Check:
-    """The statistics of the cloud after one step, against those of Eq. 11."""
-    step, heading = moved[:, :2] - START[:, :2], START[0, 2]
-    ahead = step @ [np.cos(heading), np.sin(heading)]
-    sideways = step @ [-np.sin(heading), np.cos(heading)]
-    turned = moved[:, 2] - heading
-    if np.ptp(ahead) < 1e-12 and np.ptp(turned) < 1e-12:
-        if abs(ahead[0] - DT * V) < 1e-12:
-            return hint("All particles moved alike, without any noise: that is dead reckoning.")
-        return hint("All particles moved alike: you drew one number for the whole cloud. Draw one for each.")
+def _sideways(ahead: np.ndarray, sideways: np.ndarray, turned: np.ndarray) -> str:
+    """What the step gives away about how noise and motion model were joined, or nothing."""
+    if np.ptp(ahead) < 1e-5 and np.ptp(turned) < 1e-5:
+        if abs(ahead[0] - DT * V) < 1e-5:
+            return "All particles moved alike, without any noise: that is dead reckoning."
+        return "All particles moved alike: you drew one number for the whole cloud. Draw one for each."
+    arc = motion_model_arc(np.zeros(3), ahead / DT, turned / DT, DT)
+    if np.abs(sideways).max() > 1e-4 and np.corrcoef(sideways, arc[:, 1])[0, 1] > 0.99:
+        return "That is the exact arc. Eq. 5 drives straight along the old heading and turns then: use motion_model."
     if sideways.std() > 0.3 * ahead.std():
-        return hint(
-            "Particles moved sideways, which wheels cannot. Noise belongs on v and omega, not on the pose."
+        return "Particles moved sideways, which wheels cannot. Noise belongs on v and omega, not on the pose."
+    if np.abs(sideways).max() > 1e-4:
+        return (
+            "Particles moved sideways. Eq. 5 drives along each particle's own old heading: use motion_model."
         )
-    if np.abs(sideways).max() > 1e-9:
-        return hint("Eq. 5 drives straight along the old heading, then turns. Use motion_model for the step.")
-    expected = {
-        "along the path": (ahead, DT * SIGMA_V, SIGMA_V),
-        "in heading": (turned, DT * SIGMA_OMEGA, SIGMA_OMEGA),
-    }
-    for where, (values, deviation, sigma) in expected.items():
-        found = values.std()
-        if abs(found / deviation - 1.0) < TOLERANCE:
+    return ""
+
+
+def _spread(ahead: np.ndarray, turned: np.ndarray) -> str:
+    """What is wrong with the size of the noise, or nothing."""
+    found = ahead.std() / DT, turned.std() / DT
+    if _near(found[0], SIGMA_OMEGA) and _near(found[1], SIGMA_V):
+        return "The noise on v has the size of sigma_omega, and the other way round."
+    for where, value, sigma, control in (
+        ("along the path", found[0], SIGMA_V, V), ("in heading", found[1], SIGMA_OMEGA, OMEGA)
+    ):  # fmt: skip
+        words = {
+            sigma**0.5: "is that of a sigma taken for a variance",
+            sigma**2: "is that of a sigma squared: rng.normal asks for a standard deviation",
+            sigma
+            / DT: "is 1/dt times too wide: add the noise to the control, which is then multiplied by dt",
+            sigma / DT**0.5: "is that of noise per root second; the exercise asks for noise per sample",
+            sigma * DT: "has dt in it twice",
+            sigma
+            * abs(
+                control
+            ): "is in proportion to the control. Eq. 11 adds noise of the same size at any speed",
+            np.rad2deg(sigma): "is in degrees",
+            0.0: "is missing: v and omega have noise each",
+        }
+        if _near(value, sigma):
             continue
-        for power in (0.5, 2.0):
-            if abs(found / (DT * sigma**power) - 1.0) < TOLERANCE:
-                return hint(f"The spread {where} is that of a sigma taken for a variance, or squared.")
-        if abs(found / sigma - 1.0) < TOLERANCE:
-            return hint(
-                f"The spread {where} is 1/dt times too wide: add the noise to the control, before dt."
-            )
-        return hint(f"The spread {where} is {found:.4f}, expected about {deviation:.4f}.")
-    if abs(ahead.mean() - DT * V) > 0.01 * V or abs(turned.mean() - DT * OMEGA) > 0.01:
-        return hint("The middle of the cloud is not where v and omega lead: the noise must be added to them.")
-    return passed("Every particle drives by its own noisy control.")
+        named = next((text for size, text in words.items() if _near(value, size)), "")
+        return f"The spread {where} {named or f'is {value * DT:.4f}, expected about {sigma * DT:.4f}'}."
+    return ""
 
 
-WEST = np.column_stack(
-    [[1.0, 2.0, 6.0, 3.0], [0.0, 1.0, 5.0, 2.0], np.deg2rad([175.0, -179.0, -165.0, 178.0])]
-)
-WEST_WEIGHTS = np.array([0.1, 0.2, 0.5, 0.2])
+def _near(value: float, size: float) -> bool:
+    return abs(value - size) < NEAR * size + 1e-9
 
 
-def check_mean_pose(mean_pose) -> Check:
-    """Whether ``mean_pose(poses, weights)`` is the weighted mean, with the heading averaged on the circle."""
-    answer = attempt(mean_pose, WEST.copy(), WEST_WEIGHTS.copy())
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    if np.shape(answer) != (3,) or np.asarray(answer).dtype.kind not in "fiu":
-        return hint(
-            f"One pose is asked for, three numbers; your function returns the shape {np.shape(answer)}."
+def _middle_and_shape(ahead: np.ndarray, turned: np.ndarray) -> str:
+    """What is wrong with the middle, the shape or the independence of noise of the right size, or nothing."""
+    for values, control, sigma, name in ((ahead, V, SIGMA_V, "v"), (turned, OMEGA, SIGMA_OMEGA, "omega")):
+        off = values.mean() - DT * control
+        if abs(off) > 4.0 * DT * sigma / np.sqrt(len(values)):
+            return f"The middle of the cloud is not where {name} leads: the noise must be added to {name} itself."
+    if abs(np.corrcoef(ahead, turned)[0, 1]) > 0.1:
+        return "A particle that drives too far also turns too much: you drew one number for both. Draw two."
+    kurtosis = np.mean(((ahead - ahead.mean()) / ahead.std()) ** 4)
+    if kurtosis < 2.5:
+        return (
+            "The noise has the right size and the wrong shape: it has edges. Eq. 11 asks for Gaussian noise."
         )
-    answer, expected = np.asarray(answer, dtype=float), average_pose(WEST, WEST_WEIGHTS)
-    if np.allclose(answer, WEST[np.argmax(WEST_WEIGHTS)]):
-        return hint("That is the heaviest particle, the MAP estimate. Here the mean is asked for.")
-    if np.allclose(answer, average_pose(WEST)):
-        return hint("All particles count alike in your mean. Weigh them.")
-    if not np.allclose(answer[:2], expected[:2]):
-        return hint(
-            f"x and y should be {np.round(expected[:2], 3).tolist()}: the weights sum to 1, so each is one sum."
-        )
-    return _heading_verdict(answer[2])
+    return ""
 
 
-def _heading_verdict(heading: float) -> Check:
-    """The verdict on the heading of a mean pose whose x and y are right."""
-    theta, right = WEST[:, 2], average_pose(WEST, WEST_WEIGHTS)[2]
-    sin, cos = WEST_WEIGHTS @ np.sin(theta), WEST_WEIGHTS @ np.cos(theta)
-    if abs(wrap_angle(heading - right)) < 1e-6:
-        return passed(f"It faces {np.rad2deg(right) % 360.0:.0f}°, west, and not east.")
-    wrong = [
-        (float(WEST_WEIGHTS @ theta), "That is the mean of the numbers. +179° and -179° both face west, but their mean "
-         "is 0°, east. Average directions, not numbers."),
-        (np.arctan(sin / cos), "arctan cannot tell west from east: only the quotient goes in. Use arctan2."),
-        (np.arctan2(cos, sin), "arctan2 takes the sine first, then the cosine."),
-        (average_pose(WEST)[2], "The heading is averaged without the weights."),
-        (np.rad2deg(right), "Headings are in radians."),
-        (theta[np.argmax(WEST_WEIGHTS)], "x and y are means, the heading is that of the heaviest particle."),
-    ]  # fmt: skip
-    for value, words in wrong:
-        if abs(heading - value) < 1e-6:
-            return hint(words)
-    return hint(f"x and y are right. The heading should be {right:.3f} rad, yours is {heading:.3f}.")
+# ---- 3: the Bayes filter
+
+
+def tracked(belief, looks, step):
+    """The belief after the first look, and then after each move and the look that follows it."""
+    belief = update_belief(np.asarray(belief), np.asarray(looks[0]))
+    for look in looks[1:]:
+        belief = update_belief(predict_belief(belief, step), np.asarray(look))
+    return belief
+
+
+def _drive(rng: np.random.Generator, moves: int) -> tuple:
+    """A belief, likelihoods ``(moves + 1, cells)`` and a step that overshoots more often than it slips."""
+    belief, looks = rng.dirichlet(np.ones(CELLS)), rng.uniform(0.1, 0.9, (moves + 1, CELLS))
+    return belief, looks, {0: 0.15, 1: 0.6, 2: 0.25}
+
+
+def _joined(move=predict_belief, look=update_belief, first: bool = True, last: bool = False):
+    """A filter with one thing wrong: its move, its look, no first look, or a move too many before it."""
+
+    def wrong(belief, looks, step):
+        for k, seen in enumerate(looks):
+            if k or last:
+                belief = move(belief, step)
+            if k or first:
+                belief = look(belief, seen)
+        return belief
+
+    return wrong
+
+
+def _to_the_left(belief, step):
+    return predict_belief(belief, {-cells: p for cells, p in step.items()})
+
+
+def _past_the_end(belief, step):
+    return sum(p * np.concatenate([np.zeros(c), belief[: len(belief) - c]]) for c, p in step.items())
+
+
+TRACK_MISTAKES = [
+    (_joined(look=lambda belief, seen: belief * seen), "Right products, but they do not sum to 1. Divide by their sum "
+     "at each look."),
+    (_joined(last=True), "You move before the first look. The robot looks first, then moves and looks in turn."),
+    (_joined(first=False), "The first look is left out."),
+    (_joined(move=_to_the_left), "Your robot moves the wrong way: what is in cell i comes to cell i + 1."),
+    (_joined(move=_past_the_end), "Probability drops off the end. The corridor is a ring: np.roll."),
+    (_joined(move=lambda belief, step: np.roll(belief, 1)), "Your robot always moves by one cell. Sometimes it slips "
+     "or overshoots: add up all the steps, each times its probability."),
+    (_joined(move=lambda belief, step: belief), "Your robot never moves: predict before each later look."),
+    (lambda belief, looks, step: predict_belief(tracked(belief, looks, step), step), "One move too many: the walk ends "
+     "with a look."),
+    (_joined(look=lambda belief, seen: seen / seen.sum()), "The look replaces the belief. Multiply them."),
+    (lambda belief, looks, step: belief, "The belief comes back as it was."),
+]  # fmt: skip
+
+
+def check_track(track) -> Check:
+    """Whether ``track(belief, looks, step)`` is the whole Bayes filter on the ring of cells."""
+    cases = [_drive(np.random.default_rng(seed), moves) for seed, moves in ((1, 1), (2, 3), (3, 6))]
+    praise = "Predict and update in turn: a whole Bayes filter."
+    return compare(track, tracked, cases, mistakes=TRACK_MISTAKES, praise=praise)

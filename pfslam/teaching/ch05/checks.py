@@ -1,94 +1,119 @@
-"""Checks of the exercises of chapter 05. Each takes the student's function and says what is wrong in words."""
+"""Checks of the exercises of chapter 05: each takes the reader's function and says what is wrong in words."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from pfslam.teaching.show.checks import Check, attempt, hint, is_unanswered, passed, unanswered
+from pfslam.poses import average_pose, wrap_angle
+from pfslam.teaching.show.checks import Check, answer_to, compare, hint, passed, same_poses
 
-WEIGHTS, COUNTS = np.array([0.5, 0.3, 0.2]), np.array([10.0, 20.0, 40.0])
+# ---- 1: Eq. 12
+
+
+def updated(weights, counts):
+    """Eq. 12, normalised; a scan that scores nothing leaves the weights as they were."""
+    joint = np.asarray(weights) * counts
+    return joint / joint.sum() if joint.sum() > 0 else np.asarray(weights)
+
+
+def _scans() -> list[tuple]:
+    """Weights and counts: generic, one zero among the counts, nothing but zeros, and two random ones."""
+    weights = np.array([0.45, 0.3, 0.15, 0.1])
+    cases = [(weights, np.array([c, 20.0, 45.0, 13.0])) for c in (10.0, 0.0)] + [(weights, np.zeros(4))]
+    rng = np.random.default_rng(1)
+    return cases + [(rng.dirichlet(np.ones(n)), rng.integers(1, 900, n).astype(float)) for n in (6, 30)]
+
+
+def _safe(rule, empty=lambda w: w):
+    """An update by another rule, with ``empty`` for a scan that scores nothing."""
+
+    def wrong(w, c):
+        joint = rule(w, c)
+        return joint / joint.sum() if c.any() else empty(w)
+
+    return wrong
+
+
+UPDATE_MISTAKES = [
+    (ZeroDivisionError, "If no particle scores, you divide 0 by 0 and the filter is dead. Keep the weights."),
+    (lambda w, c: w * c / (w * c).sum(), "If no particle scores, you divide 0 by 0 and the filter is dead. Keep the "
+     "weights as they were."),
+    (_safe(lambda w, c: w * c, lambda w: np.full(len(w), 1 / len(w))), "A scan that scores nothing makes all weights "
+     "equal: it wiped out what earlier scans said."),
+    (_safe(lambda w, c: w * c, np.zeros_like), "A scan that scores nothing says nothing: the weights should come back "
+     "unchanged, not as zeros."),
+    (_safe(lambda w, c: np.where(c > 0, w * c, w)), "One particle scored nothing, and yours keeps its weight. Only a "
+     "scan in which *nobody* scores says nothing."),
+    (_safe(lambda w, c: c), "The counts replace the weights: all earlier scans are forgotten. Multiply."),
+    (lambda w, c: c / c.sum(), "The counts replace the weights: all earlier scans are forgotten. Multiply."),
+    (lambda w, c: w * c, "Right products, but they do not sum to 1. Divide by their sum (Eq. 10)."),
+    (lambda w, c: w * c if c.any() else w, "Right products, but they do not sum to 1. Divide by their sum."),
+    (lambda w, c: w * c / c.sum() if c.any() else w, "You divide by the sum of the counts. Divide by the sum of the "
+     "products: the weights must sum to 1."),
+    (lambda w, c: w * c / (w * c).max() if c.any() else w, "You divide by the greatest product. Divide by their "
+     "sum."),
+    (_safe(lambda w, c: w + c), "Weights and counts are multiplied, not added."),
+    (_safe(lambda w, c: w * np.exp(c - c.max())), "One particle has it all: you took exp of the count. Eq. 12 "
+     "multiplies by the count itself."),
+    (lambda w, c: np.exp(c - c.max()) / np.exp(c - c.max()).sum(), "One particle has it all: you took exp of the "
+     "count. Eq. 12 multiplies the old weights by the count itself."),
+    (_safe(lambda w, c: w * c**2), "You multiply by the square of the count."),
+    (lambda w, c: w, "Your weights come back unchanged whatever the scan says."),
+]  # fmt: skip
 
 
 def check_update(update) -> Check:
     """Whether ``update(weights, counts)`` is Eq. 12, normalised, and survives a scan that scores nothing."""
-    answer = attempt(update, WEIGHTS.copy(), COUNTS.copy())
-    if is_unanswered(answer):
-        return unanswered()
+    praise = "Products, normalised, and an empty scan changes nothing."
     with np.errstate(all="ignore"):
-        empty = attempt(update, WEIGHTS.copy(), np.zeros(3))
-    for returned in (answer, empty):
-        if isinstance(returned, Check):
-            return returned
-    answer, empty = np.asarray(answer), np.asarray(empty)
-    if answer.shape != (3,) or empty.shape != (3,) or answer.dtype.kind not in "fiu":
-        return hint(f"Three weights go in, three must come out; yours have the shape {answer.shape}.")
-    product = WEIGHTS * COUNTS
-    wrong = [
-        (COUNTS / COUNTS.sum(), "The counts replace the weights: all earlier scans are forgotten. Multiply."),
-        (product, f"Right products, but they sum to {product.sum():.0f}. Weights must sum to 1 (Eq. 10)."),
-        (
-            np.array([0.0, 0.0, 1.0]),
-            "One particle has it all: you took exp of the count. Eq. 12 multiplies by the count.",
-        ),
-        ((WEIGHTS + COUNTS) / (WEIGHTS + COUNTS).sum(), "Weights and counts are multiplied, not added."),
-    ]
-    for value, words in wrong:
-        if np.allclose(answer, value, atol=1e-3):
-            return hint(words)
-    if not np.allclose(answer, product / product.sum()):
-        return hint(
-            f"For the counts 10, 20, 40 the weights should be {np.round(product / product.sum(), 3).tolist()}."
-        )
-    if not np.isfinite(empty).all():
-        return hint(
-            "If no particle scores, you divide 0 by 0 and the filter is dead. Keep the weights as they were."
-        )
-    if np.allclose(empty, 1 / 3):
-        return hint(
-            "A scan that scores nothing makes all weights equal: it wiped out what earlier scans said."
-        )
-    if not np.allclose(empty, WEIGHTS):
-        return hint("A scan that scores nothing says nothing: the weights should come back unchanged.")
-    return passed("Products, normalised, and an empty scan changes nothing.")
+        return compare(update, updated, _scans(), mistakes=UPDATE_MISTAKES, praise=praise)
 
+
+# ---- 2: resampling
 
 TRIALS = 400
 CLOUD = np.column_stack([np.arange(5.0), 10.0 + np.arange(5.0), 0.1 * np.arange(5.0)])
-CLOUD_WEIGHTS = np.array([0.4, 0.3, 0.2, 0.1, 0.0])
+CLOUD_WEIGHTS = np.array([0.1, 0.42, 0.3, 0.18, 0.0])
 
 
 def check_resample(resample) -> Check:
     """Whether ``resample(poses, weights, rng)`` draws whole poses by weight and makes the weights equal."""
     rng = np.random.default_rng(0)
-    offspring = np.zeros(len(CLOUD))
+    offspring = []
     for _ in range(TRIALS):
-        answer = attempt(resample, CLOUD.copy(), CLOUD_WEIGHTS.copy(), rng)
-        if is_unanswered(answer):
-            return unanswered()
+        poses, weights = CLOUD.copy(), CLOUD_WEIGHTS.copy()
+        answer = answer_to(lambda p, w: resample(p, w, rng), (poses, weights), "a pair")
         if isinstance(answer, Check):
             return answer
         problem = _problem(answer)
         if problem:
             return hint(problem)
-        offspring += np.bincount(np.asarray(answer[0])[:, 0].astype(int), minlength=len(CLOUD))
-    return _offspring_verdict(offspring / TRIALS)
+        offspring.append(
+            np.bincount(np.rint(np.asarray(answer[0], dtype=float)[:, 0]).astype(int), minlength=5)
+        )
+    return _offspring_verdict(np.array(offspring))
 
 
 def _problem(answer) -> str:
     """What is wrong with one returned pair, or nothing."""
-    if not (isinstance(answer, tuple | list) and len(answer) == 2):
+    if not (isinstance(answer, tuple | list | np.ndarray) and len(answer) == 2):
         return "Return two arrays: the new poses (N, 3) and the new weights (N,)."
-    poses, weights = np.asarray(answer[0]), np.asarray(answer[1])
+    try:
+        poses, weights = (np.asarray(part, dtype=float) for part in answer)
+    except (TypeError, ValueError):
+        return "Return two arrays of numbers: the new poses (N, 3) and the new weights (N,)."
     if poses.shape != CLOUD.shape or weights.shape != CLOUD_WEIGHTS.shape:
         return f"The number of particles must stay {len(CLOUD)}; yours have the shapes {poses.shape}, {weights.shape}."
-    known = (poses[:, None, :] == CLOUD).all(axis=2).any(axis=1)
-    if not known.all():
-        if np.isin(poses, CLOUD).all():
+    apart = np.abs(poses[:, None, :] - CLOUD) < 1e-5
+    if not apart.all(axis=2).any(axis=1).all():
+        if apart.any(axis=1).all():
             return (
                 "The x of one particle came with the heading of another. Use one index array for whole rows."
             )
         return "Some new poses were none of the old ones. Resampling copies; noise is the next prediction's business."
-    if not np.allclose(weights, 1 / len(CLOUD)):
+    if not np.allclose(weights, 1 / len(CLOUD), atol=1e-4):
+        if np.allclose(weights, 1.0):
+            return "The weights are all 1 afterwards; they must sum to 1: make each 1/N."
         return (
             "The weights are not 1/N afterwards. A heavy particle now has many copies; with its old weight on each "
             "of them it would be counted twice."
@@ -96,59 +121,79 @@ def _problem(answer) -> str:
     return ""
 
 
-def _offspring_verdict(mean: np.ndarray) -> Check:
-    """The verdict on the mean number of copies of each particle, which should be N w."""
-    expected = len(CLOUD) * CLOUD_WEIGHTS
-    found = np.round(mean, 1).tolist()
-    if np.allclose(mean, expected, atol=0.25):
-        return passed(f"On average {found} copies, expected {np.round(expected, 1).tolist()}.")
-    if np.allclose(mean, 1.0, atol=0.25):
+def _offspring_verdict(offspring: np.ndarray) -> Check:
+    """The verdict on the copies of each particle ``(trials, N)``, whose mean should be N w."""
+    n, mean = len(CLOUD), offspring.mean(axis=0)
+    expected, squared = n * CLOUD_WEIGHTS, n * CLOUD_WEIGHTS**2 / np.sum(CLOUD_WEIGHTS**2)
+    found, wanted = np.round(mean, 2).tolist(), np.round(expected, 2).tolist()
+    if np.allclose(mean, expected, atol=0.23):
+        return passed(f"On average {found} copies, expected {wanted}.")
+    if mean[np.argmax(CLOUD_WEIGHTS)] > 0.99 * n:
         return hint(
-            f"All particles get about as many copies, {found}: the weights play no part in your draw."
+            "Only the heaviest particle survives: that is a cloud with one opinion. Draw by weight instead."
         )
-    if mean[0] > 0.99 * len(CLOUD):
+    if np.allclose(mean, 1.0, atol=0.23):
+        return hint("All particles get about as many copies: the weights play no part in your draw.")
+    if np.ptp(offspring, axis=0).max() == 0:
         return hint(
-            "Only the heaviest particle survives. Then the cloud has one opinion, and N_eff = 1 was no worse."
+            "Every call gives the same copies. Draw from the rng, or light particles never have a chance."
         )
-    return hint(
-        f"Particle i should get N w_i copies on average, {np.round(expected, 1).tolist()}; yours get {found}."
-    )
+    if np.allclose(mean, squared, atol=0.23):
+        return hint("Your copies go with the square of the weight: are the weights used twice?")
+    return hint(f"Particle i should get N w_i copies on average, {wanted}; yours get {found}.")
 
 
-MEAN_POSES = np.array(
-    [[1.0, 0.0, np.deg2rad(170.0)], [2.0, 1.0, np.deg2rad(-170.0)], [4.0, 0.0, np.deg2rad(-160.0)]]
-)
-MEAN_WEIGHTS = np.array([0.5, 0.3, 0.2])
+# ---- 3: one pose for the cloud
+
+
+def _west(rng: np.random.Generator, n: int, middle: float) -> tuple:
+    """A cloud that looks roughly towards ``middle`` rad, heavy particles on one side of it."""
+    turns = rng.uniform(-0.2, 0.2, n)
+    weights = rng.dirichlet(np.ones(n)) * (1.0 + 3.0 * (turns > 0))
+    poses = np.column_stack([rng.uniform(-4, 7, (n, 2)), wrap_angle(middle + turns)])
+    return poses, weights / weights.sum()
+
+
+MEANS = [
+    (np.column_stack([[1.0, 2.0, 6.0, 3.0], [0.0, 1.0, 5.0, 2.5], np.deg2rad([171.0, -178.0, -165.0, 178.0])]),
+     np.array([0.1, 0.2, 0.45, 0.25])),
+    *(_west(np.random.default_rng(seed), n, middle) for seed, n, middle in ((1, 7, 3.1), (2, 40, -3.05), (3, 5, 0.02))),
+]  # fmt: skip
+
+
+def _direction(theta, weights):
+    return np.arctan2(weights @ np.sin(theta), weights @ np.cos(theta))
+
+
+def _with_heading(heading, position=lambda p, w: w @ p[:, :2]):
+    """A mean pose with another rule for the heading, or for x and y."""
+    return lambda p, w: np.array([*position(p, w), heading(p[:, 2], w)])
+
+
+MEAN_MISTAKES = [
+    (lambda p, w: w @ p, "That is the mean of the numbers. Headings of +179° and -179° both face west, but their "
+     "mean is 0°, east. Average directions: their sines and cosines."),
+    (lambda p, w: p[np.argmax(w)], "That is the heaviest particle, the MAP estimate. Here the mean is asked for."),
+    (lambda p, w: average_pose(p), "The weights play no part in your mean: all particles count alike."),
+    (lambda p, w: p.mean(axis=0), "The weights play no part, and headings are averaged as numbers."),
+    (lambda p, w: average_pose(p, w) * len(p), "That is N times the mean: the weights already sum to 1."),
+    (_with_heading(lambda t, w: np.arctan((w @ np.sin(t)) / (w @ np.cos(t)))), "arctan cannot tell west from east: "
+     "only the quotient goes in. Use arctan2."),
+    (_with_heading(lambda t, w: np.arctan2(w @ np.cos(t), w @ np.sin(t))), "arctan2 takes the sine first, then the "
+     "cosine."),
+    (_with_heading(lambda t, w: _direction(t, np.ones(len(t)))), "x and y are right; the heading is averaged "
+     "without the weights."),
+    (_with_heading(_direction, lambda p, w: p[:, :2].mean(axis=0)), "The heading is right; x and y are averaged "
+     "without the weights."),
+    (_with_heading(lambda t, w: np.rad2deg(_direction(t, w))), "Headings are in radians."),
+    (_with_heading(lambda t, w: t[np.argmax(w)]), "x and y are means, the heading is that of the heaviest particle."),
+    (_with_heading(lambda t, w: w @ np.abs(t)), "You drop the sign of the headings. Average sines and cosines."),
+    (_with_heading(lambda t, w: w @ (t % (2 * np.pi))), "Modulo 2 pi moves the jump from west to east, and "
+     "particles on both sides of it still have a mean between them. Average sines and cosines."),
+]  # fmt: skip
 
 
 def check_mean_pose(mean_pose) -> Check:
-    """Whether ``mean_pose(poses, weights)`` weighs, and averages headings on the circle."""
-    answer = attempt(mean_pose, MEAN_POSES.copy(), MEAN_WEIGHTS.copy())
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    answer = np.asarray(answer)
-    if answer.shape != (3,) or answer.dtype.kind not in "fiu":
-        return hint(f"One pose (x, y, heading) is asked for, shape (3,); yours has the shape {answer.shape}.")
-    position = MEAN_WEIGHTS @ MEAN_POSES[:, :2]
-    sine, cosine = MEAN_WEIGHTS @ np.sin(MEAN_POSES[:, 2]), MEAN_WEIGHTS @ np.cos(MEAN_POSES[:, 2])
-    if np.allclose(answer[:2], MEAN_POSES[:, :2].mean(axis=0)):
-        return hint("The weights play no part: that is the mean of a cloud in which all weigh the same.")
-    if np.allclose(answer, MEAN_POSES[0]):
-        return hint(
-            "That is the heaviest particle. It changes from scan to scan by chance; the mean uses all of them."
-        )
-    if np.isclose(answer[2], MEAN_WEIGHTS @ MEAN_POSES[:, 2]):
-        return hint(f"All three look towards 180 degrees, your mean towards {np.rad2deg(answer[2]):.0f}. Angles are no "
-                    "numbers on a line: average their sines and cosines.")  # fmt: skip
-    if np.isclose(answer[2], np.arctan2(cosine, sine)):
-        return hint("arctan2 takes the sine first, then the cosine.")
-    if not np.allclose(answer[:2], position):
-        return hint(
-            f"The position should be {np.round(position, 2).tolist()}; yours is {np.round(answer[:2], 2).tolist()}."
-        )
-    if not np.isclose(np.cos(answer[2] - np.arctan2(sine, cosine)), 1.0):
-        return hint(f"The heading should be {np.rad2deg(np.arctan2(sine, cosine)):.0f} degrees; yours is "
-                    f"{np.rad2deg(answer[2]):.0f}.")  # fmt: skip
-    return passed(f"Towards {np.rad2deg(answer[2]):.0f} degrees, between all three.")
+    """Whether ``mean_pose(poses, weights)`` is the weighted mean, with the heading averaged on the circle."""
+    praise = "On both sides of west it still faces west."
+    return compare(mean_pose, average_pose, MEANS, mistakes=MEAN_MISTAKES, praise=praise, same=same_poses)
