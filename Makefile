@@ -1,4 +1,4 @@
-# Two commands matter: `make book` and `make test`. `make help` lists the rest.
+# Two commands matter: `make book` and `make test`. `make help` lists more.
 # Another interpreter: make book PYTHON=python3.13        Another environment: make book VENV=/tmp/env
 
 PYTHON ?= python3
@@ -13,13 +13,13 @@ WORKERS ?= 2
 PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test lint types unit notebooks studies study-costs check-book lab notebook-outputs strip lock clean
-.PHONY: campaign endurance mutants mutants-core coverage flaky check-lab classroom redraw student solutions wheel site.zip release
+.PHONY: help env book test quick weekly lint types unit notebooks studies check-book check-lab lab notebook-outputs strip
+.PHONY: classroom redraw student solutions wheel release lock clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-18s %s\n", $$1, $$2 }' Makefile
 
-env: $(STAMP)  ## Make the environment from the lock file (done by the others when needed)
+env: $(STAMP)
 
 $(LOCKED): requirements.lock
 	@"$(PYTHON)" -c 'import sys; v = sys.version_info[:2]; sys.exit(v < (3, 11) and "Python 3.11 or newer is needed, this is %d.%d: make PYTHON=python3.12 ..." % v)'
@@ -39,7 +39,14 @@ book: $(STAMP)  ## Run the notebooks on the built-in data and build the site, wa
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/jupyter-book" build . --all -W --keep-going
 	@"$(BIN)/python" -c 'import pathlib; p = pathlib.Path("$(SITE)/index.html").resolve(); print("\nThe book is ready. Open", p, "or", p.as_uri(), sep="\n  ")'
 
-test: lint $(if $(COVERAGE),coverage,unit) notebooks  ## Lint, unit tests, every notebook (COVERAGE=1: see how much of the core they reach)
+test: lint unit notebooks  ## Lint, unit tests, every notebook
+
+quick: lint  ## Lint and the fast unit tests: what to run after each edit
+	$(PYTEST) --dist loadfile -m "not slow and not weekly and not browser and not lab" tests
+
+weekly: $(STAMP)  ## The long tests: thousands of damaged inputs, accuracy over many seeds
+	PFSLAM_CASES=2000 $(PYTEST) --dist load tests/test_bad_input.py tests/test_bad_words.py
+	$(PYTEST) --dist loadfile -m weekly tests
 
 lint: $(STAMP)
 	"$(BIN)/ruff" check .
@@ -49,18 +56,15 @@ types: $(STAMP)  ## Check the types
 	"$(BIN)/mypy"
 
 unit: $(STAMP)
-	$(PYTEST) --dist loadfile -m "not browser and not lab" tests
+	$(PYTEST) --dist loadfile -m "not weekly and not browser and not lab" tests
 
 notebooks: $(STAMP)
 ifneq ($(NOTEBOOKS),)
 	PFSLAM_WIDGETS=text $(PYTEST) --dist loadfile --nbval --nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout 600 $(NOTEBOOKS)
 endif
 
-studies: $(STAMP)  ## Run what is missing of the stored studies and refresh their tables (STUDY=name for one)
+studies: $(STAMP)  ## Run the stored studies where results are missing, and renew their tables (STUDY=name for one)
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/studies.py $(STUDY)
-
-study-costs: $(STAMP)  ## Measure what a study costs besides its runs, for the page about studies
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/study_costs.py
 
 check-book: $(STAMP)  ## Check the built site: links, pages, and every widget in a real browser
 	$(PYTEST) --dist loadgroup -m browser tests/browser
@@ -68,48 +72,23 @@ check-book: $(STAMP)  ## Check the built site: links, pages, and every widget in
 check-lab: $(STAMP)  ## Run every chapter in JupyterLab, in a real browser
 	$(PYTEST) --dist load -m lab tests/lab
 
-lab: $(STAMP)  ## Open the notebooks in JupyterLab, on the first chapter
+lab: $(STAMP)  ## Open the chapters in JupyterLab
 	"$(BIN)/jupyter-lab" --notebook-dir=notebooks --LabApp.default_url=/lab/tree/$(notdir $(firstword $(NOTEBOOKS)))
 
-notebook-outputs: $(STAMP)  ## Run the notebooks in place and keep their text outputs (after a change of a chapter)
+notebook-outputs: $(STAMP)  ## Run the notebooks in place and keep their text outputs
 	PFSLAM_WIDGETS=text "$(BIN)/jupyter-nbconvert" --to notebook --execute --inplace $(NOTEBOOKS)
 	"$(BIN)/python" book/_tools/strip.py $(NOTEBOOKS)
 
-strip: $(STAMP)  ## Remove pictures and widgets from the notebooks, keep text outputs
+strip: $(STAMP)  ## Remove pictures and widgets from the notebooks
 	"$(BIN)/python" book/_tools/strip.py $(NOTEBOOKS)
 
-campaign: $(STAMP)  ## The long form of the tests with damaged input: 2,000 cases a file
-	PFSLAM_CASES=2000 $(PYTEST) --dist load tests/test_bad_input.py tests/test_bad_words.py
-
-endurance: $(STAMP)  ## Drive for an hour in bounded memory, for the page about robustness
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pfslam.bench.endurance --laps 36 --out book/tables/endurance.csv
-
-mutants: $(STAMP)  ## Spoil each equation in every way and see that the tests notice
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" tests/mutation.py --out book/tables/mutants.csv
-
-SAMPLE ?= 300
-mutants-core: $(STAMP)  ## Spoil a sample of the core modules, every line of them counted (SAMPLE=300)
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" tests/mutation.py --core --sample $(SAMPLE) --out book/tables/mutants_core.csv
-
-coverage: $(STAMP)  ## Run the unit tests and see how much of the core they reach, for the page about robustness
-	@rm -rf _build/coverage
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m coverage run -m pytest -q -n $(WORKERS) --dist loadfile -m "not browser and not lab" tests
-	"$(BIN)/python" -m coverage combine -q
-	"$(BIN)/python" -m coverage json -q -o _build/coverage/core.json
-	"$(BIN)/python" tests/coverage_table.py _build/coverage/core.json
-
-REPEATS ?= 20
-flaky: $(STAMP)  ## Repeat the unit tests in random order on one and on two workers (REPEATS=20)
-	for k in $$(seq $(REPEATS)); do for n in 1 2; do OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $$n \
-	  --random-order --random-order-seed=$$k -m "not browser and not lab" tests || exit 1; done; done
-
-classroom: $(STAMP)  ## Measure what a kernel needs for each chapter, for the page for teachers
+classroom: $(STAMP)  # What a kernel needs for each chapter, for the page for teachers
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/measure_classroom.py $(NOTEBOOKS) --out book/tables/classroom.csv
 
-redraw: $(STAMP)  ## Measure how long the kernel takes to redraw each widget
+redraw: $(STAMP)  # How long the kernel takes to redraw each widget
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/redraw.py $(NOTEBOOKS)
 
-student: $(STAMP)  ## Write the chapters for students, without solutions, into _build/student
+student: $(STAMP)  ## Write the chapters without solutions into _build/student
 	@rm -rf _build/student
 	@"$(BIN)/python" book/_tools/student.py _build/student $(NOTEBOOKS)
 	@cp book/_tools/STUDENTS.md _build/student/README.md
@@ -118,14 +97,14 @@ solutions: $(STAMP)  ## Write the chapters with their solutions into _build/solu
 	@rm -rf _build/solutions
 	@"$(BIN)/python" book/_tools/student.py --solutions _build/solutions $(NOTEBOOKS)
 
-wheel: $(STAMP)  ## Build the package into dist
+wheel: $(STAMP)
 	@rm -rf build
 	@"$(BIN)/python" -m pip wheel -q --disable-pip-version-check --no-deps --no-build-isolation -w dist .
 
 $(SITE)/index.html:
 	@$(MAKE) book
 
-site.zip: $(SITE)/index.html  ## Pack the built book for reading offline, with its checksum
+site.zip: $(SITE)/index.html  ## Pack the built book for a USB stick
 	@"$(BIN)/python" book/_tools/pack.py zip "$(SITE)" site.zip
 
 release: $(STAMP) site.zip student solutions  ## Wheel, site and copies of the chapters, with checksums, into dist
@@ -137,9 +116,9 @@ release: $(STAMP) site.zip student solutions  ## Wheel, site and copies of the c
 	@rm dist/*.sha256
 	@"$(BIN)/python" book/_tools/pack.py sums dist
 
-lock:  ## Resolve requirements.in anew into requirements.lock (needs uv)
+lock:  ## Renew requirements.lock from requirements.in (needs uv)
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-emit-index-url \
 	  --no-emit-find-links --custom-compile-command "make lock" -q requirements.in -o requirements.lock
 
-clean:  ## Remove everything that was built, the environment too
+clean:  ## Remove everything that was built, and the environment
 	rm -rf _build "$(VENV)" site.zip site.zip.sha256 *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis out dist build

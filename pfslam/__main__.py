@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pfslam.errors import DataError
-from pfslam.io.interrupts import ctrl_c_held_back
 from pfslam.limits import MAX_EVERY, MAX_PARTICLES
 
 METHODS = ("report", "refined", "per-particle", "matching")
@@ -30,7 +29,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def whole(lowest: int, highest: int):
-    """A converter for whole numbers within limits."""
+    """Make a converter for whole numbers within limits."""
 
     def convert(text: str) -> int:
         if not (text.isascii() and text.isdigit() and len(text) < 20 and lowest <= int(text) <= highest):
@@ -42,63 +41,54 @@ def whole(lowest: int, highest: int):
     return convert
 
 
+SEED = whole(0, 2**63 - 1)
+
+
 def build_parser() -> Parser:
-    """All commands and their options."""
+    """Build the parser of all commands and their options."""
     parser = Parser(
         prog="pfslam", description="Particle-filter SLAM and floor texture mapping.", allow_abbrev=False
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    seed = whole(0, 2**63 - 1)
-
-    command = _command(
-        commands, "simulate", "write a simulated data set in the course format, with its truth"
-    )
-    command.add_argument("name", choices=("hall", "ramp"), help="hall is flat, ramp has slopes")
-    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write to")
-    command.add_argument("--seed", type=seed, metavar="S", help="another building for each seed")
-    command.add_argument(
-        "--images", type=whole(1, 10**6), metavar="N", help="write every N-th image pair (default none)"
-    )
-
-    command = _command(commands, "run", "trajectory, map and floor texture of a data set")
-    _add_dataset(command)
-    command.add_argument(
-        "--method", choices=METHODS, default="refined", help="which filter (default refined)"
-    )
-    command.add_argument(
-        "--particles",
-        type=whole(1, MAX_PARTICLES),
-        metavar="N",
-        help="default 200; 30 with a map for each, 1 for matching",
-    )
-    every_help = "use every K-th scan (default 5, for logs 1)"
-    command.add_argument("--every", type=whole(1, MAX_EVERY), metavar="K", help=every_help)
-    command.add_argument(
-        "--seed", type=seed, default=0, metavar="S", help="of the filter's random numbers (default 0)"
-    )
-    texture_help = "map the floor's texture (default: if there are images)"
-    command.add_argument("--texture", action=argparse.BooleanOptionalAction, default=None, help=texture_help)
-
-    command = _command(commands, "report", "the report's figures for a data set")
-    _add_dataset(command)
-
+    _add_simulate(commands)
+    _add_run(commands)
+    _add_dataset(_command(commands, "report", "the report's figures for a data set"))
     command = _command(commands, "study", "many runs over parameters, seeds and data sets")
     command.add_argument("file", type=Path, metavar="FILE", help="what to run, in TOML")
     command.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default out/NAME)")
     command.add_argument("--jobs", type=whole(1, 10_000), default=-1, metavar="N", help="default: all cores")
-
-    command = _command(commands, "bench", "speed and memory, measured beside their targets")
-    command.add_argument(
-        "--quick", action="store_true", help="fewer rounds, and only the first part of each drive"
-    )
+    command = _command(commands, "bench", "speed and memory on this machine")
+    quick = "fewer rounds, and only the first part of the drive"
+    command.add_argument("--quick", action="store_true", help=quick)
     command.add_argument("--json", type=Path, metavar="FILE", help="write the figures to a file")
-    command.add_argument(
-        "--data",
-        type=Path,
-        metavar="DIR",
-        help="folder with set 20, measured too (default $PFSLAM_DATA or data)",
-    )
+    data = "folder with set 20, to measure that too (default $PFSLAM_DATA or data)"
+    command.add_argument("--data", type=Path, metavar="DIR", help=data)
     return parser
+
+
+def _add_simulate(commands) -> None:
+    what = "write a simulated data set in the course format, with its truth"
+    command = _command(commands, "simulate", what)
+    command.add_argument("name", choices=("hall", "ramp"), help="hall is flat, ramp has slopes")
+    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write to")
+    command.add_argument("--seed", type=SEED, metavar="S", help="another building for each seed")
+    images = "write every N-th image pair (default none)"
+    command.add_argument("--images", type=whole(1, 10**6), metavar="N", help=images)
+
+
+def _add_run(commands) -> None:
+    command = _command(commands, "run", "trajectory, map and floor texture of a data set")
+    _add_dataset(command)
+    method = "which filter (default refined)"
+    command.add_argument("--method", choices=METHODS, default="refined", help=method)
+    particles = "default 200; 30 with a map for each, 1 for matching"
+    command.add_argument("--particles", type=whole(1, MAX_PARTICLES), metavar="N", help=particles)
+    every = "use every K-th scan (default 5, for logs 1)"
+    command.add_argument("--every", type=whole(1, MAX_EVERY), metavar="K", help=every)
+    seed = "of the filter's random numbers (default 0)"
+    command.add_argument("--seed", type=SEED, default=0, metavar="S", help=seed)
+    texture = "map the floor's texture (default: if there are images)"
+    command.add_argument("--texture", action=argparse.BooleanOptionalAction, default=None, help=texture)
 
 
 def _command(commands, name: str, what: str) -> Parser:
@@ -118,11 +108,10 @@ def _add_dataset(command: Parser) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command. Returns 0; after one line: 2 for bad input, 130 for Ctrl-C, 1 for a fault of ours."""
+    """Run one command and return its exit code: 0, or after one line 2 for bad input, 130 for Ctrl-C, 1 for a fault."""
     try:
         arguments = build_parser().parse_args(argv)
-        with ctrl_c_held_back():
-            from pfslam.cli import commands
+        from pfslam.cli import commands
 
         commands.COMMANDS[arguments.command](arguments)
         sys.stdout.flush()
@@ -130,7 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain(str(error), BAD_INPUT)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
-    except BrokenPipeError:  # whoever read our output has gone: nobody is left to tell
+    except BrokenPipeError:  # the reader of our output has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return INTERRUPTED
     except (OSError, MemoryError) as error:

@@ -279,6 +279,21 @@ def test_corrected_poses_are_not_taken_for_a_mounting(tmp_path):
     assert recording.robot.lidar.position_b[:2] == (0.0, 0.0)
 
 
+def test_scans_come_in_the_order_of_their_stamps(tmp_path):
+    """By hand: the first range of each scan is its stamp."""
+    stamps = np.random.default_rng(0).permutation(300) + 1.0
+    scans = load(tmp_path, *(flaser(t, (t, 3, 3, 3), pose=f"{t} 0 0") for t in stamps))
+    np.testing.assert_array_equal(scans.lidar.t, np.arange(1.0, 301.0))
+    np.testing.assert_array_equal(scans.lidar.ranges[:, 0], scans.lidar.t)
+    np.testing.assert_array_equal(scans.odometry.poses[:, 0], scans.lidar.t)
+
+
+def test_of_scans_with_the_same_stamp_the_first_counts(tmp_path):
+    recording = load(tmp_path, flaser(2.0), flaser(1.0, (9, 9, 9, 9)), flaser(2.0, (5, 5, 5, 5)), flaser(1.0))
+    np.testing.assert_array_equal(recording.lidar.ranges, [[9, 9, 9, 9], [1, 2, 3, 4]])
+    assert recording.dropped == {"scans with the stamp of another": 2}
+
+
 def test_what_is_not_used_is_counted(tmp_path):
     lines = [flaser(3.0, (9, 9, 9, 9)), flaser(1.0), flaser(1.0, (5, 5, 5, 5)), flaser(2.0, (1, "nan", 3, 4))]
     recording = load(tmp_path, *lines, "SYNC 1", "# caf\xe9", "TRUEPOS 1 2 3")

@@ -16,7 +16,7 @@ from pfslam.motion import dead_reckoning
 from pfslam.poses import compose, rotation_matrix, transform_points, wrap_angle
 from pfslam.recording import nearest_stamp
 from pfslam.sensors import LidarModel, scan_points
-from pfslam.simulator import BUILT_IN, HALL, RAMP, SimulatorConfig, simulate
+from pfslam.simulator import HALL, PRESETS, RAMP, SimulatorConfig, simulate
 from pfslam.simulator.clocks import START_OF_TIME
 from pfslam.simulator.drive import path_length
 from pfslam.simulator.ground import ground_distance, height, stance
@@ -590,4 +590,4 @@ def test_bad_input_is_named():
 
 
 def test_built_in_numbers():
-    assert BUILT_IN == {"hall": 20, "ramp": 21}
+    assert {name: config.number for name, config in PRESETS.items()} == {"hall": 20, "ramp": 21}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pfslam.config import SlamConfig
+from pfslam.datasets import load
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.events import level_scan, scan_events, scan_motions
 from pfslam.motion import controls
@@ -179,7 +180,7 @@ def test_a_flat_recording_is_untouched():
 
 
 def test_motions_asked_for_at_once_are_those_of_the_events_on_slopes_too():
-    recording = simulate(RAMP, cast=False).recording
+    recording = load("ramp")
     config = replace(SlamConfig.refined(), every=20)
     one_by_one = np.array([event.motion for event in scan_events(recording, config)[0]])
     np.testing.assert_allclose(scan_motions(recording, config), one_by_one, atol=1e-12)

@@ -14,7 +14,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.random  # numpy itself waits until it is used, and then a Ctrl-C may be lost
 from tqdm import tqdm
 
 from pfslam.cli.summary import closing_words, plain, summarise
@@ -24,7 +23,6 @@ from pfslam.errors import DataError
 from pfslam.io.course import save_course
 from pfslam.io.files import atomic_write, check_writable, write_text
 from pfslam.io.formats import write_map, write_texture, write_tum
-from pfslam.io.interrupts import ctrl_c_held_back
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
@@ -156,8 +154,7 @@ def write_results(
 def report_command(arguments: argparse.Namespace) -> None:
     """The report's figures as PNG files."""
     try:
-        with ctrl_c_held_back():
-            from pfslam.teaching.show.figures import report_figures
+        from pfslam.teaching.show.figures import report_figures
     except ImportError as error:
         raise DataError(
             "pfslam report", "package", error.name or error, "the extra: pip install pfslam[plots]"
@@ -177,8 +174,7 @@ def report_command(arguments: argparse.Namespace) -> None:
 
 def bench_command(arguments: argparse.Namespace) -> None:
     """Speed and memory, measured and printed; with ``--json`` also written."""
-    with ctrl_c_held_back():
-        from pfslam.bench.command import bench
+    from pfslam.bench.command import bench
 
     bench(arguments.quick, arguments.json, arguments.data)
 

@@ -1,73 +1,74 @@
 """CARMEN logs: laser scans with odometry, one message a line.
 
-Read are the old laser message FLASER, the new one ROBOTLASER1, and RAWLASER1 with ODOM. The time of a scan is
-when its message was sent (``ipc_timestamp``); the relations of the benchmark use the same.
-
-A log too long to hold its scans in memory is read twice: all lines for their stamps and poses, and those of the scans
-again, one by one, for their ranges, which go into a file. ``streams.carmen_to_file`` does the same with a file to keep.
+The old laser message FLASER is read, the new one ROBOTLASER1, and RAWLASER1 with ODOM. The time of a scan is when its
+message was sent (``ipc_timestamp``), as in the relations of the SLAM benchmark.
 """
 
 from __future__ import annotations
 
-import os
-import tempfile
 from array import array
-from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.io.carmen_lines import CarmenLog, ranges_again, read_log
 from pfslam.io.files import reason
 from pfslam.io.formats import numbers
+from pfslam.limits import MAX_BEAMS
 from pfslam.poses import Trajectory, between
 from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import LidarModel, RobotModel
 
+MAX_LINE_BYTES = 2**20
+MAX_STAMP = 1e11
 MAX_COORDINATE = 1e8
-LONG_LOG_BYTES = 256 * 2**20
-"""A log of so many bytes is long: its ranges are not held in memory."""
+NO_RETURN = 80.0
+"""SICK scanners report 81.83 m and the like where nothing came back."""
 SENSOR_HEIGHT = 0.35
-"""The logs do not say how high the scanner sits; for a flat floor it does not matter."""
+"""The logs do not say how high the scanner is mounted; on a flat floor it does not matter."""
+
+
+@dataclass
+class CarmenLog:
+    """What the lines of a log add up to.
+
+    For each scan there is a stamp, its ranges ``(beams,)`` float32 and, if the message has them, the poses of robot and
+    laser, three numbers each; for each odometry message four numbers: stamp, x, y, theta.
+    """
+
+    path: Path
+    beams: int = 0
+    angles: tuple[float, float] = (0.0, 0.0)
+    range_max: float = NO_RETURN
+    ranges: list[np.ndarray] = field(default_factory=list)
+    scan_t: array = field(default_factory=partial(array, "d"))
+    robot_at_scan: array = field(default_factory=partial(array, "d"))
+    laser_at_scan: array = field(default_factory=partial(array, "d"))
+    odometry: array = field(default_factory=partial(array, "d"))
+    laser_offset: str | None = None
+    dropped: dict[str, int] = field(default_factory=dict)
+
+    def count(self, reason: str, number: int = 1) -> None:
+        """Note that this many items were left out for this reason."""
+        if number:
+            self.dropped[reason] = self.dropped.get(reason, 0) + number
 
 
 def load_carmen(path: str | Path) -> Recording:
-    """The recording of a CARMEN log: scans, odometry poses as logged, and the laser as the log describes it.
+    """Read a CARMEN log: its scans, its odometry poses as logged, and the laser as the log describes it.
 
-    Lines are put in the order of their stamps; of those with the same stamp the first counts. What is left
-    out is counted in ``recording.dropped``. The ranges of a long log lie in a nameless file in the system's temporary
-    folder, and cannot be changed. Raises ``DataError`` naming the line for what cannot be read.
+    Lines are put in the order of their stamps; of those with the same stamp the first counts. What is left out is
+    counted in ``recording.dropped``. Raises ``DataError`` naming the line for what cannot be read.
     """
-    if os.path.isfile(path) and os.path.getsize(path) >= LONG_LOG_BYTES:
-        log = read_log(path, lambda ranges: None)
-        return log_recording(log, lambda order: _ranges_in_a_file(log, order))
-    ranges: list[np.ndarray] = []
-    log = read_log(path, ranges.append)
-    return log_recording(log, lambda order: np.stack([ranges[k] for k in order]))
-
-
-def _ranges_in_a_file(log: CarmenLog, order: np.ndarray) -> np.ndarray:
-    """The ranges ``(K, beams)`` of scans by number, in a file without a name: it goes with its last reader."""
-    try:
-        with tempfile.TemporaryFile() as file:
-            for ranges in ranges_again(log, order):
-                file.write(ranges.astype("<f4").tobytes())
-            file.flush()
-            return np.memmap(file, "<f4", "r", shape=(len(order), log.beams))
-    except OSError as error:
-        room = (
-            f"{4 * len(order) * log.beams / 1e6:.0f} MB of room in the temporary folder, which TMPDIR names"
-        )
-        raise DataError(log.path, "scans", reason(error), room) from error
-
-
-def log_recording(log: CarmenLog, ranges_of: Callable[[np.ndarray], np.ndarray]) -> Recording:
-    """The recording that a log adds up to. ``ranges_of(order)`` gives the ranges ``(K, beams)`` of scans by number."""
+    log = read_log(path)
     if not log.scan_t:
         raise DataError(log.path, "laser messages", "none", "lines of FLASER, ROBOTLASER1 or RAWLASER1")
     order = _increasing(log, np.array(log.scan_t), "scans with the stamp of another")
     t = np.array(log.scan_t)[order]
+    lidar = LidarScans(t, np.stack([log.ranges[k] for k in order]))
+    log.count("ranges that are not a number", int(np.count_nonzero(np.isnan(lidar.ranges))))
     if len(log.robot_at_scan) == 3 * len(log.scan_t):
         odometry = Trajectory(t, _pose_columns(log, log.robot_at_scan, 3)[order])
     elif log.odometry and not log.robot_at_scan:
@@ -77,9 +78,6 @@ def log_recording(log: CarmenLog, ranges_of: Callable[[np.ndarray], np.ndarray])
     else:
         raise DataError(log.path, "odometry", "none for some scans", "poses in the scans, or ODOM lines")
     robot = RobotModel(lidar=_lidar(log))
-    lidar = LidarScans(t, ranges_of(order))
-    not_numbers = sum(int(np.count_nonzero(np.isnan(scan))) for scan in lidar.ranges)
-    log.count("ranges that are not a number", not_numbers)
     return Recording(log.path.stem, robot, None, None, odometry, lidar, default_every=1, dropped=log.dropped)
 
 
@@ -125,3 +123,124 @@ def _mounting(log: CarmenLog) -> np.ndarray:
     offsets = between(robot, laser)
     changes = np.abs(between(offsets[0], offsets)).max()
     return offsets[0] if changes < 0.01 and np.hypot(*offsets[0, :2]) < 2.0 else np.zeros(3)
+
+
+def read_log(path: str | Path) -> CarmenLog:
+    """Read and check all lines of a log."""
+    log = CarmenLog(Path(path))
+    try:
+        with open(path, "rb") as file:
+            for number, line in enumerate(iter(lambda: file.readline(MAX_LINE_BYTES + 1), b""), start=1):
+                if len(line) > MAX_LINE_BYTES:
+                    expected = f"at most {MAX_LINE_BYTES} bytes a line"
+                    raise DataError(path, f"line {number}", "a longer line", expected)
+                _read_line(log, number, line)
+    except OSError as error:
+        raise DataError(path, "reading", reason(error), "a file that can be read") from error
+    return log
+
+
+def _read_line(log: CarmenLog, number: int, line: bytes) -> None:
+    words = line.decode("utf-8", errors="replace").split()
+    if words and words[0] in READERS:
+        READERS[words[0]](log, number, words[1:])
+    elif words and not words[0].startswith("#"):
+        log.count("messages of other kinds")
+
+
+def _flaser(log: CarmenLog, line: int, words: list[str]) -> None:
+    """count, ranges, laser x y theta, odometry x y theta, ipc time, host, logger time."""
+    count = _whole(log.path, line, words, 0)
+    _expect(log.path, line, words, 1 + count + 9)
+    pose = numbers(log.path, f"line {line}", words[count + 1 : count + 7], 6)
+    (stamp,) = numbers(log.path, f"line {line}", words[count + 7 : count + 8], 1)
+    # Old logs leave the angles out: half a turn from -90 deg, the last beam of an even number one step short.
+    step = np.pi / (count if count % 2 == 0 else max(count - 1, 1))
+    _add_scan(log, line, stamp, words[1 : count + 1], -np.pi / 2, step)
+    log.laser_at_scan.extend(pose[:3])
+    log.robot_at_scan.extend(pose[3:])
+
+
+def _robotlaser(log: CarmenLog, line: int, words: list[str]) -> None:
+    """Laser head as RAWLASER1, laser and robot poses, five safety values, ipc time, host, logger time."""
+    at = _laser_head(log, line, words, 14)
+    log.laser_at_scan.extend(numbers(log.path, f"line {line}", words[at : at + 3], 3))
+    log.robot_at_scan.extend(numbers(log.path, f"line {line}", words[at + 3 : at + 6], 3))
+
+
+def _rawlaser(log: CarmenLog, line: int, words: list[str]) -> None:
+    """Type, start, field of view, resolution, maximum, accuracy, mode, ranges, remissions, times."""
+    _laser_head(log, line, words, 3)
+
+
+def _laser_head(log: CarmenLog, line: int, words: list[str], tail: int) -> int:
+    """Read a new-style scan with ``tail`` words after its remissions; gives where these begin."""
+    count = _whole(log.path, line, words, 7)
+    remissions = _whole(log.path, line, words, 8 + count)
+    at = 9 + count + remissions
+    _expect(log.path, line, words, at + tail)
+    start, _, step, range_max = numbers(log.path, f"line {line}", words[1:5], 4)
+    (stamp,) = numbers(log.path, f"line {line}", words[-3:-2], 1)
+    # A scanner that sees nothing reports its maximum or a little less.
+    log.range_max = min(NO_RETURN, 0.99 * range_max) if range_max > 0 else NO_RETURN
+    _add_scan(log, line, stamp, words[8 : 8 + count], start, step)
+    return at
+
+
+def _add_scan(log: CarmenLog, line: int, stamp: float, words: list[str], start: float, step: float) -> None:
+    angles = (start, start + (len(words) - 1) * step)
+    if log.beams and (len(words) != log.beams or not np.allclose(angles, log.angles, atol=1e-6)):
+        found = f"{len(words)} beams from {angles[0]:.4f} to {angles[1]:.4f} rad"
+        expected = f"{log.beams} from {log.angles[0]:.4f} to {log.angles[1]:.4f} rad as before"
+        raise DataError(log.path, f"line {line}", found, expected)
+    if not (abs(start) < 7.0 and 0.0 <= angles[1] - start <= 2.0 * np.pi + 1e-3):
+        found = f"angles from {start:g} to {angles[1]:g}"
+        raise DataError(log.path, f"line {line}", found, "increasing radians, at most one turn")
+    if abs(stamp) > MAX_STAMP:
+        raise DataError(log.path, f"line {line}", f"stamp {stamp:g}", f"seconds, at most {MAX_STAMP:g}")
+    try:
+        with np.errstate(over="ignore"):
+            ranges = np.array(words, dtype=float).astype(np.float32)
+    except ValueError:
+        raise DataError(
+            log.path, f"line {line}", "a range that is no number", f"{len(words)} numbers"
+        ) from None
+    log.beams, log.angles = len(words), angles
+    log.scan_t.append(stamp)
+    log.ranges.append(ranges)
+
+
+def _odom(log: CarmenLog, line: int, words: list[str]) -> None:
+    """x, y, theta, speeds and acceleration, ipc time, host, logger time."""
+    _expect(log.path, line, words, 9)
+    log.odometry.extend(numbers(log.path, f"line {line}", [words[6], *words[:3]], 4))
+
+
+def _param(log: CarmenLog, line: int, words: list[str]) -> None:
+    """Of the parameters only where the laser sits is of use."""
+    if len(words) >= 2 and words[0] == "robot_frontlaser_offset":
+        log.laser_offset = words[1]
+
+
+READERS = {
+    "FLASER": _flaser,
+    "ROBOTLASER1": _robotlaser,
+    "RAWLASER1": _rawlaser,
+    "ODOM": _odom,
+    "PARAM": _param,
+}
+
+
+def _whole(path: Path, line: int, words: list[str], at: int) -> int:
+    word = words[at] if at < len(words) else "the end of the line"
+    lowest = 1 if at in (0, 7) else 0
+    if not (word.isascii() and word.isdigit() and len(word) < 7 and lowest <= int(word) <= MAX_BEAMS):
+        raise DataError(
+            path, f"line {line}, word {at + 2}", word[:60], f"a count from {lowest} to {MAX_BEAMS}"
+        )
+    return int(word)
+
+
+def _expect(path: Path, line: int, words: list[str], count: int) -> None:
+    if len(words) != count:
+        raise DataError(path, f"line {line}", f"{len(words)} values", f"{count} values")

@@ -1,14 +1,12 @@
 """A simulated building, robot and drive with exact truth.
 
-``simulate("hall")`` stands for the report's data set 20, ``simulate("ramp")`` for set 21: the same building,
-driven over slopes. Another seed is another building. Everything comes from one seed, through independent
-streams of random numbers, so that the same call gives the same numbers on any machine and any number of
-cores.
+``simulate("hall")`` stands for the report's data set 20 and ``simulate("ramp")`` for set 21: the same building with
+slopes on its floor. Another seed gives another building. Everything comes from one seed, through independent streams of
+random numbers, so that the same call gives the same numbers on any machine and any number of cores.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -27,11 +25,9 @@ from pfslam.simulator.lidar import measured, true_ranges
 from pfslam.simulator.odometry import encoder_counts, imu_samples
 from pfslam.simulator.world import World, make_world
 
-BUILT_IN = {name: config.number for name, config in PRESETS.items()}
 DEFAULT_SEED = 2021  # the building of the built-in sets
 
 __all__ = [
-    "BUILT_IN",
     "HALL",
     "PRESETS",
     "RAMP",
@@ -48,10 +44,10 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """A recording and what only a simulator knows.
+    """A recording, and what only a simulator knows about it.
 
-    ``recording.truth`` holds the poses at the LiDAR's stamps; ``z``, ``pitch``, ``roll`` ``(K,)`` (m, rad)
-    are the rest of the truth there.
+    ``recording.truth`` holds the poses at the LiDAR's stamps; ``z``, ``pitch``, ``roll`` ``(K,)`` (m, rad) are the rest
+    of the truth there.
     """
 
     recording: Recording
@@ -65,15 +61,15 @@ class Simulation:
     renderer: CameraRenderer
 
     def true_grid(self, spec: GridSpec) -> np.ndarray:
-        """Cells ``(H, W)`` bool that a wall runs through."""
+        """Mark the cells ``(H, W)`` bool that a wall runs through."""
         return self.world.true_grid(spec)
 
     def floor_area(self, spec: GridSpec) -> np.ndarray:
-        """Cells ``(H, W)`` bool that are floor: inside the building and not under clutter."""
+        """Mark the cells ``(H, W)`` bool that are floor: inside the building and not under clutter."""
         return self.world.free_area(spec)
 
     def floor_image(self, spec: GridSpec) -> np.ndarray:
-        """True colours ``(H, W, 3)`` uint8 of the floor, the mean over each cell."""
+        """Give the true colours ``(H, W, 3)`` uint8 of the floor, averaged over each cell."""
         return self.renderer.floor.image(spec, self.world.pose_pw)
 
 
@@ -82,14 +78,12 @@ def simulate(
     seed: int | None = None,
     ranges: np.ndarray | None = None,
     progress: Callable | None = None,
-    cast: bool = True,
 ) -> Simulation:
     """Simulate one drive.
 
-    ``what`` is "hall", "ramp" or a configuration; ``seed=None`` is the built-in building. ``ranges``
-    ``(K, beams)`` of an earlier call with the same arguments may be given back, which saves casting them.
-    ``progress`` wraps the casting, as tqdm does. With ``cast=False`` no scan is cast: all ranges are zero and take no
-    memory, for those who cast them bit by bit (``pfslam.simulator.streams``).
+    ``what`` is "hall", "ramp" or a configuration; ``seed=None`` is the built-in building. Casting the scans takes most
+    of the time: ``ranges (K, beams)`` of an earlier call with the same arguments may be given back instead, and
+    ``progress`` wraps the casting, as tqdm does.
     """
     config = _configuration(what)
     seed = DEFAULT_SEED if seed is None else _whole(seed)
@@ -98,20 +92,9 @@ def simulate(
     streams = np.random.SeedSequence([seed, config.number]).spawn(6)
     drive_rng, wheels, imu, scan_clock, scans = (np.random.default_rng(s) for s in streams[:5])
     drive = drive_path(world.path, world.slopes, config, drive_rng)
-    t = _scan_times(config, drive, scan_clock)
-    stamps = unix(t, config.quantised)
-    shape = len(t), config.robot.lidar.beams
-    if not cast:
-        ranges = np.broadcast_to(np.float32(0.0), shape)
-    elif 4 * math.prod(shape) > MAX_FIELD_BYTES:
-        expected = (
-            f"at most {MAX_FIELD_BYTES / 2**30:.0f} GiB of ranges; streams.simulate_to_file takes any number"
-        )
-        raise DataError("simulate", "scans, beams", shape, expected)
-    elif ranges is None:
-        lidar, seconds = config.robot.lidar, stamps - START_OF_TIME
-        exact = true_ranges(world, drive, lidar, seconds, config.scan_time, progress)
-        ranges = measured(exact, config, scans)
+    stamps = unix(_scan_times(config, drive, scan_clock), config.quantised)
+    if ranges is None:
+        ranges = _cast(config, world, drive, stamps, scans, progress)
     truth = drive.at(stamps - START_OF_TIME)
     # Micrometres are exact enough, and the last bits, which differ between processors, stay out of the files.
     poses, z, pitch, roll = (np.round(values, 6) for values in truth) if config.quantised else truth
@@ -126,6 +109,18 @@ def simulate(
         truth=Trajectory(stamps, poses),
     )
     return Simulation(recording, config, seed, world, drive, z, pitch, roll, renderer)
+
+
+def _cast(
+    config: SimulatorConfig, world: World, drive: Drive, stamps: np.ndarray, rng, progress: Callable | None
+) -> np.ndarray:
+    """Cast all scans: ranges ``(K, beams)`` float32 as the LiDAR reports them."""
+    lidar = config.robot.lidar
+    if 4 * len(stamps) * lidar.beams > MAX_FIELD_BYTES:
+        expected = f"at most {MAX_FIELD_BYTES / 2**30:.0f} GiB of ranges"
+        raise DataError("simulate", "scans, beams", (len(stamps), lidar.beams), expected)
+    exact = true_ranges(world, drive, lidar, stamps - START_OF_TIME, config.scan_time, progress)
+    return measured(exact, config, rng)
 
 
 def _configuration(what: str | SimulatorConfig) -> SimulatorConfig:

@@ -1,9 +1,8 @@
-"""The RGB-D camera: disparity and colour images rendered from the building, one at a time, when somebody
-asks.
+"""The RGB-D camera: disparity and colour images, each rendered from the building when it is read.
 
-A pixel's ray meets the floor or a wall. Walls are vertical, so what stands in a direction seen from above is
-found once per azimuth, in a table, and each pixel looks it up. All that is done with inverse depth 1 / Z: the
-nearest thing has the largest, and disparity is linear in it.
+A pixel's ray meets the floor or a wall. Walls are vertical, so the nearest wall in each horizontal direction is found
+once and kept in a table by azimuth, where each pixel looks it up. All depths are inverse depths 1 / Z: the nearest
+surface has the largest, and disparity is linear in it.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ TILE = (1024, 1536)  # noise is a cut-out of one tile, placed anew for every ima
 class Sight:
     """What one camera sees at one moment.
 
-    ``inverse_depth (H, W)`` 1/m, which pixels show ``ground``, and how it came about.
+    ``inverse_depth (H, W)`` is in 1/m, and ``ground (H, W)`` marks the pixels that show the ground.
     """
 
     inverse_depth: np.ndarray
@@ -46,7 +45,7 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class CameraRenderer:
-    """Renders images of a world along a drive; ``disparity_t``, ``rgb_t`` are s from the first stamp."""
+    """Renders images of a world along a drive; ``disparity_t`` and ``rgb_t`` are seconds from the first stamp."""
 
     world: World
     drive: Drive
@@ -87,7 +86,7 @@ class CameraRenderer:
         return rng.standard_normal(TILE, dtype=np.float32), rng.random(TILE, dtype=np.float32), colour
 
     def read_disparity(self, k: int) -> np.ndarray:
-        """The k-th disparity image, ``(480, 640)`` uint16; 2047 where there is no reading."""
+        """Render the k-th disparity image, ``(480, 640)`` uint16; 2047 where there is no reading."""
         inverse = self.see(self.depth_eye, float(self.disparity_t[k])).inverse_depth
         model, config = self.model, self.config
         cut = self._cut(0, k)
@@ -103,18 +102,18 @@ class CameraRenderer:
         return np.where(seen, np.rint(disparity), NO_READING).astype(np.uint16)
 
     def read_rgb(self, j: int) -> np.ndarray:
-        """The j-th colour image, ``(480, 640, 3)`` uint8."""
+        """Render the j-th colour image, ``(480, 640, 3)`` uint8."""
         sight = self.see(self.rgb_eye, float(self.rgb_t[j]))
         picture = self._colours(sight).astype(np.int16) + self._noise[2][self._cut(1, j)]
         return np.clip(picture, 0, 255).astype(np.uint8)
 
     def true_depth(self, k: int) -> np.ndarray:
-        """Depth Z ``(480, 640)`` in metres of the k-th disparity image, before any error."""
+        """Give the depth Z ``(480, 640)`` in metres behind the k-th disparity image, free of errors."""
         with np.errstate(divide="ignore"):
             return 1.0 / self.see(self.depth_eye, float(self.disparity_t[k])).inverse_depth
 
     def see(self, eye: Eye, t: float) -> Sight:
-        """What a camera of the robot sees at time ``t`` (s from the first encoder stamp)."""
+        """Compute what a camera of the robot sees at time ``t`` (s from the first encoder stamp)."""
         poses, heights, pitches, rolls = self.drive.at(np.array([t]))
         x, y, yaw = compose(self.world.pose_pw, poses)[0]
         z, pitch, roll = float(heights[0]), float(pitches[0]), float(rolls[0])
@@ -126,7 +125,7 @@ class CameraRenderer:
         return Sight(np.maximum(wall, ground), ground >= wall, view, around, origin, yaw)
 
     def _colours(self, sight: Sight) -> np.ndarray:
-        """Colours ``(H, W, 3)`` uint8 of what is seen."""
+        """Look up the colours ``(H, W, 3)`` uint8 of what is seen."""
         depth = np.float32(1.0) / np.maximum(sight.inverse_depth, np.float32(1e-4))
         c, s = np.float32(np.cos(sight.yaw)), np.float32(np.sin(sight.yaw))
         ahead, aside = depth * sight.view.ray[0], depth * sight.view.ray[1]
@@ -145,7 +144,7 @@ class CameraRenderer:
         return picture
 
     def _cut(self, stream: int, index: int) -> tuple[slice, slice]:
-        """Where the noise of one image is cut from the tiles."""
+        """Choose where the noise of one image is cut from the tiles."""
         rng = np.random.default_rng([*self._streams[2].generate_state(2), stream, int(index)])
         v, u = rng.integers(0, [TILE[0] - self.model.height, TILE[1] - self.model.width])
         return slice(v, v + self.model.height), slice(u, u + self.model.width)

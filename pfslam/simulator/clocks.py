@@ -1,6 +1,6 @@
-"""When instruments speak: regular in themselves, stamped by a busy computer.
+"""Clocks of the instruments: readings at a regular pace, stamped by a busy computer.
 
-Times in seconds from the first encoder stamp.
+Times are in seconds from the first encoder stamp.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ START_OF_TIME = 1_700_000_000.0  # unix time of the first encoder stamp of every
 
 @dataclass(frozen=True)
 class Clock:
-    """How one instrument's stamps fall. ``period`` is the usual interval (s); a share ``long_share`` of the
-    intervals is ``long_period`` instead. Stamps scatter by ``jitter``; a share ``late_share`` is late by up
-    to ``late``; no two are closer than ``least_gap``.
+    """How the stamps of one instrument are spaced, in seconds.
+
+    ``period`` is the usual interval; a share ``long_share`` of the intervals lasts ``long_period`` instead. Stamps
+    scatter by ``jitter``, a share ``late_share`` is late by up to ``late``, and no two are closer than ``least_gap``.
     """
 
     period: float
@@ -39,10 +40,9 @@ LOST = (5, 1, 18)  # usually, and between, so many images in a row
 def ticks_and_stamps(
     clock: Clock, start: float, stop: float, rng: np.random.Generator, jitter: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """When readings are taken and how they are stamped, both ``(K,)`` s within [start, stop].
+    """Draw when readings are taken and how they are stamped, both ``(K,)`` s within [start, stop].
 
-    The readings are even; the stamps tremble around them. ``jitter`` = 0 makes both the same and perfectly
-    regular.
+    The readings are evenly spaced and the stamps scatter around them; with ``jitter`` = 0 both are the same.
     """
     count = int((stop - start) / min(clock.period, clock.long_period or clock.period)) + 2
     long = (rng.random(count) < clock.long_share) & (jitter > 0)
@@ -52,14 +52,14 @@ def ticks_and_stamps(
     stamps = ticks + np.clip(tremble, -4.0 * clock.jitter, 4.0 * clock.jitter) + late
     floor = clock.least_gap * np.arange(count)
     stamps[0] = start
-    # Nobody overtakes: a stamp that would come too early waits until the least gap has passed.
+    # Stamps never overtake one another: one that would come too early waits until the least gap has passed.
     stamps = np.maximum.accumulate(np.maximum(stamps, start) - floor) + floor
     kept = np.maximum(stamps, ticks) <= stop
     return ticks[kept], stamps[kept]
 
 
 def camera_stamps(start: float, stop: float, rng: np.random.Generator, jitter: float = 1.0) -> np.ndarray:
-    """Stamps ``(K,)`` of one of the camera's streams: 30 Hz, with images lost a few at a time."""
+    """Draw the stamps ``(K,)`` of one stream of the camera: 30 Hz, with images lost a few at a time."""
     stamps = ticks_and_stamps(CAMERA_CLOCK, start, stop, rng, jitter)[1]
     if jitter == 0:
         return stamps
@@ -76,6 +76,6 @@ def camera_stamps(start: float, stop: float, rng: np.random.Generator, jitter: f
 
 
 def unix(t: np.ndarray, quantised: bool = True) -> np.ndarray:
-    """Unix stamps ``(K,)`` s, to the microsecond."""
+    """Convert times ``(K,)`` to Unix stamps (s), rounded to the microsecond."""
     t = START_OF_TIME + np.asarray(t)
     return np.round(t * 1e6) / 1e6 if quantised else t

@@ -1,7 +1,7 @@
-"""The drive: from waypoints to where the robot truly is at every 2 ms.
+"""The drive: from waypoints to the robot's true pose every 2 ms.
 
-Waypoints become a path with rounded corners, the path gets a speed, and speed and curvature are integrated
-once, with exact arcs. That integral is the truth: what the instruments say is read off it.
+Waypoints become a path with rounded corners, the path gets a speed, and speed and curvature are integrated once, with
+exact arcs. That integral is the truth, and the readings of all instruments are derived from it.
 """
 
 from __future__ import annotations
@@ -26,9 +26,11 @@ LEAD = 6.0  # the robot also stands still this long before the first stamp and a
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """The truth: every ``TIME_STEP`` a time ``t (K,)`` (s, 0 at the first encoder stamp), planar ``poses (K,
-    3)`` in the world, the stance ``z``, ``pitch``, ``roll`` ``(K,)`` on the ground, and the distance
-    ``travelled (K,)`` by the body (m). ``duration`` is the encoders' time.
+    """The true motion, sampled every ``TIME_STEP``.
+
+    ``t (K,)`` are times (s, 0 at the first encoder stamp), ``poses (K, 3)`` planar poses in the world, ``z``,
+    ``pitch``, ``roll`` ``(K,)`` the stance on the ground, and ``travelled (K,)`` the distance covered by the body (m).
+    ``duration`` is the time from the first encoder stamp to the last.
     """
 
     t: np.ndarray
@@ -40,20 +42,17 @@ class Drive:
     duration: float
 
     def at(self, t) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Poses ``(M, 3)``, z, pitch and roll ``(M,)`` at times ``t (M,)``.
-
-        Outside the drive the robot stands still.
-        """
+        """Interpolate poses ``(M, 3)``, z, pitch and roll ``(M,)`` at times ``t (M,)``, constant outside the drive."""
         t = np.clip(t, self.t[0], self.t[-1])
         poses = Trajectory(self.t, self.poses).at(t)
         return poses, *(np.interp(t, self.t, values) for values in (self.z, self.pitch, self.roll))
 
 
 def make_path(waypoints: np.ndarray) -> np.ndarray:
-    """A smooth path ``(S, 2)``: the polyline through ``waypoints (W, 2)``, averaged under a bell curve along
-    its length.
+    """Smooth the polyline through ``waypoints (W, 2)`` into a path ``(S, 2)``.
 
-    An average stays inside the polyline's corners, so a path between walls stays between walls.
+    Positions are averaged along the polyline under a bell curve. An average stays on the inner side of each corner, so
+    a path between walls stays between walls.
     """
     legs = np.hypot(*np.diff(waypoints, axis=0).T)
     at = np.concatenate([[0.0], np.cumsum(legs)])
@@ -70,21 +69,21 @@ def make_path(waypoints: np.ndarray) -> np.ndarray:
 
 
 def path_length(path: np.ndarray) -> float:
-    """Length (m) of a path ``(S, 2)``."""
+    """Compute the length (m) of a path ``(S, 2)``."""
     return float(np.hypot(*np.diff(path, axis=0).T).sum())
 
 
 def start_pose(path: np.ndarray) -> np.ndarray:
-    """Pose ``(3,)`` at the start of a path, looking along it."""
+    """Return the pose ``(3,)`` at the start of a path, looking along it."""
     return np.array([*path[0], _geometry(path[:2])[1][0]])
 
 
 def drive_path(
     path_p: np.ndarray, slopes: tuple[Slope, ...], config: SimulatorConfig, rng: np.random.Generator
 ) -> Drive:
-    """Drive a path of the plan frame: stand still, go, stand still. Heights come from the plan's ``slopes``.
+    """Drive along a path of the plan frame, standing still before and after.
 
-    The world frame is the pose at the start, so the first pose is (0, 0, 0).
+    Heights come from the plan's ``slopes``. The world frame is the pose at the start, so the first pose is (0, 0, 0).
     """
     s, heading, curvature = _geometry(path_p)
     speed = _speed_limit(s, curvature, config, rng)
@@ -99,7 +98,7 @@ def drive_path(
 
 
 def _geometry(path: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Arc length, unwrapped heading and curvature ``(S,)`` of a path."""
+    """Compute arc length, unwrapped heading and curvature ``(S,)`` of a path."""
     step = np.diff(path, axis=0)
     s = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
     chords = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
@@ -110,9 +109,7 @@ def _geometry(path: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _speed_limit(
     s: np.ndarray, curvature: np.ndarray, config: SimulatorConfig, rng: np.random.Generator
 ) -> np.ndarray:
-    """Speed ``(S,)`` along the path: the driver's mood, slow corners, bounded acceleration, zero at both
-    ends.
-    """
+    """Choose the speed ``(S,)`` along the path: varied, slow in corners, with bounded acceleration, 0 at both ends."""
     knots = np.arange(0.0, s[-1] + 4.0, 4.0)
     mood = np.interp(s, knots, 1.0 + 0.36 * rng.uniform(-1.0, 1.0, len(knots)))
     limit = np.minimum(config.cruise_speed * mood, config.top_yaw_rate / np.maximum(np.abs(curvature), 1e-9))
@@ -127,16 +124,14 @@ def _speed_limit(
 
 
 def _in_time(s, heading, speed, config: SimulatorConfig) -> tuple[np.ndarray, np.ndarray, float]:
-    """Distance and heading ``(K,)`` on the clock of ``TIME_STEP``, standing included, and the encoders'
-    duration (s).
-    """
+    """Sample distance and heading ``(K,)`` every ``TIME_STEP``, standing included; also the encoders' duration (s)."""
     mean_speed = 0.5 * (speed[1:] + speed[:-1])
     arrival = np.concatenate([[0.0], np.cumsum(np.diff(s) / mean_speed)])
     duration = config.timing.still_start + arrival[-1] + config.timing.still_end
     if duration > 3600 * MAX_HOURS:
         raise DataError("simulate", "duration", f"{duration / 3600:.0f} hours", f"at most {MAX_HOURS}")
     t = np.arange(-LEAD, duration + LEAD, TIME_STEP) - config.timing.still_start
-    reach = int(0.2 / TIME_STEP)  # nobody starts or brakes in an instant: smooth the way over 0.2 s
+    reach = int(0.2 / TIME_STEP)  # no robot starts or brakes in an instant: smooth the distance over 0.2 s
     bell = np.hanning(2 * reach + 1)
     travelled = np.convolve(
         np.pad(np.interp(t, arrival, s), reach, mode="edge"), bell / bell.sum(), mode="valid"
@@ -145,5 +140,5 @@ def _in_time(s, heading, speed, config: SimulatorConfig) -> tuple[np.ndarray, np
 
 
 def turned(drive: Drive) -> np.ndarray:
-    """Yaw of the drive without jumps of 2 pi, ``(K,)`` rad."""
+    """Unwrap the yaw of the drive, ``(K,)`` rad without jumps of 2 pi."""
     return drive.poses[0, 2] + np.concatenate([[0.0], np.cumsum(wrap_angle(np.diff(drive.poses[:, 2])))])

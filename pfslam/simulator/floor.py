@@ -1,7 +1,7 @@
-"""What the floor looks like: parquet, tiles with inlaid words, a compass rose, mats. A picture of the plan, 1
-cm a pixel.
+"""The floor's appearance, painted as a picture of the plan at 1 cm a pixel.
 
-Patterns are functions of the plan coordinates x, y (m) that return colours; words and stars are drawn on top.
+There are parquet, tiles with inlaid words, a compass rose and mats. Patterns are functions of the plan coordinates x, y
+(m) that return colours; words and the rose are drawn on top.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ INK = np.array([52, 48, 58])
 
 @dataclass(frozen=True, eq=False)
 class Floor:
-    """A picture ``fine (H, W, 3)`` uint8 RGB of the plan, row 0 at y_min, ``coarse`` the same at a quarter of
-    the size.
+    """A painted floor.
 
-    ``origin (2,)`` is the outer corner of pixel [0, 0] in the plan frame (m).
+    ``fine (H, W, 3)`` is a picture of the plan, uint8 RGB, row 0 at y_min, and ``coarse`` the same at a quarter of the
+    size. ``origin (2,)`` is the outer corner of pixel [0, 0] in the plan frame (m).
     """
 
     fine: np.ndarray
@@ -37,16 +37,16 @@ class Floor:
     origin: np.ndarray
 
     def colours(self, x: np.ndarray, y: np.ndarray, distant: bool = False) -> np.ndarray:
-        """Colours ``(H, W, 3)`` uint8 at plan coordinates ``(H, W)`` float32 (m), interpolated."""
+        """Interpolate colours ``(H, W, 3)`` uint8 at plan coordinates ``(H, W)`` float32 (m)."""
         picture, size = (self.coarse, COARSE * PIXEL) if distant else (self.fine, PIXEL)
         u = (x - np.float32(self.origin[0])) * np.float32(1.0 / size) - np.float32(0.5)
         v = (y - np.float32(self.origin[1])) * np.float32(1.0 / size) - np.float32(0.5)
         return cv2.remap(picture, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
     def image(self, spec: GridSpec, pose_pw: np.ndarray) -> np.ndarray:
-        """The mean colour of every cell of a grid in the world, ``(H, W, 3)`` uint8.
+        """Average the colour over every cell of a grid in the world, ``(H, W, 3)`` uint8.
 
-        ``pose_pw (3,)`` is the world in the plan.
+        ``pose_pw (3,)`` is the pose of the world frame in the plan.
         """
         fold = max(int(np.ceil(spec.resolution / PIXEL)), 1)
         h, w = spec.shape
@@ -144,7 +144,7 @@ def _choose(condition, this, other) -> np.ndarray:
 
 
 def _shade(x, y, amount: float) -> np.ndarray:
-    """A number around 1 per whole-numbered pair (x, y), always the same: no two tiles are quite alike."""
+    """Give each pair of whole numbers (x, y) a fixed factor near 1, so that no two tiles are quite alike."""
     mixed = (np.asarray(x, dtype=np.int64) * 73856093) ^ (np.asarray(y, dtype=np.int64) * 19349663)
     return 1.0 + amount * (((mixed >> 3) % 256) / 128.0 - 1.0)
 
@@ -184,9 +184,7 @@ def _diamonds(x, y) -> np.ndarray:
 
 
 def _fans(x, y) -> np.ndarray:
-    """Overlapping scales: discs in staggered rows, each row half covered by the one below, with rings in two
-    colours.
-    """
+    """Fish scales: staggered rows of discs with two-coloured rings, each row half covered by the one below."""
     radius = 0.45
     row = np.floor(y / (0.5 * radius))
     best = np.full(np.broadcast_shapes(x.shape, y.shape), radius)

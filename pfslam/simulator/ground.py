@@ -1,4 +1,4 @@
-"""The ground: flat, but for humps that cross a corridor. One height model for robot, LiDAR and camera."""
+"""The ground: flat except for humps across corridors, one height model for robot, LiDAR and camera."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ WHEELBASE = 0.33  # front axle to rear axle (m)
 
 @dataclass(frozen=True)
 class Slope:
-    """A hump across a corridor, between its walls: height over one axis is piecewise linear through the
-    knots.
-    """
+    """A hump that fills a corridor from wall to wall, its height piecewise linear along one axis."""
 
     axis: str
     sides: tuple[float, float]
@@ -22,19 +20,20 @@ class Slope:
     heights: tuple[float, ...]
 
     def mirrored(self) -> Slope:
+        """Mirror the hump in y."""
         if self.axis == "x":
             return replace(self, sides=(-self.sides[1], -self.sides[0]))
         return replace(self, knots=tuple(-k for k in self.knots[::-1]), heights=self.heights[::-1])
 
     def along_across(self, points_p) -> tuple[np.ndarray, np.ndarray]:
-        """The two coordinates of points ``(..., 2)``: along the hump's axis, and across it."""
+        """Split points ``(..., 2)`` into their coordinates along the hump's axis and across it."""
         points_p = np.asarray(points_p)
         return (
             (points_p[..., 0], points_p[..., 1]) if self.axis == "x" else (points_p[..., 1], points_p[..., 0])
         )
 
     def faces(self) -> list[tuple[float, float, float, float]]:
-        """The planes (from, to, height at 0, slope) over the axis that rise above the flat ground."""
+        """List the planes above the flat ground as (from, to, height at 0, slope) along the axis."""
         faces = []
         for a, b, ha, hb in zip(
             self.knots[:-1], self.knots[1:], self.heights[:-1], self.heights[1:], strict=True
@@ -46,7 +45,7 @@ class Slope:
 
 
 def height(slopes: tuple[Slope, ...], points_p) -> np.ndarray:
-    """Height (m) of the ground at points ``(..., 2)`` of the plan frame."""
+    """Compute the height (m) of the ground at points ``(..., 2)`` of the plan frame."""
     points_p = np.asarray(points_p, dtype=float)
     z = np.zeros(points_p.shape[:-1])
     for slope in slopes:
@@ -57,7 +56,7 @@ def height(slopes: tuple[Slope, ...], points_p) -> np.ndarray:
 
 
 def stance(slopes: tuple[Slope, ...], poses_p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """How the robot stands at poses ``(N, 3)``: height z (m), pitch and roll (rad), each ``(N,)``.
+    """Compute height z (m), pitch and roll (rad), each ``(N,)``, of the robot at poses ``(N, 3)``.
 
     It rests on its axles, half a wheelbase before and behind the centre, and on wheels as far apart sideways.
     Positive pitch is nose down.
@@ -75,7 +74,7 @@ def stance(slopes: tuple[Slope, ...], poses_p: np.ndarray) -> tuple[np.ndarray, 
 
 
 def rotations(roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """Body-to-world rotations ``(N, 3, 3)``: the one of ``rotation_matrix`` for many poses at once."""
+    """Build body-to-world rotations ``(N, 3, 3)``: ``rotation_matrix`` for many poses at once."""
     cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     cy, sy = np.cos(yaw), np.sin(yaw)
     rows = [
@@ -87,8 +86,7 @@ def rotations(roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> np.ndarra
 
 
 def ground_distance(slopes: tuple[Slope, ...], origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """How many times ``direction (..., 3)`` it takes from ``origin (..., 3)`` to the ground (``(...)``;
-    infinity if never).
+    """Find t ``(...)`` so that ``origin + t direction``, both ``(..., 3)``, lies on the ground; infinity if never.
 
     The plane z = 0 runs on below the humps, where a ray reaches a face first, so the nearest of all is right.
     """
@@ -107,11 +105,10 @@ def ground_distance(slopes: tuple[Slope, ...], origin: np.ndarray, direction: np
 
 
 def ground_in_view(slopes: tuple[Slope, ...], origin: np.ndarray, yaw: float, ray: np.ndarray) -> np.ndarray:
-    """Inverse depth ``(H, W)`` float32 of the ground along camera rays ``(3, H, W)`` that ``yaw`` turns into
-    the plan.
+    """Compute the inverse depth ``(H, W)`` float32 of the ground along camera rays ``(3, H, W)``.
 
-    The same ground as ``ground_distance``. A plane's inverse depth is linear in the ray, which makes images
-    quick.
+    ``yaw`` turns the rays into the plan. The ground is that of ``ground_distance``; a plane's inverse depth is linear
+    in the ray, which makes images fast.
     """
     inverse = ray[2] * np.float32(-1.0 / origin[2])
     np.maximum(inverse, np.float32(0.0), out=inverse)
@@ -139,7 +136,7 @@ def ground_in_view(slopes: tuple[Slope, ...], origin: np.ndarray, yaw: float, ra
 
 
 def _may_be_seen(slope: Slope, origin: np.ndarray, ahead: tuple[float, float]) -> bool:
-    """Whether any corner of a hump lies in front of the camera, give or take."""
+    """Tell whether any corner of a hump lies in front of the camera, or just behind it."""
     ends = [(u, v) for u in (slope.knots[0], slope.knots[-1]) for v in slope.sides]
     corners = np.array(ends) if slope.axis == "x" else np.array(ends)[:, ::-1]
     return bool((((corners - origin[:2]) @ np.array(ahead)) > -0.5).any())

@@ -1,7 +1,7 @@
 """The LiDAR: exact intersections of beams with walls, people and sloping ground, many scans at a time.
 
-A wall covers a contiguous run of beams. So each wall is intersected only with the beams of its run, which is
-about twenty times less work than every beam with every wall.
+A wall covers a contiguous run of beams. Each wall is intersected only with the beams of its run, which is about twenty
+times less work than intersecting every beam with every wall.
 """
 
 from __future__ import annotations
@@ -25,21 +25,19 @@ SWEEP_PARTS = 23  # a smeared scan is this many short scans of 47 beams
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """A fan of beams at S moments.
-
-    ``t (S,)``, ``origin (S, 3)`` and ``rotation (S, 3, 3)`` sensor to plan.
-    """
+    """A scanner at S moments: times ``t (S,)``, ``origin (S, 3)`` and ``rotation (S, 3, 3)`` from sensor to plan."""
 
     t: np.ndarray
     origin: np.ndarray
     rotation: np.ndarray
 
     def rows(self, part: slice) -> Sensor:
+        """Select some of the moments."""
         return Sensor(self.t[part], self.origin[part], self.rotation[part])
 
 
 def sensor_at(world: World, drive: Drive, t: np.ndarray, position_b) -> Sensor:
-    """The sensor mounted at ``position_b (3,)`` on the body, level with it, at times ``t (S,)``."""
+    """Place a sensor mounted at ``position_b (3,)`` on the body, level with it, at times ``t (S,)``."""
     poses, z, pitch, roll = drive.at(t)
     poses_p = compose(world.pose_pw, poses)
     rotation = rotations(roll, pitch, poses_p[:, 2])
@@ -47,9 +45,7 @@ def sensor_at(world: World, drive: Drive, t: np.ndarray, position_b) -> Sensor:
 
 
 def cast(world: World, sensor: Sensor, angles: np.ndarray, progress: Callable | None = None) -> np.ndarray:
-    """True ranges ``(S, B)`` in metres along beams at ``angles (B,)`` (evenly spaced, rad); infinity where
-    nothing is met.
-    """
+    """Cast beams at ``angles (B,)`` (evenly spaced, rad): true ranges ``(S, B)`` in metres, infinity for no hit."""
     ranges = np.empty((len(sensor.t), len(angles)))
     for first in (progress or iter)(range(0, len(sensor.t), CHUNK)):
         part = slice(first, first + CHUNK)
@@ -59,8 +55,7 @@ def cast(world: World, sensor: Sensor, angles: np.ndarray, progress: Callable | 
 
 def _cast_chunk(world: World, sensor: Sensor, angles: np.ndarray) -> np.ndarray:
     ranges = np.full((len(sensor.t), len(angles)), np.inf)
-    # Beam a points along M (cos a, sin a), seen from above; M (S, 2, 2) is the identity turned, on
-    # level ground.
+    # Seen from above, beam a points along M (cos a, sin a); on level ground M (S, 2, 2) is a rotation.
     M = sensor.rotation[:, :2, :2]
     _meet_walls(ranges, world, sensor, M, angles)
     for person in world.people:
@@ -94,8 +89,7 @@ def _meet_walls(ranges: np.ndarray, world: World, sensor: Sensor, M: np.ndarray,
     scan, wall, first, count = scan[met], wall[met], first[met], count[met]
     pair = np.repeat(np.arange(len(scan)), count)
     beam = np.arange(len(pair)) + np.repeat(first - np.cumsum(count) + count, count)
-    # Cramer's rule for origin + t M (cos, sin) = begin + s edge, with what does not depend on the beam
-    # taken out.
+    # Cramer's rule for origin + t M (cos, sin) = begin + s edge; what does not depend on the beam is factored out.
     across = M[scan, 0] * edge[wall, 1, None] - M[scan, 1] * edge[wall, 0, None]
     scaled = across / facing[scan, wall][:, None]
     t = 1.0 / (scaled[pair, 0] * np.cos(angles)[beam] + scaled[pair, 1] * np.sin(angles)[beam])
@@ -135,10 +129,10 @@ def true_ranges(
     scan_time: float = 0.0,
     progress: Callable | None = None,
 ) -> np.ndarray:
-    """What a perfect LiDAR would read, ``(S, beams)`` m, at stamps ``t (S,)``. ``progress`` wraps the work.
+    """Compute what a perfect LiDAR would read, ``(S, beams)`` m, at stamps ``t (S,)``.
 
-    With a ``scan_time`` (s) the beams are measured one after the other, the middle one at the stamp: the scan
-    is smeared.
+    With a ``scan_time`` (s) the beams are measured one after the other, the middle one at the stamp, so that motion
+    distorts the scan. ``progress`` wraps the work.
     """
     if scan_time == 0.0:
         return cast(world, sensor_at(world, drive, t, lidar.position_b), lidar.angles, progress)
@@ -151,9 +145,7 @@ def true_ranges(
 
 
 def measured(ranges: np.ndarray, config: SimulatorConfig, rng: np.random.Generator) -> np.ndarray:
-    """Ranges ``(S, beams)`` float32 as the instrument reports them: noise, wrong and missing returns, whole
-    millimetres.
-    """
+    """Add noise and wrong and missing returns: ranges ``(S, beams)`` float32 in whole millimetres."""
     noisy = ranges + config.range_noise * rng.standard_normal(ranges.shape, dtype=np.float32)
     noisy[~(noisy < TOO_FAR)] = TOO_FAR
     random = rng.random(ranges.shape, dtype=np.float32)

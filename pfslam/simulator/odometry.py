@@ -1,4 +1,4 @@
-"""What wheels, gyro and accelerometer say about the true drive."""
+"""Encoders, gyro and accelerometer: what they report of the true drive."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WARM_UP = 0.5  # s
 
 
 def encoder_counts(drive: Drive, config: SimulatorConfig, rng: np.random.Generator) -> Encoders:
-    """Counts of the four wheels. Each wheel hands on its fraction of a count to the next reading."""
+    """Simulate the counts of the four wheels; each carries its fraction of a count over to the next reading."""
     t, stamps = ticks_and_stamps(ENCODER_CLOCK, 0.0, drive.duration, rng, config.timing.jitter)
     slip, yaw = config.slip, turned(drive)
     rate = np.abs(np.gradient(yaw, TIME_STEP))
@@ -39,10 +39,7 @@ def encoder_counts(drive: Drive, config: SimulatorConfig, rng: np.random.Generat
 
 
 def imu_samples(drive: Drive, config: SimulatorConfig, rng: np.random.Generator) -> Imu:
-    """Angular velocity and acceleration in the body's axes.
-
-    A gyro sample is the mean rate since the one before.
-    """
+    """Simulate angular velocity and acceleration in the body's axes; a gyro sample is the mean rate since the last."""
     begin, end = config.timing.imu
     t, stamps = ticks_and_stamps(IMU_CLOCK, begin, drive.duration + end, rng, config.timing.jitter)
     rate = _body_rates(drive, t) / config.gyro.scale
@@ -64,9 +61,7 @@ def imu_samples(drive: Drive, config: SimulatorConfig, rng: np.random.Generator)
 
 
 def _body_rates(drive: Drive, t: np.ndarray) -> np.ndarray:
-    """Mean angular velocity ``(K, 3)`` rad/s about the body's axes between consecutive times (the first is
-    repeated).
-    """
+    """Average the body's angular velocity between consecutive times, ``(K, 3)`` rad/s, the first twice."""
     yaw, pitch, roll = (np.interp(t, drive.t, angle) for angle in (turned(drive), drive.pitch, drive.roll))
     dt = np.diff(t)
     dyaw, dpitch, droll = (np.diff(angle) / dt for angle in (yaw, pitch, roll))
@@ -79,7 +74,7 @@ def _body_rates(drive: Drive, t: np.ndarray) -> np.ndarray:
 
 
 def _specific_force_g(drive: Drive, t: np.ndarray) -> np.ndarray:
-    """What an accelerometer at the body's origin feels, ``(K, 3)`` g: motion and the push of the ground."""
+    """Compute what an accelerometer at the body's origin measures, ``(K, 3)`` g: acceleration minus gravity."""
     position = np.column_stack([drive.poses[:, :2], drive.z])
     velocity = np.gradient(position, TIME_STEP, axis=0)
     acceleration = np.gradient(velocity, TIME_STEP, axis=0) / STANDARD_GRAVITY + [0.0, 0.0, 1.0]
@@ -92,7 +87,7 @@ def _specific_force_g(drive: Drive, t: np.ndarray) -> np.ndarray:
 
 
 def _gyro_noise(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Noise ``(count,)`` of unit variance, smoothed by the gyro's own low-pass filter."""
+    """Draw noise ``(count,)`` of unit variance, smoothed as by the gyro's low-pass filter."""
     stage = GYRO_POLE ** np.arange(24)
     response = np.ones(1)
     for _ in range(GYRO_STAGES):
@@ -102,14 +97,12 @@ def _gyro_noise(count: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def _shaking(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Swaying ``(count,)`` of unit variance at a few hertz."""
+    """Draw swaying ``(count,)`` of unit variance at a few hertz."""
     window = np.hanning(24)
     return np.convolve(rng.standard_normal(count + 23), window / np.sqrt((window**2).sum()), mode="valid")
 
 
 def _slow_noise(drive: Drive, rng: np.random.Generator) -> np.ndarray:
-    """A slowly changing number of about unit variance at every time of the drive: one draw per metre,
-    interpolated.
-    """
+    """Draw a slowly changing number of about unit variance: one draw per metre of the drive, interpolated."""
     knots = np.arange(int(drive.travelled[-1]) + 2)
     return np.interp(drive.travelled, knots, rng.standard_normal(len(knots)))

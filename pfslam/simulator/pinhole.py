@@ -1,4 +1,4 @@
-"""The two pinhole cameras of the robot, and where their pixels look."""
+"""The two pinhole cameras of the robot, and the rays of their pixels."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pfslam.simulator.walls import AZIMUTH_STEP, AZIMUTHS
 class Pinhole:
     """A pinhole camera.
 
-    ``focal`` (u, v) and ``centre`` (u, v) in pixels, ``position_o (3,)`` in the depth camera's frame (m).
+    ``focal`` and ``centre`` are (u, v) in pixels, ``position_o (3,)`` lies in the depth camera's frame (m).
     """
 
     focal: tuple[float, float]
@@ -23,7 +23,7 @@ class Pinhole:
     position_o: tuple[float, float, float]
 
     def rays_o(self, model: RgbdModel) -> np.ndarray:
-        """Where pixels look, ``(3, height, width)`` in the optical frame, scaled to Z = 1."""
+        """Compute the ray of each pixel, ``(3, height, width)`` in the optical frame, scaled to Z = 1."""
         x = (np.arange(model.width) - self.centre[0]) / self.focal[0]
         y = (np.arange(model.height) - self.centre[1]) / self.focal[1]
         shape = (model.height, model.width)
@@ -31,14 +31,14 @@ class Pinhole:
 
 
 def depth_pinhole(model: RgbdModel) -> Pinhole:
-    """The depth camera (its skew must be 0)."""
+    """Build the depth camera (its skew must be 0)."""
     return Pinhole((model.focal_u, model.focal_v), (model.centre_u, model.centre_v), (0.0, 0.0, 0.0))
 
 
 def rgb_pinhole(model: RgbdModel) -> Pinhole:
-    """The colour camera that Eq. 16 describes.
+    """Build the colour camera that Eq. 16 describes.
 
-    Eq. 16 turns u = f X/Z + c into a u_rgb linear in X/Z and 1/Z, which is a pinhole camera some way along x.
+    Eq. 16 turns u = f X/Z + c into a u_rgb linear in X/Z and 1/Z, which is a pinhole camera displaced along x.
     """
     scale = model.rgb_focal / model.rgb_divisor
     focal = (scale * model.focal_u, scale * model.focal_v)
@@ -50,9 +50,10 @@ def rgb_pinhole(model: RgbdModel) -> Pinhole:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Rays of one camera on a body tilted some way, in the frame that only its yaw turns: ``ray (3, H, W)``
-    float32 for Z = 1, their ``column (H, W)`` in the table of azimuths, their length ``level (H, W)`` seen
-    from above.
+    """Rays of one camera on a body with some tilt, in the frame that follows the body's yaw but not its tilt.
+
+    ``ray (3, H, W)`` float32 is for Z = 1, ``column (H, W)`` its place in the table of azimuths, and ``level (H, W)``
+    its length seen from above.
     """
 
     ray: np.ndarray
@@ -61,6 +62,7 @@ class View:
 
     @classmethod
     def tilted(cls, rays_b: np.ndarray, pitch: float = 0.0, roll: float = 0.0) -> View:
+        """Tilt the rays ``(3, H, W)`` of a camera with its body (rad)."""
         # Sums spelled out and a float64 angle: a matrix product, or a float32 arctangent, ends in other bits on
         # another processor, and a pixel at a corner would show the other wall.
         tilt = rotation_matrix(roll, pitch).astype(np.float32)
@@ -73,8 +75,9 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Eye:
-    """A pinhole camera on the body: ``rays_b (3, H, W)`` float32 for Z = 1 from ``position_b (3,)`` (m), and its
-    view while the body is level.
+    """A pinhole camera mounted on the body.
+
+    ``rays_b (3, H, W)`` float32, for Z = 1, leave from ``position_b (3,)`` (m); ``level`` is the view of a level body.
     """
 
     rays_b: np.ndarray
@@ -83,5 +86,6 @@ class Eye:
 
     @classmethod
     def mounted(cls, camera: Pinhole, model: RgbdModel) -> Eye:
+        """Mount a camera where the model says."""
         rays_b = np.einsum("ij,jhw->ihw", model.T_bo[:3, :3], camera.rays_o(model)).astype(np.float32)
         return cls(rays_b, apply_transform(model.T_bo, camera.position_o), View.tilted(rays_b))

@@ -18,8 +18,10 @@ LANE = 0.3  # the robot keeps to the right of the corridor's middle (m)
 
 @dataclass(frozen=True, eq=False)
 class FloorPlan:
-    """``areas (R, 4)``: free rectangles (x0, y0, x1, y1) with a ``kinds`` entry each; ``waypoints (W, 2)`` of
-    the drive.
+    """A building in plan view.
+
+    ``areas (R, 4)`` are free rectangles (x0, y0, x1, y1), each with its entry in ``kinds``; ``waypoints (W, 2)`` are
+    those of the drive.
     """
 
     areas: np.ndarray
@@ -30,7 +32,7 @@ class FloorPlan:
     """Corridor middles, two points ``(2, 2)`` each, along which people walk."""
 
     def mirrored(self) -> FloorPlan:
-        """The same plan with y turned over."""
+        """Mirror the plan in y."""
         flip = np.array([1.0, -1.0])
         return replace(
             self,
@@ -42,7 +44,7 @@ class FloorPlan:
 
 
 def make_plan(config: SimulatorConfig, rng: np.random.Generator, turn_at: float = 15.0) -> FloorPlan:
-    """The floor plan of a layout. ``turn_at`` moves the turning point of the second arm ("arms" only)."""
+    """Draw the floor plan of a layout; ``turn_at`` moves the turning point of the second arm ("arms" only)."""
     if config.layout == "arms":
         return _arms(config, rng, turn_at)
     if config.layout == "corridor":
@@ -52,63 +54,104 @@ def make_plan(config: SimulatorConfig, rng: np.random.Generator, turn_at: float 
 
 def _arms(config: SimulatorConfig, rng: np.random.Generator, turn_at: float) -> FloorPlan:
     """A cluttered room (west), two arms from one junction (north and east), a lobby and a hall (north end)."""
-    half = 0.5 * rng.uniform(1.85, 2.0)
-    mirror, parked = rng.random() < 0.5, np.deg2rad(rng.choice([-1, 1]) * rng.uniform(2.0, 5.0))
-    north, east = rng.uniform(14.5, 16.0), rng.uniform(18.5, 20.0)
-    room_w, room_s, room_n = rng.uniform(5.8, 6.4), rng.uniform(-3.0, -2.5), rng.uniform(2.8, 3.4)
-    door_y = rng.uniform(0.0, 0.5)
-    lobby_n = north + rng.uniform(2.6, 3.2)
-    lobby_w, lobby_e = -half - rng.uniform(0.3, 1.2), rng.uniform(3.4, 4.4)
-    hall_x = rng.uniform(1.6, 2.2)
-    hall_n = lobby_n + rng.uniform(4.5, 5.5)
-    room_e = -half - WALL
-    areas = {
-        "room": [(room_e - room_w, room_s, room_e, room_n)],
-        "doorway": [(room_e, door_y - 0.6, -half, door_y + 0.6)],
+    sizes = _ArmSizes.drawn(rng)
+    areas = _arm_areas(sizes, rng)
+    start = np.array([sizes.room_e - rng.uniform(3.6, 4.2), sizes.door_y + rng.uniform(-0.5, 0.1)])
+    turn = float(np.clip(turn_at, 8.0, sizes.east - 1.0))
+    legs = _arm_legs(sizes, rng, start, turn)
+    slopes = _arm_slopes(sizes, rng) if config.slopes else ()
+    walks = (np.array([[0.0, 3.0], [0.0, sizes.north]]), np.array([[3.0, 0.0], [sizes.east - 0.6, 0.0]]))
+    return _plan(areas, np.vstack([[start], *(legs * config.laps)]), slopes, walks, sizes.mirror)
+
+
+@dataclass(frozen=True)
+class _ArmSizes:
+    """Where the parts of the "arms" layout end (m); ``half`` is half the width of its corridors."""
+
+    half: float
+    mirror: bool
+    parked: float
+    """Heading of the robot at the start (rad)."""
+    north: float
+    east: float
+    room_w: float
+    room_s: float
+    room_n: float
+    door_y: float
+    lobby_n: float
+    lobby_w: float
+    lobby_e: float
+    hall_x: float
+    hall_n: float
+
+    @property
+    def room_e(self) -> float:
+        return -self.half - WALL
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> _ArmSizes:
+        """Draw one building."""
+        half = 0.5 * rng.uniform(1.85, 2.0)
+        mirror, parked = rng.random() < 0.5, np.deg2rad(rng.choice([-1, 1]) * rng.uniform(2.0, 5.0))
+        north, east = rng.uniform(14.5, 16.0), rng.uniform(18.5, 20.0)
+        room_w, room_s, room_n = rng.uniform(5.8, 6.4), rng.uniform(-3.0, -2.5), rng.uniform(2.8, 3.4)
+        door_y = rng.uniform(0.0, 0.5)
+        lobby_n = north + rng.uniform(2.6, 3.2)
+        lobby_w, lobby_e = -half - rng.uniform(0.3, 1.2), rng.uniform(3.4, 4.4)
+        hall_x = rng.uniform(1.6, 2.2)
+        hall_n = lobby_n + rng.uniform(4.5, 5.5)
+        room = (-half - WALL - room_w, room_s, room_n)
+        return cls(
+            half, mirror, parked, north, east, *room, door_y, lobby_n, lobby_w, lobby_e, hall_x, hall_n
+        )
+
+
+def _arm_areas(sizes: _ArmSizes, rng: np.random.Generator) -> dict[str, list[tuple]]:
+    """The free rectangles by kind."""
+    half, north, east = sizes.half, sizes.north, sizes.east
+    return {
+        "room": [(sizes.room_w, sizes.room_s, sizes.room_e, sizes.room_n)],
+        "doorway": [(sizes.room_e, sizes.door_y - 0.6, -half, sizes.door_y + 0.6)],
         "corridor": [(-half, -half, half, north), (-half, -half, east, half)],
-        "lobby": [(lobby_w, north, lobby_e, lobby_n)],
-        "hall": [(hall_x - 1.4, lobby_n, hall_x + 1.4, hall_n)],
+        "lobby": [(sizes.lobby_w, north, sizes.lobby_e, sizes.lobby_n)],
+        "hall": [(sizes.hall_x - 1.4, sizes.lobby_n, sizes.hall_x + 1.4, sizes.hall_n)],
         "alcove": [
-            *_alcoves(rng, "y", -half, -1, room_n + 0.8, north - 0.4),
+            *_alcoves(rng, "y", -half, -1, sizes.room_n + 0.8, north - 0.4),
             *_alcoves(rng, "y", half, 1, half + 1.2, north - 0.4),
             *_alcoves(rng, "x", -half, -1, half + 0.8, east - 0.5),
             *_alcoves(rng, "x", half, 1, half + 1.2, east - 0.5),
         ],
     }
-    start = np.array([room_e - rng.uniform(3.6, 4.2), door_y + rng.uniform(-0.5, 0.1)])
-    turn = float(np.clip(turn_at, 8.0, east - 1.0))
-    ahead = start + 1.3 * np.array([np.cos(parked), np.sin(parked)])
-    up, down = hall_x + 0.5, hall_x - 0.5
-    legs = [
-        [ahead, (room_e - 0.7, door_y), (-half + 0.4, door_y)],
+
+
+def _arm_legs(sizes: _ArmSizes, rng: np.random.Generator, start: np.ndarray, turn: float) -> list:
+    """Waypoints of one lap, leg by leg: out of the room, up north and back, out east and back, into the room."""
+    north, lobby_n, door = sizes.north, sizes.lobby_n, (sizes.room_e - 0.7, sizes.door_y)
+    ahead = start + 1.3 * np.array([np.cos(sizes.parked), np.sin(sizes.parked)])
+    up, down, end = sizes.hall_x + 0.5, sizes.hall_x - 0.5, sizes.hall_n - 1.1
+    return [
+        [ahead, door, (-sizes.half + 0.4, sizes.door_y)],
         _weave(rng, (LANE, 2.4), (LANE, north - 0.5)),
-        [
-            (LANE, north + 0.9),
-            (up, north + 1.7),
-            (up, lobby_n + 0.6),
-            (up, hall_n - 1.1),
-            (down, hall_n - 1.1),
-        ],
+        [(LANE, north + 0.9), (up, north + 1.7), (up, lobby_n + 0.6), (up, end), (down, end)],
         [(down, lobby_n - 0.2), (-LANE, north + 0.6)],
         _weave(rng, (-LANE, north - 1.0), (-LANE, 1.6)),
         [(0.2, -0.3)],
         _weave(rng, (2.0, -LANE), (turn - 3.5, -LANE)),
         [(turn - 1.2, 0.5), (turn, 0.5), (turn, -0.5), (turn - 1.2, -0.5)],
         _weave(rng, (turn - 3.5, LANE), (2.0, LANE)),
-        [(0.0, door_y), (room_e - 0.6, door_y)],
+        [(0.0, sizes.door_y), (sizes.room_e - 0.6, sizes.door_y)],
         start + np.array([(2.0, -0.7), (0.4, -1.1), (-0.9, -0.9), (-1.1, 0.0), (-0.3, 0.3), (0.5, 0.35)]),
     ]
-    waypoints = np.vstack([[start], *(legs * config.laps)])
-    slopes: tuple[Slope, ...] = ()
-    if config.slopes:
-        y, x = rng.uniform(5.0, 6.0), rng.uniform(5.0, 6.5)
-        sides = (-half - 0.85, half + 0.85)  # the alcoves beside a hump rise with it
-        slopes = (
-            Slope("y", sides, (y, y + 2.6, y + 4.4, y + 7.0), (0.0, 0.45, 0.45, 0.0)),
-            Slope("x", sides, (x, x + 1.2, x + 3.2, x + 4.7), (0.0, 0.44, 0.44, 0.0)),
-        )
-    walks = (np.array([[0.0, 3.0], [0.0, north]]), np.array([[3.0, 0.0], [east - 0.6, 0.0]]))
-    return _plan(areas, waypoints, slopes, walks, mirror)
+
+
+def _arm_slopes(sizes: _ArmSizes, rng: np.random.Generator) -> tuple[Slope, ...]:
+    """A hump in each arm."""
+    y, x = rng.uniform(5.0, 6.0), rng.uniform(5.0, 6.5)
+    sides = (-sizes.half - 0.85, sizes.half + 0.85)  # the alcoves beside a hump rise with it
+    return (
+        Slope("y", sides, (y, y + 2.6, y + 4.4, y + 7.0), (0.0, 0.45, 0.45, 0.0)),
+        Slope("x", sides, (x, x + 1.2, x + 3.2, x + 4.7), (0.0, 0.44, 0.44, 0.0)),
+    )
 
 
 def _ring(config: SimulatorConfig, rng: np.random.Generator) -> FloorPlan:
@@ -158,8 +201,9 @@ def _plan(areas: dict, waypoints, slopes, walks, mirror: bool = False) -> FloorP
 def _alcoves(
     rng: np.random.Generator, axis: str, wall: float, side: int, start: float, stop: float
 ) -> list[tuple]:
-    """Door recesses along a wall at ``wall`` on the other axis; ``side`` is -1 or +1, the way they reach
-    outwards.
+    """Draw door recesses along a wall; ``side`` (-1 or +1) is the direction in which they reach outwards.
+
+    The wall runs along ``axis`` and lies at ``wall`` on the other axis.
     """
     found, at = [], start + rng.uniform(0.0, 1.5)
     while at + 1.1 < stop:
@@ -172,9 +216,7 @@ def _alcoves(
 
 
 def _weave(rng: np.random.Generator, start, stop) -> np.ndarray:
-    """Waypoints ``(n, 2)`` from ``start`` to ``stop``, about 2.5 m apart, a little to the left and right of
-    the line.
-    """
+    """Draw waypoints ``(n, 2)`` from ``start`` to ``stop``, about 2.5 m apart, slightly left and right of the line."""
     start, stop = np.asarray(start, dtype=float), np.asarray(stop, dtype=float)
     way = stop - start
     count = max(int(np.hypot(*way) / 2.5), 1) + 1
@@ -184,9 +226,7 @@ def _weave(rng: np.random.Generator, start, stop) -> np.ndarray:
 
 
 def outline(areas: np.ndarray) -> np.ndarray:
-    """Walls ``(W, 2, 2)`` around the union of rectangles ``(R, 4)``: segments from point to point, free side
-    on the left.
-    """
+    """Trace the walls ``(W, 2, 2)`` around the union of rectangles ``(R, 4)``, with the free side on their left."""
     xs = np.unique(areas[:, [0, 2]])
     ys = np.unique(areas[:, [1, 3]])
     mid_x, mid_y = 0.5 * (xs[1:] + xs[:-1]), 0.5 * (ys[1:] + ys[:-1])
@@ -206,6 +246,6 @@ def outline(areas: np.ndarray) -> np.ndarray:
 
 
 def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Start and stop (exclusive) of each run of True."""
+    """Find start and stop (exclusive) of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return list(zip(edges[::2], edges[1::2], strict=True))

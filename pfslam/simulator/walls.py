@@ -1,4 +1,4 @@
-"""What stands around the camera: for each azimuth the nearest wall or person, how far, and in what colour."""
+"""Walls and people around the camera: for each azimuth the distance and colour of the nearest."""
 
 from __future__ import annotations
 
@@ -22,10 +22,7 @@ PANEL = 1.2  # joints between wall panels (m)
 
 @dataclass(frozen=True, eq=False)
 class Skyline:
-    """Per azimuth.
-
-    ``inverse_distance (A,)`` float32, 1/m seen from above, and the ``colour (A, 3)`` float32 standing there.
-    """
+    """What is nearest at each azimuth: ``inverse_distance (A,)`` float32, 1/m in plan view, and ``colour (A, 3)``."""
 
     inverse_distance: np.ndarray
     colour: np.ndarray
@@ -50,9 +47,7 @@ def skyline(world: World, origin: np.ndarray, yaw: float, t: float) -> Skyline:
 
 
 def _nearest_wall(world: World, origin, direction, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Per direction ``(A, 2)``: inverse distance, the wall's index, and how far along that wall (m), each
-    ``(A,)``.
-    """
+    """Find inverse distance, wall index and distance along that wall (m), all ``(A,)``, for directions ``(A, 2)``."""
     begin, edge = world.walls[:, 0] - origin, world.walls[:, 1] - world.walls[:, 0]
     facing = begin[:, 0] * edge[:, 1] - begin[:, 1] * edge[:, 0]
     there = (world.closed[:, 0] <= t) & (t <= world.closed[:, 1]) & (np.abs(facing) > 1e-9)
@@ -72,9 +67,7 @@ def _nearest_wall(world: World, origin, direction, t: float) -> tuple[np.ndarray
 
 
 def _wall_paint(world: World, wall: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Colours ``(A, 3)``: plaster with panel joints, doors in the alcoves, boxes in the room; lit from one
-    side.
-    """
+    """Colour walls ``(A, 3)``, lit from one side: plaster with joints, doors in the alcoves, boxes in the room."""
     kind = world.wall_kind[wall]
     edge = world.walls[wall, 1] - world.walls[wall, 0]
     length = np.hypot(edge[:, 0], edge[:, 1])
@@ -90,9 +83,7 @@ def _wall_paint(world: World, wall: np.ndarray, along: np.ndarray) -> np.ndarray
 
 
 def wall_colours(sky: Skyline, column: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """Colours ``(H, W, 3)`` uint8 of walls seen in ``column (H, W)`` of the skyline at ``height (H, W)`` m
-    over the floor.
-    """
+    """Colour walls seen in ``column (H, W)`` of the skyline at ``height (H, W)`` m: ``(H, W, 3)`` uint8."""
     step = np.clip((height + np.float32(1.0)) * np.float32(100.0), 0, len(_BY_HEIGHT) - 1).astype(np.int32)
     picture = sky.colour[column]
     picture *= _BY_HEIGHT[step][..., None]
@@ -100,7 +91,7 @@ def wall_colours(sky: Skyline, column: np.ndarray, height: np.ndarray) -> np.nda
 
 
 def _height_profile() -> np.ndarray:
-    """Brightness of a wall by height, 1 cm steps from -1 m: skirting board, wainscot, rail, plaster."""
+    """Tabulate the brightness of a wall in 1 cm steps from -1 m: skirting board, wainscot, rail, plaster."""
     height = np.arange(-100, 400) / 100.0
     profile = np.where(height < 0.95, 0.88, 1.0)
     profile[(height > 0.95) & (height < 1.03)] = 0.6

@@ -13,6 +13,7 @@ from pfslam.grid import GridSpec
 from pfslam.poses import invert, transform_points
 from pfslam.simulator.config import SimulatorConfig
 from pfslam.simulator.drive import make_path, path_length, start_pose
+from pfslam.simulator.ground import Slope
 from pfslam.simulator.plan import FloorPlan, make_plan, outline
 
 WALL_KINDS = ("wall", "alcove", "clutter", "door")
@@ -37,9 +38,9 @@ class Person:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A building. ``pose_wp (3,)`` places the plan in the world; ``path (S, 2)`` is the way the robot will
-    take.
+    """A building, and the path of the robot through it.
 
+    ``pose_wp (3,)`` is the pose of the plan in the world and ``path (S, 2)`` the robot's path in the plan.
     ``walls (W, 2, 2)`` are segments with the free side on their left; ``wall_kind (W,)`` indexes
     ``WALL_KINDS``; ``closed (W, 2)`` is the time (from, to) during which a wall is there: doors come and go.
     """
@@ -54,7 +55,8 @@ class World:
     people: tuple[Person, ...]
 
     @property
-    def slopes(self):
+    def slopes(self) -> tuple[Slope, ...]:
+        """The humps of the plan."""
         return self.plan.slopes
 
     @property
@@ -69,17 +71,17 @@ class World:
         return transform_points(self.pose_wp, fixed.reshape(-1, 2)).reshape(-1, 2, 2)
 
     def spec(self, resolution: float, margin: float = 1.0) -> GridSpec:
-        """A grid around the whole building."""
+        """Build a grid around the whole building."""
         return GridSpec.around(self.walls_w.reshape(-1, 2), resolution, margin)
 
     def free_area(self, spec: GridSpec) -> np.ndarray:
-        """Cells ``(H, W)`` bool whose centre is floor: inside the building and not under clutter."""
+        """Mark cells ``(H, W)`` bool whose centre is floor: inside the building and not under clutter."""
         ix, iy = np.meshgrid(np.arange(spec.shape[1]), np.arange(spec.shape[0]))
         centres = spec.cell_to_world(np.stack([ix, iy], axis=-1)).reshape(-1, 2)
         return self.is_floor(transform_points(self.pose_pw, centres)).reshape(spec.shape)
 
     def is_floor(self, points_p: np.ndarray) -> np.ndarray:
-        """Which points ``(M, 2)`` of the plan are floor (bool ``(M,)``)."""
+        """Tell which points ``(M, 2)`` of the plan are floor (bool ``(M,)``)."""
         x, y = points_p.T
         inside = np.zeros(len(points_p), dtype=bool)
         for x0, y0, x1, y1 in self.plan.areas:
@@ -91,7 +93,7 @@ class World:
         return inside
 
     def true_grid(self, spec: GridSpec) -> np.ndarray:
-        """Cells ``(H, W)`` bool that a permanent wall runs through."""
+        """Mark cells ``(H, W)`` bool that a permanent wall runs through."""
         step = 0.1 * spec.resolution
         grid = np.zeros(spec.shape, dtype=bool)
         for a, b in self.walls_w:
@@ -103,14 +105,12 @@ class World:
 
 
 def make_world(config: SimulatorConfig, seed: np.random.SeedSequence) -> World:
-    """Build the building of a configuration and a seed, and choose the robot's way through it."""
+    """Build the building of a configuration and a seed, and choose the robot's path through it."""
     plan_seed, clutter_seed, door_seed, people_seed = seed.spawn(4)
     turn = 15.0
     plan = make_plan(config, np.random.default_rng(plan_seed), turn)
     path = make_path(plan.waypoints)
-    if (
-        config.layout == "arms"
-    ):  # a turning point one metre farther makes the way two metres longer, every lap
+    if config.layout == "arms":  # moving the turning point by a metre makes every lap two metres longer
         turn += 0.5 * (config.path_length - path_length(path) / config.laps)
         plan = make_plan(config, np.random.default_rng(plan_seed), turn)
         path = make_path(plan.waypoints)
@@ -130,7 +130,7 @@ def make_world(config: SimulatorConfig, seed: np.random.SeedSequence) -> World:
 
 
 def _touches_alcove(walls: np.ndarray, plan: FloorPlan) -> np.ndarray:
-    """1 for walls whose middle lies on the border of an alcove."""
+    """Give 1 for walls whose middle lies on the border of an alcove, 0 for others."""
     x, y = walls.mean(axis=1).T[..., None]
     x0, y0, x1, y1 = plan.areas[[kind == "alcove" for kind in plan.kinds]].T
     near = (x > x0 - 1e-6) & (x < x1 + 1e-6) & (y > y0 - 1e-6) & (y < y1 + 1e-6)
@@ -138,7 +138,7 @@ def _touches_alcove(walls: np.ndarray, plan: FloorPlan) -> np.ndarray:
 
 
 def _place_clutter(plan: FloorPlan, path: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-    """Boxes and pillars ``(V, 2)``, counter-clockwise, where the robot does not drive."""
+    """Place boxes and pillars ``(V, 2)``, counter-clockwise, where the robot does not drive."""
     wanted = {"room": 14, "lobby": 3, "hall": 2}
     placed: list[tuple[np.ndarray, float]] = []
     shapes = []
@@ -170,7 +170,7 @@ def _pillar(rng: np.random.Generator) -> np.ndarray:
 
 
 def _place_doors(plan: FloorPlan, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Doors across the mouths of the deepest alcoves ``(D, 2, 2)``, and when each is shut ``(D, 2)`` (s)."""
+    """Place doors ``(D, 2, 2)`` across the deepest alcoves, and draw when each is shut ``(D, 2)`` (s)."""
     alcoves = plan.areas[[kind == "alcove" for kind in plan.kinds]]
     deepest = np.argsort(-np.min(alcoves[:, 2:] - alcoves[:, :2], axis=1), kind="stable")[:count]
     corridors = plan.areas[[kind == "corridor" for kind in plan.kinds]]
@@ -187,7 +187,7 @@ def _place_doors(plan: FloorPlan, count: int, rng: np.random.Generator) -> tuple
 
 
 def _place_people(plan: FloorPlan, count: int, rng: np.random.Generator) -> tuple[Person, ...]:
-    """People in the corridors, close to the wall, so that the robot in the middle can pass."""
+    """Place people in the corridors, close to the wall, so that the robot in the middle can pass."""
     people = []
     for i in range(count):
         walk = plan.walks[i % len(plan.walks)]

@@ -17,7 +17,6 @@ import numpy as np
 
 from pfslam.errors import DataError
 from pfslam.io.files import atomic_write, read_text, write_text
-from pfslam.io.interrupts import ctrl_c_held_back
 
 TEXT_COLUMNS = ("label", "dataset", "data_dir", "method", "error")
 RESULTS = (
@@ -58,9 +57,8 @@ def _plain(value: Any) -> Any:
 
 def _write_parquet(path: Path, columns: dict[str, list]) -> None:
     try:
-        with ctrl_c_held_back():
-            import pyarrow
-            from pyarrow import parquet
+        import pyarrow
+        from pyarrow import parquet
     except ImportError:
         return
     arrays = {}

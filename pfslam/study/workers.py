@@ -18,7 +18,6 @@ from typing import Any
 
 from pfslam.errors import DataError
 from pfslam.io.files import write_text
-from pfslam.io.interrupts import ctrl_c_held_back, starting_workers
 from pfslam.study.definition import Case
 from pfslam.study.run import run_case
 
@@ -36,8 +35,7 @@ FRUITLESS = 2
 def import_joblib() -> ModuleType:
     """The module, which belongs to an extra."""
     try:
-        with ctrl_c_held_back():
-            import joblib
+        import joblib
     except ImportError as error:
         raise DataError("pfslam study", "package", error.name, "joblib: pip install pfslam[study]") from error
     return joblib
@@ -96,8 +94,7 @@ def _through_joblib(joblib: ModuleType, todo: list[Task], jobs: int) -> Iterator
         work = joblib.delayed(run_and_keep)
         try:
             pool = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
-            with starting_workers():
-                results = pool(work(case, path, os.getpid()) for case, path in todo)
+            results = pool(work(case, path, os.getpid()) for case, path in todo)
             with _closed(results):
                 for path, row in results:
                     done.add(path)
@@ -129,7 +126,7 @@ def _closed(results: Generator) -> Iterator[None]:
 def _alone(joblib: ModuleType, task: Task) -> Result:
     """One run in a process of its own, so that if it kills its worker again it is known which it was."""
     try:
-        with joblib.parallel_config("loky"), starting_workers():
+        with joblib.parallel_config("loky"):
             results = joblib.Parallel(n_jobs=2, return_as="generator")([joblib.delayed(run_and_keep)(*task)])
         return next(results)
     except BrokenProcessPool:
