@@ -1,5 +1,7 @@
 """What chapters 00 and 02 draw and count, against hand values and cases with a known answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rooms import box, ray_cast
@@ -8,7 +10,7 @@ from pfslam.grid import GridSpec
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream
 from pfslam.teaching.ch00 import frames as ch00_frames
-from pfslam.teaching.ch00 import streams as ch00
+from pfslam.teaching.ch00 import readings as ch00
 from pfslam.teaching.ch02 import failures as ch02_faults
 from pfslam.teaching.ch02 import many_scans as ch02_story
 from pfslam.teaching.ch02 import one_scan as ch02
@@ -72,10 +74,19 @@ def test_a_turn_drawn_right_stays_on_the_walls_and_a_lost_arm_makes_a_ring_of_it
 
 
 def test_a_late_clock_blurs_nothing_at_rest_or_in_time(steady):
-    assert ch00_frames.blur(steady, 5.0, 0.0) == 0.0
+    assert ch00_frames.late_clock(steady, 5.0, 0.0)["off_walls"] == 0.0
     shift = ch00_frames.shifted_scans(steady, 5.0, 0.1) - ch00_frames.shifted_scans(steady, 5.0, 0.0)
     np.testing.assert_allclose(shift, np.tile([0.1, 0.0], (len(shift), 1)), atol=1e-9)
     assert ch00_frames.turn_rate(steady, 5.0) == pytest.approx(0.0)
+
+
+def test_a_late_clock_moves_a_point_sideways_by_angle_times_range(steady):
+    t = steady.truth.t
+    turning = replace(steady, truth=Trajectory(t, np.column_stack([0 * t, 0 * t, 0.5 * t])))
+    late = ch00_frames.late_clock(turning, 5.0, 0.2)
+    assert late["range"] == 2.0
+    assert late["angle"] == pytest.approx(0.1)
+    assert late["sideways"] == pytest.approx(0.2)
 
 
 # ---- chapter 02

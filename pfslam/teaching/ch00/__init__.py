@@ -2,22 +2,18 @@
 
 from pfslam.teaching.ch00.checks import (
     check_distance_at,
-    check_end_points,
     check_nearest_within,
+    check_scan_points,
     check_to_world,
 )
 from pfslam.teaching.ch00.frames import (
     STRETCHES,
-    WAYS,
-    blur,
-    offset_alt,
-    offset_frame,
+    late_clock,
+    late_clock_explorer,
     pictures_of_inverse,
-    turn_alt,
-    turn_frame,
-    turn_rate,
+    turn_explorer,
 )
-from pfslam.teaching.ch00.streams import (
+from pfslam.teaching.ch00.readings import (
     all_stored,
     counts_picture,
     depth_picture,
@@ -26,46 +22,32 @@ from pfslam.teaching.ch00.streams import (
     pairing_gaps,
     pairing_picture,
     raster_picture,
-    scrub,
-    scrub_alt,
-    scrub_frame,
+    scrub_explorer,
     streams,
 )
-from pfslam.teaching.show.source import (
-    show_source,
-)
-from pfslam.teaching.show.widgets import (
-    Explorer,
-    Slider,
-)
+from pfslam.teaching.ch00.robot import robot_picture
+from pfslam.teaching.show.source import show_source
 
 __all__ = [
     "STRETCHES",
-    "WAYS",
-    "Explorer",
-    "Slider",
     "all_stored",
-    "blur",
     "check_distance_at",
-    "check_end_points",
     "check_nearest_within",
+    "check_scan_points",
     "check_to_world",
     "counts_picture",
     "depth_picture",
     "distance_by_pairing",
+    "late_clock",
+    "late_clock_explorer",
     "nominal_error",
-    "offset_alt",
-    "offset_frame",
     "pairing_gaps",
     "pairing_picture",
     "pictures_of_inverse",
     "raster_picture",
-    "scrub",
-    "scrub_alt",
-    "scrub_frame",
+    "robot_picture",
+    "scrub_explorer",
     "show_source",
     "streams",
-    "turn_alt",
-    "turn_frame",
-    "turn_rate",
+    "turn_explorer",
 ]

@@ -1,4 +1,4 @@
-"""Checks of the exercises of chapter 00. Each takes the student's function and says what is wrong in words."""
+"""Checks of the exercises of chapter 00: each takes the reader's function and says in words what is wrong with it."""
 
 from __future__ import annotations
 
@@ -6,238 +6,400 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pfslam.teaching.show.checks import Check, attempt, hint, is_unanswered, passed, unanswered
+from pfslam.teaching.show.checks import Check, attempt, compare, hint
 
+# ---- exercise 1: a scan as points of the body frame
 
-def _array(answer, shape: tuple[int, ...]) -> np.ndarray | Check:
-    """The answer as an array of numbers of that shape, or the verdict on what it is instead."""
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    try:
-        values = np.asarray(answer)
-    except ValueError:
-        return hint("Your rows have different lengths; one plain array is asked for.")
-    if values.dtype.kind not in "fiub":
-        return hint(f"Numbers are asked for; your function returns {answer!r}.")
-    if values.shape != shape:
-        return hint(f"An array of shape {shape} is asked for; yours has the shape {values.shape}.")
-    return values
-
-
-def _verdict(values: np.ndarray, right: np.ndarray, wrong: list, ok: str, otherwise: str) -> Check:
-    """Passed if equal to ``right``; else the first hint of ``wrong`` (values, words) that fits; else the last one."""
-    if np.allclose(values, right, atol=1e-6):
-        return passed(ok)
-    for value, words in wrong:
-        if np.shape(value) == values.shape and np.allclose(values, value, atol=1e-6):
-            return hint(words)
-    return hint(otherwise)
-
-
-# ---- exercise 1: ranges and their bearings
-
-ANGLES = np.deg2rad([-90.0, -45.0, 0.0, 45.0, 90.0, 135.0])
-RANGES = np.array([2.0, 60.0, 1.0, np.nan, 3.0, 0.001])
 RANGE_MIN, RANGE_MAX = 0.1, 30.0
+NOT_MEASURED = (np.inf, 0.0, 0.05, np.nan, 60.0)
 
 
-def _polar(r: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    return np.column_stack([r * np.cos(angle), r * np.sin(angle)])
+def _scan_case(seed: int) -> tuple:
+    """Ranges, bearings and a lever arm with both coordinates; five beams in the middle measured nothing."""
+    rng = np.random.default_rng(seed)
+    ranges, angles = rng.uniform(0.2, 9.0, 12), np.sort(rng.uniform(-2.3, 2.3, 12))
+    ranges[3:8] = rng.permutation(NOT_MEASURED)
+    return ranges, angles, rng.uniform(0.05, 0.3, 2)
 
 
-def check_end_points(end_points: Callable) -> Check:
-    """Whether ``end_points(ranges, angles, range_min, range_max)`` keeps each valid range with its own bearing."""
-    answer = attempt(end_points, RANGES.copy(), ANGLES.copy(), RANGE_MIN, RANGE_MAX)
-    good = np.isfinite(RANGES) & (RANGES >= RANGE_MIN) & (RANGES <= RANGE_MAX)
-    if isinstance(answer, np.ndarray) and answer.ndim == 2:
-        if len(answer) == len(RANGES):
-            return hint(
-                "All six beams are still there. 60.0, 0.001 and NaN are codes for 'no return', not distances."
-            )
-        if len(answer) in (4, 5):
-            return hint(
-                "Some beams that measured nothing are still there. Test all three: finite, not below range_min, "
-                "not above range_max."
-            )
-    values = _array(answer, (int(good.sum()), 2))
-    if isinstance(values, Check):
-        return values
-    right = _polar(RANGES[good], ANGLES[good])
-    wrong = [
-        (
-            _polar(RANGES[good], ANGLES[: good.sum()]),
-            "The ranges are right and their bearings are not: you dropped beams and numbered the rest anew. Every "
-            "point after a gap is turned. Mask ranges and angles together.",
-        ),
-        (right[:, ::-1], "x and y are swapped: x is ahead, r cos(angle); y is to the left, r sin(angle)."),
-        (
-            _polar(RANGES[good], np.deg2rad(ANGLES[good])),
-            "The angles are in radians already; you converted them once more.",
-        ),
-        (
-            right * [1, -1],
-            "Left and right are swapped: positive angles are to the left, where y is positive.",
-        ),
-    ]
-    return _verdict(
-        values,
-        right,
-        wrong,
-        "Three of six beams measured something, each at its own bearing.",
-        f"The points should be {np.round(right, 2).tolist()}; yours are {np.round(values, 2).tolist()}.",
-    )
+def measured(ranges: np.ndarray) -> np.ndarray:
+    """Which ranges ``(M,)`` lie between the least and the greatest that can be measured."""
+    return (ranges >= RANGE_MIN) & (ranges <= RANGE_MAX)
+
+
+def polar(ranges: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Points ``(M, 2)`` at these ranges (m) and bearings (rad)."""
+    return np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)])
+
+
+def scan_points(ranges, angles, lidar_xy) -> np.ndarray:
+    """The right answer of exercise 1."""
+    good = measured(ranges)
+    return polar(ranges[good], angles[good]) + lidar_xy
+
+
+def _scan_mistake(change: Callable) -> Callable:
+    """A wrong ``scan_points`` made of the valid ranges, their bearings and the lever arm."""
+    return lambda r, a, arm: change(r[measured(r)], a[measured(r)], np.asarray(arm))
+
+
+SCAN_MISTAKES = [
+    (
+        lambda r, a, arm: polar(r[measured(r)], a[: measured(r).sum()]) + arm,
+        "The ranges are right and their bearings are not: you dropped beams and counted the rest afresh, so every "
+        "point behind the gap is turned. Mask ranges and angles together.",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: polar(r, a)),
+        "The lever arm is missing: these points are in the LiDAR's frame, and the LiDAR does not sit at the robot's "
+        "centre.",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: polar(r, a) - arm),
+        "The lever arm has the wrong sign: the LiDAR sits at lidar_xy, so its points lie further by that much.",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: polar(r, a) + arm[::-1]),
+        "The two coordinates of the lever arm have changed places.",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: polar(r, a) + [arm[0], 0.0]),
+        "The lever arm has two coordinates; you use the first one only.",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: polar(r + np.hypot(*arm), a)),
+        "The lever arm is a position, not a length: it shifts all points alike and makes no beam longer.",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: polar(r, a)[:, ::-1] + arm),
+        "x and y are swapped: x is ahead, r cos(angle), and y is to the left, r sin(angle).",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: polar(r, -a) + arm),
+        "Left and right are swapped: positive angles are to the left, where y is positive.",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: polar(r, np.deg2rad(a)) + arm),
+        "The angles are in radians already; you converted them once more.",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: polar(r, np.rad2deg(a)) + arm),
+        "NumPy's cos and sin take radians, and the angles are in radians: there is nothing to convert.",
+    ),
+]
+
+
+def _rows_hint(answer, ranges: np.ndarray) -> str:
+    """What is wrong with the number of points, or nothing."""
+    try:
+        rows = len(answer)
+    except TypeError:
+        return ""
+    if rows == len(ranges):
+        return "All beams are still there. 60.0, 0.05, 0, NaN and infinity are codes for 'no return', not distances."
+    if measured(ranges).sum() < rows < len(ranges):
+        return (
+            "Some beams that measured nothing are still there. A range counts if it is at least 0.1 m and at most "
+            "30 m; for NaN neither is true."
+        )
+    if 2 != rows < measured(ranges).sum():
+        return "Some beams that did measure something are missing: every range from 0.1 m to 30 m counts."
+    return ""
+
+
+def check_scan_points(theirs: Callable) -> Check:
+    """Whether ``scan_points(ranges, angles, lidar_xy)`` keeps each valid beam with its bearing, in the body frame."""
+    cases = [_scan_case(seed) for seed in range(4)]
+    words = _rows_hint(attempt(theirs, *(part.copy() for part in cases[0])), cases[0][0])
+    if words:
+        return hint(words)
+    praise = "Seven of twelve beams measured something, each at its own bearing, seen from the middle of the robot."
+    return compare(theirs, scan_points, cases, mistakes=SCAN_MISTAKES, praise=praise)
 
 
 # ---- exercise 2: the nearest stamp that is near enough
 
-STAMPS = np.array([10.00, 10.03, 10.06, 10.50])
-QUERIES = np.array([10.031, 10.044, 10.058, 10.25, 10.45, 9.0])
-NEAREST = np.array([1, 1, 2, -1, 3, -1])
-MAX_GAP = 0.1
+
+def _stamp_case(seed: int) -> tuple:
+    """Jittering stamps with a pause, queries between them, in the pause, before the first and after the last."""
+    rng = np.random.default_rng(seed)
+    t = 10.0 + np.cumsum(rng.uniform(0.02, 0.05, 12)) + np.where(np.arange(12) > 6, 0.5, 0.0)
+    between = t[[0, 2, 4, 8, 9]] + np.diff(t)[[0, 2, 4, 8, 9]] * np.array([0.3, 0.7, 0.4, 0.8, 0.2])
+    return t, np.array([9.0, t[0] - 0.04, *between, t[6] + 0.25, t[7] - 0.05, t[-1] + 0.03, t[-1] + 3.0]), 0.1
 
 
-def check_nearest_within(nearest_within: Callable) -> Check:
+def _apart(t, query) -> np.ndarray:
+    return np.abs(np.asarray(t)[None, :] - np.asarray(query)[:, None])
+
+
+def nearest_within(t, query, max_gap) -> np.ndarray:
+    """The right answer of exercise 2."""
+    return np.where(_apart(t, query).min(axis=1) <= max_gap, _apart(t, query).argmin(axis=1), -1)
+
+
+def _neighbour(t, query, back: int) -> np.ndarray:
+    """The next stamp, or the one before."""
+    return np.clip(np.searchsorted(t, query) - back, 0, len(t) - 1)
+
+
+def _if_near(index: np.ndarray, t, query, max_gap) -> np.ndarray:
+    return np.where(np.abs(t[index] - query) <= max_gap, index, -1)
+
+
+STAMP_MISTAKES = [
+    (
+        IndexError,
+        "Your function stops with an IndexError. A query may come after the last stamp, and there is no reading there: "
+        "the camera goes on after everything else has ended.",
+    ),
+    (
+        lambda t, q, gap: _apart(t, q).argmin(axis=1),
+        "Nearest, but not near: the query at 9.0 s found a partner a whole second away. Outside max_gap the answer "
+        "is -1.",
+    ),
+    (
+        lambda t, q, gap: np.searchsorted(t, q),
+        "That is the next stamp, not the nearest: searchsorted looks only forward. Compare it with the one before.",
+    ),
+    (
+        lambda t, q, gap: _neighbour(t, q, 0),
+        "That is the next stamp, not the nearest: searchsorted looks only forward. Compare it with the one before.",
+    ),
+    (
+        lambda t, q, gap: _neighbour(t, q, 1),
+        "That is the stamp before, not the nearest: compare it with the one after.",
+    ),
+    (
+        lambda t, q, gap: _if_near(_neighbour(t, q, 0), t, q, gap),
+        "You look only at the next stamp, and then test the gap. The nearest may be the one before.",
+    ),
+    (
+        lambda t, q, gap: _if_near(_neighbour(t, q, 1), t, q, gap),
+        "You look only at the stamp before, and then test the gap. The nearest may be the one after.",
+    ),
+    (
+        lambda t, q, gap: np.arange(len(q)),
+        "You paired by number: reading k with reading k. Their clocks are not the same.",
+    ),
+    (
+        lambda t, q, gap: np.asarray(t)[_apart(t, q).argmin(axis=1)],
+        "Those are times. The index of the reading is asked for.",
+    ),
+    (
+        lambda t, q, gap: _apart(t, q).min(axis=1),
+        "Those are the gaps. The index of the reading is asked for.",
+    ),
+    (
+        lambda t, q, gap: np.where(nearest_within(t, q, gap) < 0, 0, nearest_within(t, q, gap)),
+        "Where no stamp is near enough you answer 0, and 0 is the first reading. The answer there is -1.",
+    ),
+    (
+        lambda t, q, gap: np.where(nearest_within(t, q, gap) < 0, np.nan, nearest_within(t, q, gap)),
+        "Where no stamp is near enough the answer is -1, a whole number like the others.",
+    ),
+    (
+        lambda t, q, gap: _if_near(_apart(t, q).argmin(axis=1), t, q, 1e-3 * gap),
+        "max_gap is in seconds, as the stamps are: there is nothing to convert.",
+    ),
+]  # fmt: skip
+
+
+def check_nearest_within(theirs: Callable) -> Check:
     """Whether ``nearest_within(t, query, max_gap)`` gives the nearest index, or -1 where none is near enough."""
-    values = _array(attempt(nearest_within, STAMPS.copy(), QUERIES.copy(), MAX_GAP), QUERIES.shape)
-    if isinstance(values, Check):
-        return values
-    near = np.abs(STAMPS[None] - QUERIES[:, None]).argmin(axis=1)
-    after = np.searchsorted(STAMPS, QUERIES)
-    wrong = [
-        (
-            near,
-            "Nearest, but not near: the stamp at 9.0 s found a partner a whole second away. Outside max_gap the "
-            "answer is -1.",
-        ),
-        (
-            after,
-            "That is the next stamp, not the nearest: searchsorted looks only forward. Compare it with the one before.",
-        ),
-        (
-            np.maximum(after - 1, 0),
-            "That is the stamp before, not the nearest: compare it with the one after.",
-        ),
-        (np.arange(6), "You paired by number: reading k with reading k. Their clocks are not the same."),
-        (
-            np.where(np.abs(STAMPS[np.minimum(after, 3)] - QUERIES) <= MAX_GAP, np.minimum(after, 3), -1),
-            "You look only at the next stamp, and then test the gap. The nearest may be the one before.",
-        ),
-        (
-            STAMPS[near],
-            "Those are times. The index of the reading is asked for.",
-        ),
-    ]
-    return _verdict(
-        values,
-        NEAREST,
-        wrong,
-        "Four queries have a partner within 0.1 s; two have none, and you say so.",
-        f"Expected {NEAREST.tolist()} for the queries {QUERIES.tolist()}; yours are {values.tolist()}.",
-    )
+    cases = [_stamp_case(seed) for seed in range(4)]
+    answer = attempt(theirs, cases[0][0].copy(), cases[0][1].copy(), 0.1)
+    if isinstance(answer, list | tuple | np.ndarray) and any(part is None for part in answer):
+        return hint(
+            "Where no stamp is near enough the answer is -1, a whole number like the others; yours is None."
+        )
+    praise = "Each query has its nearest stamp, from either side, or -1 where none lies within 0.1 s."
+    return compare(theirs, nearest_within, cases, mistakes=STAMP_MISTAKES, praise=praise)
 
 
-# ---- exercise 3: from the LiDAR to the world
-
-POSE = np.array([1.0, 2.0, np.pi / 2])
-ARM = np.array([0.1, 0.0])
-POINTS_L = np.array([[2.0, 0.0], [0.0, 1.0]])
+# ---- exercise 3: from the body to the world
 
 
-def check_to_world(to_world: Callable) -> Check:
-    """Whether ``to_world(pose_wb, points_l, lidar_b)`` shifts by the lever arm, then turns, then shifts by the pose."""
-    values = _array(attempt(to_world, POSE.copy(), POINTS_L.copy(), ARM.copy()), POINTS_L.shape)
-    if isinstance(values, Check):
-        return values
-    turn = np.array([[0.0, -1.0], [1.0, 0.0]])  # by +90 degrees
-    points_b = POINTS_L + ARM
-    right = points_b @ turn.T + POSE[:2]
-    wrong = [
-        (
-            POINTS_L @ turn.T + POSE[:2],
-            "The lever arm is missing: the LiDAR does not sit at the robot's centre.",
-        ),
-        (
-            POINTS_L @ turn.T + POSE[:2] + ARM,
-            "The lever arm was added in the world. It is fixed to the robot: add it first, then turn.",
-        ),
-        (
-            (POINTS_L + ARM[::-1]) @ turn.T + POSE[:2],
-            "The lever arm is on the wrong axis: x is ahead, y is left.",
-        ),
-        (
-            (POINTS_L - ARM) @ turn.T + POSE[:2],
-            "The sign of the lever arm: the LiDAR sits ahead of the centre.",
-        ),
-        (
-            points_b @ turn + POSE[:2],
-            "Turned the wrong way: points stand in rows, so R p for all of them is points @ R.T, not points @ R.",
-        ),
-        (
-            (points_b - POSE[:2]) @ turn,
-            "That is T_bw, the world seen from the robot. T_wb turns first and then shifts.",
-        ),
-        (
-            (points_b + POSE[:2]) @ turn.T,
-            "You shift by the pose and then turn: the position gets turned too.",
-        ),
-    ]
-    return _verdict(
-        values,
-        right,
-        wrong,
-        "A point 2 m ahead of a LiDAR that looks north lies at (1.0, 4.1).",
-        f"Expected {right.tolist()}, yours are {np.round(values, 2).tolist()}.",
-    )
+def rotation(theta: float) -> np.ndarray:
+    """The turn by ``theta`` (rad) as a matrix ``(2, 2)``."""
+    return np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]])
+
+
+def to_world(pose_wb, points_b) -> np.ndarray:
+    """The right answer of exercise 3."""
+    return np.asarray(points_b) @ rotation(pose_wb[2]).T + pose_wb[:2]
+
+
+def _world_case(seed: int) -> tuple:
+    """A pose with nothing round about it, and five points."""
+    rng = np.random.default_rng(seed)
+    heading = (0.7, -2.4, 2.1, -0.6)[seed]
+    return np.array([*rng.uniform(1.0, 4.0, 2), heading]), rng.uniform(-3.0, 3.0, (5, 2))
+
+
+def _turned_by(matrix: Callable) -> Callable:
+    return lambda pose, p: p @ np.asarray(matrix(np.cos(pose[2]), np.sin(pose[2]))).T + pose[:2]
+
+
+WORLD_MISTAKES = [
+    (
+        lambda pose, p: p + pose[:2],
+        "You shift by the position only. A robot that looks elsewhere sees the same point in another place: turn "
+        "first.",
+    ),
+    (
+        lambda pose, p: p @ rotation(pose[2]).T,
+        "You turn only. The robot does not stand at the origin: shift by its position after the turn.",
+    ),
+    (
+        lambda pose, p: p @ rotation(pose[2]) + pose[:2],
+        "Turned the wrong way. Points stand in rows, so R p for all of them is points @ R.T, not points @ R.",
+    ),
+    (
+        lambda pose, p: (p - pose[:2]) @ rotation(pose[2]),
+        "That is T_bw, the world seen from the robot. T_wb turns first and then shifts.",
+    ),
+    (
+        lambda pose, p: (p + pose[:2]) @ rotation(pose[2]).T,
+        "You shift by the pose and then turn: the position gets turned too.",
+    ),
+    (
+        _turned_by(lambda c, s: ((0.0, -1.0), (1.0, 0.0))),
+        "You turn by 90 degrees whatever the heading is. The angle is the third number of the pose.",
+    ),
+    (
+        _turned_by(lambda c, s: ((0.0, -s), (s, 0.0))),
+        "The two cosines of the matrix are missing.",
+    ),
+    (
+        _turned_by(lambda c, s: ((c, 0.0), (0.0, c))),
+        "The two sines of the matrix are missing.",
+    ),
+    (
+        _turned_by(lambda c, s: ((c, -s), (s, -c))),
+        "One sign in the matrix is wrong: it mirrors the points instead of turning them. The second row is "
+        "(sin, cos).",
+    ),
+    (
+        _turned_by(lambda c, s: ((c, s), (s, c))),
+        "One sign in the matrix is wrong: the first row is (cos, -sin).",
+    ),
+    (
+        lambda pose, p: p @ rotation(np.deg2rad(pose[2])).T + pose[:2],
+        "The heading is in radians already; you converted it once more.",
+    ),
+    (
+        lambda pose, p: p @ rotation(np.rad2deg(pose[2])).T + pose[:2],
+        "NumPy's cos and sin take radians, and the heading is in radians: there is nothing to convert.",
+    ),
+    (
+        lambda pose, p: p[:, ::-1] @ rotation(pose[2]).T + pose[:2],
+        "The points' x and y are swapped: the first column is x.",
+    ),
+]  # fmt: skip
+
+
+def check_to_world(theirs: Callable) -> Check:
+    """Whether ``to_world(pose_wb, points_b)`` turns by the heading and then shifts by the position."""
+    cases = [_world_case(seed) for seed in range(4)]
+    praise = "First the turn, then the shift: that is T_wb."
+    return compare(theirs, to_world, cases, mistakes=WORLD_MISTAKES, praise=praise)
 
 
 # ---- exercise 4: increments at the times of another clock
 
-T_COUNTS = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
-COUNTS = np.array([[5, 5, 5, 5], [10, 12, 10, 12], [20, 18, 20, 18], [16, 14, 16, 14], [8, 8, 8, 8]])
-T_SCANS = np.array([0.05, 0.24, 0.38])
-METRES = 0.01
+
+def _count_case(seed: int) -> tuple:
+    """Scan times, stamps that jitter, counts of four wheels that differ, and the metres per count."""
+    rng = np.random.default_rng(seed)
+    t = 3.0 + np.cumsum(rng.uniform(0.05, 0.12, 14))
+    counts = rng.integers(4, 30, 14)[:, None] + rng.integers(0, 9, (14, 4))
+    return np.sort(rng.uniform(t[1], t[-2], 5)), t, counts, (0.01, 0.0022, 0.003, 0.0022)[seed]
 
 
-def check_distance_at(distance_at: Callable) -> Check:
-    """Whether ``distance_at(t_scan, t, counts, metres_per_count)`` cumulates first and interpolates then."""
-    answer = attempt(distance_at, T_SCANS.copy(), T_COUNTS.copy(), COUNTS.copy(), METRES)
-    values = _array(answer, T_SCANS.shape)
-    if isinstance(values, Check):
-        return values
-    mean = COUNTS.mean(axis=1) * METRES
-    near = np.abs(T_COUNTS[None] - T_SCANS[:, None]).argmin(axis=1)
-    right = np.interp(T_SCANS, T_COUNTS, np.cumsum(mean) - mean[0])
-    wrong = [
-        (
-            np.interp(T_SCANS, T_COUNTS, np.cumsum(mean)),
-            "The first reading speaks of the time before the first stamp: "
-            "the distance starts at 0 there. Subtract it.",
-        ),
-        (
-            mean[near],
-            "Those are single readings, each the way since the one before. You need their running sum.",
-        ),
-        (
-            np.cumsum(mean[near]),
-            "You sum the readings nearest to the scans. All readings between two scans are lost.",
-        ),
-        (
-            (np.cumsum(mean) - mean[0])[near],
-            "Right sums, but read off at the nearest reading. Between two readings the "
-            "robot moves on: interpolate.",
-        ),
-        (4 * right, "Four times too long: the chassis travels the mean of its wheels, not their sum."),
-        (
-            np.interp(T_SCANS, T_COUNTS, mean),
-            "You interpolate the increments. A share of an increment means nothing: cumulate first.",
-        ),
-    ]
-    return _verdict(
-        values,
-        right,
-        wrong,
-        f"{np.round(right, 3).tolist()} m: cumulated, then interpolated.",
-        f"Expected {np.round(right, 3).tolist()} m at the scans; yours are {np.round(values, 3).tolist()}.",
-    )
+def _sums(wheels: Callable, counts, metres: float) -> np.ndarray:
+    """Running sum (m) from 0 at the first stamp, each reading made one number by ``wheels``."""
+    per_reading = wheels(np.asarray(counts)) * metres
+    return np.cumsum(per_reading) - per_reading[0]
+
+
+def mean_of_wheels(counts: np.ndarray) -> np.ndarray:
+    """Mean count of the four wheels, one for each reading."""
+    return np.mean(counts, axis=1)
+
+
+def distance_at(t_scan, t, counts, metres_per_count) -> np.ndarray:
+    """The right answer of exercise 4."""
+    return np.interp(t_scan, t, _sums(mean_of_wheels, counts, metres_per_count))
+
+
+def _with_wheels(wheels: Callable) -> Callable:
+    return lambda s, t, c, m: np.interp(s, t, _sums(wheels, c, m))
+
+
+def _near(s, t) -> np.ndarray:
+    return _apart(t, s).argmin(axis=1)
+
+
+DISTANCE_MISTAKES = [
+    (
+        lambda s, t, c, m: np.interp(s, t, np.cumsum(mean_of_wheels(c) * m)),
+        "The first reading tells about the time before the first stamp, so the distance is 0 there. Subtract it.",
+    ),
+    (
+        lambda s, t, c, m: (mean_of_wheels(c) * m)[_near(s, t)],
+        "Those are single readings, each the distance since the one before. You need their running sum.",
+    ),
+    (
+        lambda s, t, c, m: np.cumsum((mean_of_wheels(c) * m)[_near(s, t)]),
+        "You add up the readings nearest to the scans. All readings between two scans are lost.",
+    ),
+    (
+        lambda s, t, c, m: _sums(mean_of_wheels, c, m)[_near(s, t)],
+        "The sums are right, but they are read off at the nearest reading. Between two readings the robot moves on: "
+        "interpolate.",
+    ),
+    (
+        lambda s, t, c, m: _sums(mean_of_wheels, c, m)[np.searchsorted(t, s) - 1],
+        "The sums are right, but they are read off at the reading before each scan: interpolate.",
+    ),
+    (
+        lambda s, t, c, m: np.interp(s, t, mean_of_wheels(c) * m),
+        "You interpolate the increments. A share of an increment means nothing: add them up first.",
+    ),
+    (
+        _with_wheels(lambda c: c.sum(axis=1)),
+        "Four times too long: the chassis travels the mean of its wheels, not their sum.",
+    ),
+    (
+        _with_wheels(lambda c: c[:, :2].mean(axis=1)),
+        "You use the front wheels only; in a bend or on a bump the four differ. Take the mean of all four.",
+    ),
+    (_with_wheels(lambda c: c[:, 0]), "You use one wheel only. Take the mean of all four."),
+    (
+        _with_wheels(lambda c: np.median(c, axis=1)),
+        "That is the median of the wheels. The chassis centre travels their mean.",
+    ),
+    (
+        _with_wheels(lambda c: 0.5 * (c.min(axis=1) + c.max(axis=1))),
+        "That is the middle between the slowest and the fastest wheel. Take the mean of all four.",
+    ),
+    (
+        _with_wheels(lambda c: c.sum(axis=1) // 4),
+        "// drops the rest of a division, up to three quarters of a count in each reading. Divide with /.",
+    ),
+    (
+        lambda s, t, c, m: np.diff(distance_at(s, t, c, m), prepend=0.0),
+        "Those are the distances from one scan to the next. The distance since the first stamp is asked for.",
+    ),
+    (
+        lambda s, t, c, m: distance_at(s, t, c, 1.0),
+        "Those are counts. Each count is worth metres_per_count metres.",
+    ),
+]  # fmt: skip
+
+
+def check_distance_at(theirs: Callable) -> Check:
+    """Whether ``distance_at(t_scan, t, counts, metres_per_count)`` adds up first and interpolates then."""
+    cases = [_count_case(seed) for seed in range(4)]
+    praise = "Added up first, then interpolated: no count is lost, whichever scans you choose."
+    return compare(theirs, distance_at, cases, mistakes=DISTANCE_MISTAKES, praise=praise)

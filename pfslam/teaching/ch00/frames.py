@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +14,7 @@ from pfslam.sensors import LidarModel, scan_points
 from pfslam.teaching.show.figures import draw_robot
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, metric_axes, new_figure
+from pfslam.teaching.show.widgets import Explorer, Slider
 
 # ---- a turn on the spot
 
@@ -72,9 +73,9 @@ def off_walls(points: np.ndarray) -> np.ndarray:
 def turn_frame(way: str, turned: float) -> Figure:
     """The whole room, and the post close up, as the robot draws them while it turns."""
     points = turn_points(way, turned)
-    figure, axes = new_figure(6.2, 3.6, 1, 2, width_ratios=[1.5, 1])
+    figure, axes = new_figure(5.0, 3.3, 1, 2, width_ratios=[1.5, 1])
     figure.set_layout_engine("none")
-    for ax, place in zip(axes, ((0.09, 0.14, 0.50, 0.74), (0.68, 0.14, 0.31, 0.74)), strict=True):
+    for ax, place in zip(axes, ((0.11, 0.17, 0.49, 0.72), (0.72, 0.17, 0.27, 0.72)), strict=True):
         ax.set_position(place)
         _draw_room(ax)
         ax.scatter(*points.T, s=5 if ax is axes[0] else 14, color=COLOURS["hits"], linewidths=0, zorder=3)
@@ -84,6 +85,15 @@ def turn_frame(way: str, turned: float) -> Figure:
     axes[1].set(xlim=(1.65, 2.35), ylim=(0.85, 1.55), title="the post", ylabel="")
     axes[1].set(xticks=(1.8, 2.2), yticks=(1.0, 1.4))
     return figure
+
+
+def turn_explorer() -> Explorer:
+    """A choice of what is wrong, and how far the robot has turned."""
+    controls = [
+        Slider("way", WAYS, 1, "Drawn with"),
+        Slider("turned", (0.0, 45.0, 90.0, 180.0, 360.0), 3, "Turned by", "deg", "g"),
+    ]
+    return Explorer(turn_frame, controls, title="A turn on the spot", alt=turn_alt, play="turned")
 
 
 def _draw_room(axes: Axes) -> None:
@@ -109,16 +119,18 @@ def turn_alt(way: str, turned: float) -> str:
 
 def pictures_of_inverse() -> Picture:
     """Four drawings of one turn, A to D, for the self-test: which of them used the inverse pose?"""
-    figure, grid = new_figure(6.2, 4.6, 2, 2, sharex=True, sharey=True)
+    figure, grid = new_figure(5.0, 4.6, 2, 2, sharex=True, sharey=True)
     order = ("no lever arm", "inverse pose", "right", "lever arm on y")
     words = []
     for axes, way, name in zip(grid.ravel(), order, "ABCD", strict=True):
         points = turn_points(way, 90.0)
         axes.scatter(*points.T, s=4, color=COLOURS["hits"], linewidths=0)
-        metric_axes(axes, name).set(xlabel="", ylabel="", xlim=(-3.2, 3.8), ylim=(-3.0, 2.8))
+        axes.plot(*PLACE, marker="^", markersize=8, color=COLOURS["estimate"])
+        metric_axes(axes, name).set(xlim=(-3.2, 3.8), ylim=(-3.0, 2.8))
+        axes.label_outer()
         words.append(f"{name} {np.ptp(points[:, 0]):.1f} m wide and {np.ptp(points[:, 1]):.1f} m high")
-    alt = f"""Four drawings of a room of 4 by 3 m, made while the robot turned by 90 degrees:
-    {"; ".join(words)}."""
+    alt = f"""Four drawings of a room of 4 by 3 m, made while the robot turned by 90 degrees at the place of the
+    triangle: {"; ".join(words)}."""
     return Picture(figure, alt)
 
 
@@ -153,42 +165,54 @@ def spread(drawn: np.ndarray, right: np.ndarray) -> float:
     return float(np.median(np.sqrt((dx**2 + dy**2).min(axis=1))))
 
 
-def blur(recording: Recording, moment: float, offset: float) -> float:
-    """How far (m, median) an end point lies from the nearest one that was drawn with the right stamp."""
-    return spread(*(shifted_scans(recording, moment, s) for s in (offset, 0.0)))
+def late_clock(recording: Recording, moment: float, offset: float) -> dict[str, float]:
+    """What a clock late by ``offset`` s does to the scans around a moment.
+
+    ``angle`` (rad) that the robot turns in that time, ``range`` (m) of a beam in the median, ``sideways`` (m) that its
+    end point moves, and ``off_walls`` (m): how far a point then lies from the nearest one drawn with the right stamp.
+    """
+    t0, scans = recording.wheels_and_gyro()[0].t[0], recording.scans()
+    ranges = scans.ranges[nearest_stamp(scans.t, np.array([t0 + moment]))[0]]
+    median = float(np.median(ranges[recording.robot.lidar.valid(ranges)]))
+    angle = abs(turn_rate(recording, moment)) * offset
+    blur = spread(*(shifted_scans(recording, moment, s) for s in (offset, 0.0)))
+    return {"angle": angle, "range": median, "sideways": angle * median, "off_walls": blur}
 
 
-def offset_frame(recording: Recording) -> Callable[..., Figure]:
-    """The drawing function of the clock explorer: a straight stretch and a turn with the same offset."""
+def draw_late_clock(recording: Recording, right: dict[str, np.ndarray], offset: float) -> Figure:
+    """A straight stretch and a turn with the same clock offset (ms), over where the points belong."""
     start, truth = recording.wheels_and_gyro()[0].t[0], recording.true_path()
+    figure, axes = new_figure(5.0, 3.3, 1, 2)
+    figure.set_layout_engine("none")
+    for k, (ax, (name, moment)) in enumerate(zip(axes, STRETCHES.items(), strict=True)):
+        ax.set_position((0.12 + 0.48 * k, 0.17, 0.38, 0.72))
+        points = shifted_scans(recording, moment, offset / 1e3)
+        ax.scatter(*right[name].T, s=14, color=COLOURS["unknown"], linewidths=0)
+        ax.scatter(*points.T, s=3, color=COLOURS["hits"], linewidths=0)
+        x, y = truth.at(start + moment)[:2]
+        metric_axes(ax, f"{name}: {100 * spread(points, right[name]):.0f} cm")
+        ax.set(xlim=(x - 3.5, x + 3.5), ylim=(y - 3.5, y + 3.5))
+    axes[1].set_ylabel("")
+    return figure
+
+
+def describe_late_clock(recording: Recording, right: dict[str, np.ndarray], offset: float) -> str:
+    """The same in words."""
+    words = [
+        f"{name} ({turn_rate(recording, moment):+.2f} rad/s): in the median a point lies "
+        f"{100 * spread(shifted_scans(recording, moment, offset / 1e3), right[name]):.1f} cm off the walls"
+        for name, moment in STRETCHES.items()
+    ]
+    return f"{SCANS} scans drawn with stamps wrong by {offset:.0f} ms. {'; '.join(words)}."
+
+
+def late_clock_explorer(recording: Recording) -> Explorer:
+    """One slider: by how much the LiDAR's clock is wrong."""
     right = {name: shifted_scans(recording, moment, 0.0) for name, moment in STRETCHES.items()}
-
-    def draw(offset: float) -> Figure:
-        figure, axes = new_figure(6.2, 3.7, 1, 2)
-        figure.set_layout_engine("none")
-        for k, (ax, (name, moment)) in enumerate(zip(axes, STRETCHES.items(), strict=True)):
-            ax.set_position((0.10 + 0.49 * k, 0.14, 0.40, 0.74))
-            points = shifted_scans(recording, moment, offset / 1e3)
-            ax.scatter(*right[name].T, s=14, color=COLOURS["unknown"], linewidths=0)
-            ax.scatter(*points.T, s=3, color=COLOURS["hits"], linewidths=0)
-            x, y = truth.at(start + moment)[:2]
-            metric_axes(ax, f"{name}: {100 * spread(points, right[name]):.0f} cm")
-            ax.set(xlim=(x - 3.5, x + 3.5), ylim=(y - 3.5, y + 3.5))
-        axes[1].set_ylabel("")
-        return figure
-
-    return draw
-
-
-def offset_alt(recording: Recording) -> Callable[..., str]:
-    """The words for one offset (ms)."""
-
-    def alt(offset: float) -> str:
-        words = [
-            f"{name} ({turn_rate(recording, moment):+.2f} rad/s): walls blurred by "
-            f"{100 * blur(recording, moment, offset / 1e3):.1f} cm"
-            for name, moment in STRETCHES.items()
-        ]
-        return f"{SCANS} scans drawn with stamps wrong by {offset:.0f} ms. {'; '.join(words)}."
-
-    return alt
+    offset = Slider("offset", (0, 20, 50, 100, 150, 200), 0, "Clock offset", "ms", "g", (-300, 300, 5))
+    return Explorer(
+        partial(draw_late_clock, recording, right),
+        [offset],
+        title="Scans with a late clock",
+        alt=partial(describe_late_clock, recording, right),
+    )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,15 +15,16 @@ from pfslam.recording import Recording, RgbdStream, nearest_stamp
 from pfslam.sensors import RgbdModel, scan_points
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, LINE_STYLES, new_figure
+from pfslam.teaching.show.widgets import Explorer, Slider
 from pfslam.texture.floor import depth_for_step, depth_from_disparity, depth_step
 
 STREAM_COLOURS = ("odometry", "odometry", "hits", "truth", "truth")
 SEEN_TO = 5.0  # m to either side that the scan panel shows
 PANELS = (
-    (0.10, 0.47, 0.36, 0.46),
-    (0.52, 0.47, 0.46, 0.46),
-    (0.10, 0.11, 0.36, 0.22),
-    (0.62, 0.11, 0.36, 0.22),
+    (0.13, 0.48, 0.35, 0.45),
+    (0.55, 0.48, 0.44, 0.45),
+    (0.13, 0.12, 0.33, 0.22),
+    (0.66, 0.12, 0.33, 0.22),
 )
 
 
@@ -49,7 +50,7 @@ def streams(recording: Recording) -> dict[str, np.ndarray]:
 
 def raster_picture(recording: Recording, start: float = 60.0, seconds: float = 0.25) -> Picture:
     """One tick for every reading of every stream within a quarter of a second."""
-    figure, axes = new_figure(6.2, 2.9)
+    figure, axes = new_figure(5.0, 2.8)
     words = []
     for row, (name, t) in enumerate(streams(recording).items()):
         shown = t[(t >= start) & (t < start + seconds)]
@@ -103,24 +104,20 @@ def _image_at(recording: Recording, t: float) -> tuple[np.ndarray, float]:
     return camera.read_rgb(int(camera.rgb_index[j]))[::2, ::2], float(stored[j] - t)
 
 
-def scrub_frame(view: Scrub) -> Callable[..., Figure]:
-    """The drawing function of the chapter's first widget: everything the robot knows around one moment."""
-
-    def draw(time: float) -> Figure:
-        figure, grid = new_figure(6.2, 5.0, 2, 2)
-        figure.set_layout_engine("none")  # placed by hand: looking for room takes longer than drawing
-        scan, camera, wheels, gyro = grid.ravel()
-        for axes, place in zip(grid.ravel(), PANELS, strict=True):
-            axes.set_position(place)
-        _draw_scan_ahead(scan, view, time)
-        camera.imshow(view.images[time][0], interpolation="bilinear")
-        camera.set(xticks=(), yticks=(), title="camera")
-        camera.grid(False)
-        _draw_curve(wheels, view.t, view.speed, time, "wheels [m/s]", (-0.1, 1.6))
-        _draw_curve(gyro, view.t, view.yaw_rate, time, "gyro [rad/s]", (-1.7, 1.7))
-        return figure
-
-    return draw
+def draw_scrub(view: Scrub, time: float) -> Figure:
+    """Everything the robot knows around one moment: scan, colour image, wheels and gyro."""
+    figure, grid = new_figure(5.0, 5.0, 2, 2)
+    figure.set_layout_engine("none")  # placed by hand: looking for room takes longer than drawing
+    scan, camera, wheels, gyro = grid.ravel()
+    for axes, place in zip(grid.ravel(), PANELS, strict=True):
+        axes.set_position(place)
+    _draw_scan_ahead(scan, view, time)
+    camera.imshow(view.images[time][0], interpolation="bilinear")
+    camera.set(xticks=(), yticks=(), title="camera")
+    camera.grid(False)
+    _draw_curve(wheels, view.t, view.speed, time, "wheels [m/s]", (-0.1, 1.6))
+    _draw_curve(gyro, view.t, view.yaw_rate, time, "gyro [rad/s]", (-1.7, 1.7))
+    return figure
 
 
 def _scan_at(view: Scrub, time: float) -> np.ndarray:
@@ -144,18 +141,26 @@ def _draw_curve(axes: Axes, t, values, now: float, label: str, limits: tuple) ->
     axes.set(xlabel="time [s]", ylabel=label, ylim=limits, xlim=(0, 125), xticks=(0, 60, 120))
 
 
-def scrub_alt(view: Scrub) -> Callable[..., str]:
-    """The words for one moment."""
+def describe_scrub(view: Scrub, time: float) -> str:
+    """The same in words."""
+    k = int(np.argmin(np.abs(view.t - time)))
+    reach = np.hypot(*_scan_at(view, time).T)
+    later = 1e3 * view.images[time][1]
+    return f"""At {time:.0f} s: wheels {view.speed[k]:.2f} m/s, gyro {view.yaw_rate[k]:+.2f} rad/s, nearest LiDAR
+    point {reach.min():.1f} m away, farthest {reach.max():.1f} m; the image shown was taken {abs(later):.0f} ms
+    {"later" if later > 0 else "earlier"}."""
 
-    def alt(time: float) -> str:
-        k = int(np.argmin(np.abs(view.t - time)))
-        reach = np.hypot(*_scan_at(view, time).T)
-        later = 1e3 * view.images[time][1]
-        return f"""At {time:.0f} s: wheels {view.speed[k]:.2f} m/s, gyro {view.yaw_rate[k]:+.2f} rad/s, nearest LiDAR
-        point {reach.min():.1f} m away, farthest {reach.max():.1f} m; the image shown was taken {abs(later):.0f} ms
-        {"later" if later > 0 else "earlier"}."""
 
-    return alt
+def scrub_explorer(recording: Recording) -> Explorer:
+    """One slider: the time; a play button runs through the drive."""
+    view = scrub(recording)
+    return Explorer(
+        partial(draw_scrub, view),
+        [Slider("time", view.times, 12, "Time", "s", ".0f")],
+        title="Everything the robot knows",
+        alt=partial(describe_scrub, view),
+        play="time",
+    )
 
 
 # ---- pairing
@@ -189,7 +194,7 @@ def pairing_gaps(camera: RgbdStream) -> dict[str, np.ndarray]:
 
 def pairing_picture(camera: RgbdStream) -> Picture:
     """How far apart in time the two images of a pair are, along the drive."""
-    figure, axes = new_figure(6.2, 3.3)
+    figure, axes = new_figure(5.0, 3.3)
     words = []
     for (name, gap), colour in zip(pairing_gaps(camera).items(), ("odometry", "estimate"), strict=True):
         t = camera.rgb_t[: len(gap)] - camera.rgb_t[0]
@@ -197,7 +202,7 @@ def pairing_picture(camera: RgbdStream) -> Picture:
         words.append(f"{name}: median {np.median(gap):.3f} s, at most {gap.max():.2f} s")
     axes.set(yscale="log", ylim=(1e-4, 30), xlabel="time [s]", ylabel="apart by")
     axes.set_yticks([1e-3, 1e-2, 0.1, 1, 10], ["1 ms", "10 ms", "0.1 s", "1 s", "10 s"])
-    axes.legend(loc="lower right", fontsize=11)
+    axes.legend(loc="lower right", fontsize=12)
     return Picture(figure, f"Time between the two images of each pair. {'; '.join(words)}.")
 
 
@@ -215,7 +220,7 @@ def counts_picture(recording: Recording, start: float = 50.0, seconds: float = 4
     t = encoders.t - encoders.t[0] - start
     shown = (t >= 0) & (t < seconds)
     counts = encoders.counts[shown, 0]
-    figure, axes = new_figure(6.2, 3.0, 1, 2)
+    figure, axes = new_figure(5.0, 2.9, 1, 2)
     for ax, values, name in zip(axes, (np.cumsum(counts), counts), "AB", strict=True):
         ax.plot(t[shown], values, color=COLOURS["odometry"], marker=".", linewidth=0.8)
         ax.set(xlabel="time [s]", ylabel="counts" if name == "A" else "", title=name, ylim=(0, None))
@@ -228,7 +233,7 @@ def depth_picture(camera: RgbdModel) -> Picture:
     """Depth against disparity, and what one step of disparity is worth."""
     d = np.arange(400, 1089)
     depth = depth_from_disparity(d, camera)
-    figure, axes = new_figure(6.2, 3.4, 1, 2)
+    figure, axes = new_figure(5.0, 3.2, 1, 2)
     axes[0].plot(d, depth, color=COLOURS["estimate"])
     axes[0].axvline(
         camera.disparity_offset / -camera.disparity_slope, color=COLOURS["odometry"], linestyle="--"
