@@ -9,9 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pfslam.errors import DataError
-from pfslam.limits import MAX_EVERY, MAX_PARTICLES
 
-METHODS = ("report", "refined", "per-particle", "matching")
 BAD_INPUT, INTERRUPTED, FAULT = 2, 130, 1
 LONGEST_LINE = 600
 """Characters of a complaint; an argument can be any length."""
@@ -77,10 +75,12 @@ def _add_simulate(commands) -> None:
 
 
 def _add_run(commands) -> None:
+    from pfslam.config import MAX_EVERY, MAX_PARTICLES, PRESETS  # what only a command needs waits for one
+
     command = _command(commands, "run", "trajectory, map and floor texture of a data set")
     _add_dataset(command)
     method = "which filter (default refined)"
-    command.add_argument("--method", choices=METHODS, default="refined", help=method)
+    command.add_argument("--method", choices=tuple(PRESETS), default="refined", help=method)
     particles = "default 200; 30 with a map for each, 1 for matching"
     command.add_argument("--particles", type=whole(1, MAX_PARTICLES), metavar="N", help=particles)
     every = "use every K-th scan (default 5, for logs 1)"

@@ -6,32 +6,38 @@ another; each can be switched by itself with ``dataclasses.replace``, which is h
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from math import inf, sqrt
+from typing import Annotated, Literal
 
 from pfslam.errors import DataError
 from pfslam.grid import LOG_4, MapConfig
-from pfslam.limits import MAX_EVERY, MAX_PARTICLES, check_numbers
-from pfslam.particles import RESAMPLERS, ControlNoise
+from pfslam.particles import ControlNoise, Scheme
 from pfslam.search.boxes import MAX_SCORES
+from pfslam.settings import Range, Settings, plain
 from pfslam.tilt import TiltConfig
+
+MAX_PARTICLES = 100_000
+MAX_EVERY = 10**6
+NoiseSize = Annotated[float, Range(0.0, 100.0)]
+HalfWidth = Annotated[int, Range(0, 10_000)]
+HalfWidths = tuple[HalfWidth, HalfWidth]
+Stride = Annotated[int, Range(1, 10_000)]
+Share = Annotated[float, Range(0.0, 1.0)]
 
 
 @dataclass(frozen=True)
-class MotionNoise:
+class MotionNoise(Settings):
     """Uncertainty of the motion between two scans that moved ``metres`` and turned ``radians``: grows with both."""
 
-    xy: float = 0.02
-    xy_per_metre: float = 0.08
-    yaw: float = 0.005
-    yaw_per_radian: float = 0.05
-    yaw_per_metre: float = 0.06
+    xy: NoiseSize = 0.02
+    xy_per_metre: NoiseSize = 0.08
+    yaw: NoiseSize = 0.005
+    yaw_per_radian: NoiseSize = 0.05
+    yaw_per_metre: NoiseSize = 0.06
     sampled: bool = True
     """Whether particles are moved by noise of this size. If not, it only sets the search window and the prior."""
-
-    def __post_init__(self):
-        check_numbers(self, xy=(0.0, 100.0), xy_per_metre=(0.0, 100.0))
-        check_numbers(self, yaw=(0.0, 100.0), yaw_per_radian=(0.0, 100.0), yaw_per_metre=(0.0, 100.0))
 
     def sigmas(self, metres: float, radians: float) -> tuple[float, float]:
         """Standard deviations (m, rad) of position (each axis) and heading."""
@@ -42,18 +48,18 @@ class MotionNoise:
 
 
 @dataclass(frozen=True)
-class SearchConfig:
+class SearchConfig(Settings):
     """How a particle looks for a better pose around itself, and what it earns there."""
 
-    yaw_step: float = 0.005
+    yaw_step: Annotated[float, Range(1e-5, 1.0)] = 0.005
     """Heading step of the lattice (rad); the step in x and y is one cell."""
-    cells: tuple[int, int] = (4, 4)
+    cells: HalfWidths = (4, 4)
     """Least and greatest half width of the window in cells; between them it spans three sigmas of the motion."""
-    yaws: tuple[int, int] = (4, 4)
+    yaws: HalfWidths = (4, 4)
     """Least and greatest half width in heading steps."""
-    beam_stride: int = 1
+    beam_stride: Stride = 1
     """Every how-many-th beam is scored."""
-    field: str = "occupied"
+    field: Literal["occupied", "distance"] = "occupied"
     """"occupied": count of end points on occupied cells. "distance": credit for near misses too."""
     prior: bool = False
     """Whether leaving the predicted pose costs something (the motion model's own density)."""
@@ -61,19 +67,17 @@ class SearchConfig:
     """Whether a parabola through the best score and its neighbours refines the pose within a step."""
     keep_offset: bool = True
     """Whether a particle keeps its offset from the lattice node it was scored at (the report), or moves onto it."""
-    sharpness: float = 54.0
+    sharpness: Annotated[float, Range(0.0, 1e6)] = 54.0
     """Log-likelihood of a perfect scan: one score for the whole scan, because its beams are not independent."""
-    weight: str = "count"
+    weight: Literal["count", "likelihood"] = "count"
     """"count": weights multiply by the score (Eq. 12). "likelihood": by exp(sharpness * mean score - prior cost)."""
 
     def __post_init__(self):
-        check_numbers(self, yaw_step=(1e-5, 1.0), beam_stride=(1, 10_000), sharpness=(0.0, 1e6))
-        check_numbers(self, cells=(0, 10_000), yaws=(0, 10_000))
+        super().__post_init__()
         for name in ("cells", "yaws"):
-            if not (len(getattr(self, name)) == 2 and getattr(self, name)[0] <= getattr(self, name)[1]):
-                raise DataError(
-                    "SearchConfig", name, getattr(self, name), "a least and a greatest half width"
-                )
+            least, greatest = getattr(self, name)
+            if least > greatest:
+                raise DataError("SearchConfig", name, (least, greatest), "a least and a greatest half width")
         poses = (2 * self.cells[1] + 1) ** 2 * (2 * self.yaws[1] + 1)
         if poses > MAX_SCORES:
             raise DataError(
@@ -82,33 +86,26 @@ class SearchConfig:
 
 
 @dataclass(frozen=True)
-class PolishConfig:
+class PolishConfig(Settings):
     """Alignment of the estimate to the lines that the map's hits form. ``None`` in ``SlamConfig`` leaves it out."""
 
-    iterations: int = 6
-    min_hits: int = 3
-    reach: int = 1
+    iterations: Annotated[int, Range(1, 1000)] = 6
+    min_hits: Annotated[int, Range(1, 10_000)] = 3
+    reach: Annotated[int, Range(0, 10)] = 1
     """A beam sees the hits up to so many cells away: 1 gives 3 x 3 cells, 2 gives 5 x 5."""
-    elongation: float = 2.0
+    elongation: Annotated[float, Range(0.0, 1e6)] = 2.0
     """A cell's neighbourhood counts as a line if its long variance exceeds so many short ones (plus a floor)."""
-    floor: float = 0.02
+    floor: Annotated[float, Range(1e-6, 1e6)] = 0.02
     """Floor under the short variance, in cells squared."""
-    rho: float = 0.05
+    rho: Annotated[float, Range(1e-6, 1e6)] = 0.05
     """Distance (m) at which a beam's weight has fallen to exp(-1/2)."""
-    beam_stride: int = 2
-    degenerate_below: float = 0.01
+    beam_stride: Stride = 2
+    degenerate_below: Share = 0.01
     """Least share of normals along a direction for the map to have a say in it; below, odometry decides."""
-
-    def __post_init__(self):
-        check_numbers(
-            self, iterations=(1, 1000), min_hits=(1, 10_000), reach=(0, 10), beam_stride=(1, 10_000)
-        )
-        check_numbers(self, elongation=(0.0, 1e6), floor=(1e-6, 1e6), rho=(1e-6, 1e6))
-        check_numbers(self, degenerate_below=(0.0, 1.0))
 
 
 @dataclass(frozen=True)
-class SlamConfig:
+class SlamConfig(Settings):
     """One run of the filter. Units are SI; sigmas are standard deviations.
 
     >>> from dataclasses import replace
@@ -117,10 +114,10 @@ class SlamConfig:
     (20, 'mean')
     """
 
-    maps: str = "shared"
+    maps: Literal["shared", "per-particle"] = "shared"
     """"shared": one map, drawn from the estimate. "per-particle": a map for each particle (Rao-Blackwellised)."""
-    particles: int = 200
-    every: int | None = None
+    particles: Annotated[int, Range(1, MAX_PARTICLES)] = 200
+    every: Annotated[int, Range(1, MAX_EVERY)] | None = None
     """Every how-many-th scan is used; None takes the recording's own default."""
     noise: ControlNoise | MotionNoise = field(default_factory=MotionNoise)
     """White noise on every control sample (Eq. 11), or noise on the motion between two scans."""
@@ -130,30 +127,23 @@ class SlamConfig:
     polish: PolishConfig | None = None
     tilt: TiltConfig | None = None
     """How the body's lean is taken into account; ``None`` takes every floor for flat."""
-    estimate: str = "best"
+    estimate: Literal["best", "mean"] = "best"
     """"best": the particle of greatest weight. "mean": the weighted mean of all."""
-    resample_below: float = 0.1
+    resample_below: Share = 0.1
     """Resample when N_eff is at most this share of N."""
-    resampler: str = "systematic"
-    draw_metres: float = 0.0
-    draw_radians: float = 0.0
+    resampler: Scheme = "systematic"
+    draw_metres: Annotated[float, Range(0.0, inf)] = 0.0
+    draw_radians: Annotated[float, Range(0.0, inf)] = 0.0
     """The scan is drawn into the map after moving or turning by at least so much since the last one; inf: never."""
-    min_beams: int = 10
+    min_beams: Annotated[int, Range(1, 10**6)] = 10
     """Scans with fewer valid beams are predicted through, not matched, and counted."""
 
     def __post_init__(self):
-        choices = {
-            "maps": (self.maps, ("shared", "per-particle")),
-            "estimate": (self.estimate, ("best", "mean")),
-            "search.field": (self.search.field, ("occupied", "distance")),
-            "search.weight": (self.search.weight, ("count", "likelihood")),
-            "resampler": (self.resampler, tuple(RESAMPLERS)),
-        }
-        for name, (value, allowed) in choices.items():
-            if value not in allowed:
-                raise DataError("SlamConfig", name, repr(value), "one of " + ", ".join(allowed))
-        check_numbers(self, particles=(1, MAX_PARTICLES), every=(1, MAX_EVERY), min_beams=(1, 10**6))
-        check_numbers(self, resample_below=(0.0, 1.0), draw_metres=(0.0, inf), draw_radians=(0.0, inf))
+        super().__post_init__()
+        noise = self.noise
+        if self.particles > 1 and isinstance(noise, MotionNoise) and not noise.sampled:
+            expected = "1 with matching, whose noise is not sampled: it has one pose"
+            raise DataError("SlamConfig", "particles", self.particles, expected)
 
     @classmethod
     def report(cls, sigma_v: float = sqrt(0.1), sigma_omega: float = sqrt(0.02)) -> SlamConfig:
@@ -200,16 +190,13 @@ class SlamConfig:
 
     def as_dict(self) -> dict:
         """All settings as plain nested dictionaries, for ``summary.json`` and tables."""
-        return _as_dict(self)
+        return {name: value for name, value in plain(self).items() if name != "kind"}
 
 
-def _as_dict(config) -> dict:
-    plain = {}
-    for f in fields(config):
-        value = getattr(config, f.name)
-        plain[f.name] = (
-            {"kind": type(value).__name__} | _as_dict(value)
-            if hasattr(value, "__dataclass_fields__")
-            else value
-        )
-    return plain
+PRESETS: dict[str, Callable[[], SlamConfig]] = {
+    "report": SlamConfig.report,
+    "refined": SlamConfig.refined,
+    "per-particle": SlamConfig.per_particle,
+    "matching": SlamConfig.matching,
+}
+"""The methods by name, as the command line and studies know them."""

@@ -7,12 +7,13 @@ into cells; nothing else in the package does.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import cv2
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.limits import check_numbers
+from pfslam.settings import Range, Settings
 
 LOG_4 = float(np.log(4.0))
 MAX_CELLS = 400_000_000
@@ -172,22 +173,20 @@ def log_odds(probability):
 
 
 @dataclass(frozen=True)
-class MapConfig:
+class MapConfig(Settings):
     """How a scan is written into the map (Eq. 15). ``hit`` and ``free`` are positive amounts of log-odds."""
 
-    resolution: float = 0.05
-    hit: float = LOG_4
-    free: float = LOG_4
-    clamp: float = 2.0 * LOG_4
-    rays: str = "polygon"
+    resolution: Annotated[float, Range(0.001, 10.0)] = 0.05
+    hit: Annotated[float, Range(0.0, 100.0)] = LOG_4
+    free: Annotated[float, Range(0.0, 100.0)] = LOG_4
+    clamp: Annotated[float, Range(0.0, np.inf)] = 2.0 * LOG_4
+    rays: Literal["bresenham", "polygon"] = "polygon"
     """How free cells are found: "bresenham" traces every beam, "polygon" fills the outline of the scan."""
 
     def __post_init__(self):
-        if self.rays not in ("bresenham", "polygon"):
-            raise DataError("MapConfig", "rays", self.rays, "'bresenham' or 'polygon'")
-        check_numbers(self, resolution=(0.001, 10.0), hit=(0.0, 100.0), free=(0.0, 100.0))
-        if self.clamp != np.inf:  # for who wants a map that never saturates
-            check_numbers(self, clamp=(0.0, 1e6))
+        super().__post_init__()
+        if 1e6 < self.clamp < np.inf:  # infinite for a map that never saturates; more than 1e6 is a slip
+            raise DataError("MapConfig", "clamp", self.clamp, "a number from 0 to 1000000, or inf")
 
 
 def trace_rays(start: np.ndarray, ends: np.ndarray) -> np.ndarray:

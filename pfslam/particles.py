@@ -7,12 +7,16 @@ weights live in one immutable object, so that no function can move one without t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
+from typing import Annotated, Literal
 
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.limits import check_numbers
 from pfslam.motion import motion_model
+from pfslam.settings import Range, Settings
+
+Scheme = Literal["systematic", "stratified", "multinomial", "residual"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,19 +63,17 @@ class Particles:
 
 
 @dataclass(frozen=True)
-class ControlNoise:
+class ControlNoise(Settings):
     """White noise on the control at every sample: standard deviations in m/s and rad/s.
 
     The spread that it causes depends on the sample rate. ``per_root_second`` reads the same two numbers as densities
     (m / s^0.5 and rad / s^0.5), dividing by the root of dt, which makes the spread independent of the rate.
+    The defaults are the report's.
     """
 
-    sigma_v: float
-    sigma_omega: float
+    sigma_v: Annotated[float, Range(0.0, 100.0)] = sqrt(0.1)
+    sigma_omega: Annotated[float, Range(0.0, 100.0)] = sqrt(0.02)
     per_root_second: bool = False
-
-    def __post_init__(self):
-        check_numbers(self, sigma_v=(0.0, 100.0), sigma_omega=(0.0, 100.0))
 
 
 def log_sum_exp(values: np.ndarray) -> float:

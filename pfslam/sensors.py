@@ -6,42 +6,46 @@ chassis centre, x forward, y left, z up, metres.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.limits import MAX_BEAMS, MAX_RANGE, check_numbers
 from pfslam.poses import apply_transform, rotation_matrix, transform
+from pfslam.settings import Range, Settings
 
 STANDARD_GRAVITY = 9.80665  # m/s^2 in one g
+MAX_BEAMS = 20_000
+MAX_RANGE = 1e4
+"""Metres."""
+Coordinate = Annotated[float, Range(-1000.0, 1000.0)]
+Position = tuple[Coordinate, Coordinate, Coordinate]
+BeamAngle = Annotated[float, Range(-20.0, 20.0)]
+Distance = Annotated[float, Range(0.0, MAX_RANGE)]
+Number = Annotated[float, Range(-1e9, 1e9)]
+Positive = Annotated[float, Range(1e-6, 1e9)]
 
 
 @dataclass(frozen=True)
-class EncoderModel:
+class EncoderModel(Settings):
     """Four wheel encoders that report counts since their previous reading (columns FR, FL, RR, RL)."""
 
-    metres_per_count: float = 0.0022
+    metres_per_count: Annotated[float, Range(1e-9, 100.0)] = 0.0022
     """Travel per count. The report rounds pi * 0.254 m / 360 = 0.0022166 m to 0.0022 m, 0.75 % short."""
-    track: float = 0.394
+    track: Annotated[float, Range(1e-3, 100.0)] = 0.394
     """Distance between left and right wheels (m)."""
-
-    def __post_init__(self):
-        check_numbers(self, metres_per_count=(1e-9, 100.0), track=(1e-3, 100.0))
 
 
 @dataclass(frozen=True)
-class ImuModel:
+class ImuModel(Settings):
     """Gyro and accelerometer; the axes are the body's. ``yaw_axis`` is the column of the yaw rate."""
 
-    yaw_axis: int = 2
-    gyro_bias: float = 0.0
+    yaw_axis: Annotated[int, Range(0, 2)] = 2
+    gyro_bias: Annotated[float, Range(-100.0, 100.0)] = 0.0
     """Yaw rate that the gyro shows at rest (rad/s)."""
-    gyro_scale: float = 1.0
+    gyro_scale: Annotated[float, Range(-100.0, 100.0)] = 1.0
     """True yaw rate over measured yaw rate."""
-
-    def __post_init__(self):
-        check_numbers(self, yaw_axis=(0, 2), gyro_bias=(-100.0, 100.0), gyro_scale=(-100.0, 100.0))
 
     def yaw_rate(self, angular_velocity: np.ndarray) -> np.ndarray:
         """True-scale yaw rate ``(K,)`` in rad/s from raw angular velocity ``(K, 3)`` in rad/s."""
@@ -49,22 +53,20 @@ class ImuModel:
 
 
 @dataclass(frozen=True)
-class LidarModel:
+class LidarModel(Settings):
     """A planar range finder. Beam i points at ``angle_min + i * increment``, counter-clockwise, 0 = forward."""
 
-    angle_min: float = float(np.deg2rad(-135.0))
-    angle_max: float = float(np.deg2rad(135.0))
-    beams: int = 1081
-    range_min: float = 0.1
-    range_max: float = 30.0
-    position_b: tuple[float, float, float] = (0.13323, 0.0, 0.51435)
-    sweep: float = 0.0
+    angle_min: BeamAngle = float(np.deg2rad(-135.0))
+    angle_max: BeamAngle = float(np.deg2rad(135.0))
+    beams: Annotated[int, Range(1, MAX_BEAMS)] = 1081
+    range_min: Distance = 0.1
+    range_max: Distance = 30.0
+    position_b: Position = (0.13323, 0.0, 0.51435)
+    sweep: Annotated[float, Range(0.0, 100.0)] = 0.0
     """Time (s) from the first beam to the last, the stamp being the middle beam's; 0 if all at once, or unknown."""
 
     def __post_init__(self):
-        check_numbers(self, beams=(1, MAX_BEAMS), angle_min=(-20.0, 20.0), angle_max=(-20.0, 20.0))
-        check_numbers(self, range_min=(0.0, MAX_RANGE), range_max=(0.0, MAX_RANGE), sweep=(0.0, 100.0))
-        check_numbers(self, position_b=(-1000.0, 1000.0))
+        super().__post_init__()
         for low, high in (("angle_min", "angle_max"), ("range_min", "range_max")):
             found = getattr(self, low), getattr(self, high)
             if found[0] > found[1]:
@@ -89,37 +91,31 @@ _OPTICAL_TO_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.
 
 
 @dataclass(frozen=True)
-class RgbdModel:
+class RgbdModel(Settings):
     """A depth camera that reports disparity, and a colour camera beside it; the constants of Eq. 16 and 17.
 
     ``pitch`` is positive downwards. Pixels are u (column) and v (row); images are ``[v, u]``.
     """
 
-    width: int = 640
-    height: int = 480
-    focal_u: float = 585.05108211
-    focal_v: float = 585.05108211
-    skew: float = 0.0
-    centre_u: float = 315.83800193
-    centre_v: float = 242.94140713
-    disparity_slope: float = -0.00304
-    disparity_offset: float = 3.31
-    depth_scale: float = 1.03
-    rgb_focal: float = 526.37
-    rgb_baseline: float = -4.5 * 1750.46
-    rgb_offset_u: float = 19276.0
-    rgb_offset_v: float = 16662.0
-    rgb_divisor: float = 585.051
-    position_b: tuple[float, float, float] = (0.16766, 0.0, 0.38001)
-    roll: float = 0.0
-    pitch: float = float(np.deg2rad(18.0))
-    yaw: float = 0.0
-
-    def __post_init__(self):
-        check_numbers(self, width=(1, 10_000), height=(1, 10_000))
-        positive = ("focal_u", "focal_v", "depth_scale", "rgb_focal", "rgb_divisor")
-        names = [f.name for f in fields(self) if f.name not in ("width", "height")]
-        check_numbers(self, **{name: (1e-6 if name in positive else -1e9, 1e9) for name in names})
+    width: Annotated[int, Range(1, 10_000)] = 640
+    height: Annotated[int, Range(1, 10_000)] = 480
+    focal_u: Positive = 585.05108211
+    focal_v: Positive = 585.05108211
+    skew: Number = 0.0
+    centre_u: Number = 315.83800193
+    centre_v: Number = 242.94140713
+    disparity_slope: Number = -0.00304
+    disparity_offset: Number = 3.31
+    depth_scale: Positive = 1.03
+    rgb_focal: Positive = 526.37
+    rgb_baseline: Number = -4.5 * 1750.46
+    rgb_offset_u: Number = 19276.0
+    rgb_offset_v: Number = 16662.0
+    rgb_divisor: Positive = 585.051
+    position_b: Position = (0.16766, 0.0, 0.38001)
+    roll: Number = 0.0
+    pitch: Number = float(np.deg2rad(18.0))
+    yaw: Number = 0.0
 
     @property
     def K(self) -> np.ndarray:
@@ -140,7 +136,7 @@ class RgbdModel:
 
 
 @dataclass(frozen=True)
-class RobotModel:
+class RobotModel(Settings):
     """The instruments of one robot."""
 
     encoders: EncoderModel = field(default_factory=EncoderModel)

@@ -8,31 +8,29 @@ the yaw rate say about the robot's own acceleration is taken out first.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from pfslam.limits import check_numbers
 from pfslam.motion import controls
 from pfslam.recording import Recording
 from pfslam.sensors import STANDARD_GRAVITY
+from pfslam.settings import Range, Settings
 
 SPEED_SMOOTHING = 0.1
 """Time constant (s) of the speed whose change is taken out: whole wheel counts make the raw speed jump."""
 
 
 @dataclass(frozen=True)
-class TiltConfig:
+class TiltConfig(Settings):
     """How the lean is estimated and used."""
 
-    time_constant: float = 2.0
+    time_constant: Annotated[float, Range(1e-3, 1e6)] = 2.0
     """Below this time (s) the gyro is trusted, above it the accelerometer."""
-    level_below: float = float(np.deg2rad(2.5))
+    level_below: Annotated[float, Range(0.0, 2.0)] = float(np.deg2rad(2.5))
     """A smaller pitch or roll counts as level: on a flat floor the estimate sways by up to 2 degrees."""
-    floor_clearance: float = 0.1
+    floor_clearance: Annotated[float, Range(0.0, 100.0)] = 0.1
     """Beams that end lower than this above the ground under the robot (m) are taken to have struck the floor."""
-
-    def __post_init__(self):
-        check_numbers(self, time_constant=(1e-3, 1e6), level_below=(0.0, 2.0), floor_clearance=(0.0, 100.0))
 
 
 @dataclass(frozen=True, eq=False)

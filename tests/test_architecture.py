@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "pfslam"
 # Each module imports only from those above it. A wing (a folder) is one entry; within it there is no circle either.
 ORDER = [
     "errors",
-    "limits",
+    "settings",
     "poses",
     "sensors",
     "recording",

@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pfslam.cli.summary import closing_words, plain, summarise
-from pfslam.config import SlamConfig
+from pfslam.cli.summary import closing_words, summarise
+from pfslam.config import PRESETS
 from pfslam.datasets import dataset_name, load
 from pfslam.errors import DataError
 from pfslam.io.course import save_course
@@ -27,18 +27,13 @@ from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.runs import SlamResult, run_slam
+from pfslam.settings import changed, plain
 from pfslam.simulator import simulate
 from pfslam.simulator.cache import cached_simulation
 from pfslam.study import read_study, run_study
 from pfslam.study.table import read_table
 from pfslam.texture.mapping import FloorTexture, map_texture
 
-PRESETS = {
-    "report": SlamConfig.report,
-    "refined": SlamConfig.refined,
-    "per-particle": SlamConfig.per_particle,
-    "matching": SlamConfig.matching,
-}
 FIGURES = (
     "dead_reckoning_trajectory",
     "prediction_only",
@@ -89,11 +84,9 @@ def simulate_command(arguments: argparse.Namespace) -> None:
 
 def run_command(arguments: argparse.Namespace) -> None:
     """Dead reckoning, the filter and the texture of one data set; all results go to one folder."""
-    preset = PRESETS[arguments.method]()
-    particles = preset.particles if arguments.particles is None else arguments.particles
-    if arguments.method == "matching" and particles != 1:
-        raise DataError("pfslam run", "--particles", particles, "1 with --method matching: it has one pose")
-    config = replace(preset, particles=particles, every=arguments.every)
+    chosen = {"particles": arguments.particles, "every": arguments.every}
+    given = {name: value for name, value in chosen.items() if value is not None}
+    config = changed(PRESETS[arguments.method](), given, "pfslam run")
     out, watch = out_folder(arguments), Stopwatch()
     with watch.stage("load"):
         recording = load(arguments.dataset, arguments.data, progress=progress_bar("simulating"))

@@ -57,16 +57,3 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
     ]
     found = f" ({', '.join(errors)} from the truth, root mean square)" if errors else ""
     return "\n".join([*lines, f"results are in {out}{found}"])
-
-
-def plain(value: Any) -> Any:
-    """A value as JSON knows it: NumPy numbers become numbers, what is not finite becomes null."""
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

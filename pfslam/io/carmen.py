@@ -16,10 +16,9 @@ import numpy as np
 from pfslam.errors import DataError
 from pfslam.io.files import reason
 from pfslam.io.formats import numbers
-from pfslam.limits import MAX_BEAMS
 from pfslam.poses import Trajectory, between
 from pfslam.recording import LidarScans, Recording
-from pfslam.sensors import LidarModel, RobotModel
+from pfslam.sensors import MAX_BEAMS, LidarModel, RobotModel
 
 MAX_LINE_BYTES = 2**20
 MAX_STAMP = 1e11

@@ -17,7 +17,6 @@ import numpy as np
 from pfslam.errors import DataError
 from pfslam.io.files import read_npz, write_npz
 from pfslam.io.images import ImageReader, numbered_images, write_png
-from pfslam.limits import MAX_BEAMS, MAX_RANGE
 from pfslam.poses import Trajectory
 from pfslam.recording import (
     Encoders,
@@ -29,7 +28,7 @@ from pfslam.recording import (
     check_stamps,
     image_pairs,
 )
-from pfslam.sensors import LidarModel, RgbdModel, RobotModel
+from pfslam.sensors import MAX_BEAMS, MAX_RANGE, LidarModel, RgbdModel, RobotModel
 
 Progress = Callable
 STAMP_LIMIT = (1e11, "seconds")  # the year 5138

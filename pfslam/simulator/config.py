@@ -6,76 +6,70 @@ The defaults are the real robot of the report on a flat floor.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal
 
 from pfslam.errors import DataError
-from pfslam.limits import check_numbers
 from pfslam.sensors import RobotModel
+from pfslam.settings import Range, Settings
 
-LAYOUTS = ("arms", "loop", "symmetric", "corridor")
+Share = Annotated[float, Range(0.0, 1.0)]
+Offset = Annotated[float, Range(-10.0, 10.0)]
+Offsets = tuple[Offset, Offset, Offset]
+Spread = Annotated[float, Range(0.0, 10.0)]
+End = Annotated[float, Range(-5.0, 5.0)]
+Ends = tuple[End, End]
+Depth = Annotated[float, Range(0.0, 1000.0)]
 
 
 @dataclass(frozen=True)
-class SlipModel:
+class SlipModel(Settings):
     """How the wheels and the floor disagree. A skid-steered robot turns by dragging its wheels sideways."""
 
-    true_metres_per_count: float = 0.254 * 3.141592653589793 / 360
+    true_metres_per_count: Annotated[float, Range(1e-9, 100.0)] = 0.254 * 3.141592653589793 / 360
     """What the wheel really travels per count; the report rounds it to 0.0022 m."""
-    effective_track: float = 0.735
+    effective_track: Annotated[float, Range(1e-3, 100.0)] = 0.735
     """Track (m) that turns a wheel difference into yaw; the wheels stand 0.394 m apart."""
-    straight: float = 0.013
+    straight: Annotated[float, Range(-0.9, 0.9)] = 0.013
     """Wheel travel lost on the floor, as a fraction."""
-    turning: float = 0.008
+    turning: Annotated[float, Range(-0.9, 0.9)] = 0.008
     """Further loss per rad/s of yaw rate."""
-    wander: float = 0.006
+    wander: Annotated[float, Range(0.0, 0.9)] = 0.006
     """Standard deviation of the slow changes of the loss, and of left against right."""
 
-    def __post_init__(self):
-        check_numbers(self, true_metres_per_count=(1e-9, 100.0), effective_track=(1e-3, 100.0))
-        check_numbers(self, straight=(-0.9, 0.9), turning=(-0.9, 0.9), wander=(0.0, 0.9))
-
 
 @dataclass(frozen=True)
-class GyroModel:
+class GyroModel(Settings):
     """Errors of the gyro and the accelerometer."""
 
-    bias: tuple[float, float, float] = (0.0039, 0.0051, 0.0005)
-    warm_up: float = 0.0020
+    bias: Offsets = (0.0039, 0.0051, 0.0005)
+    warm_up: Offset = 0.0020
     """Extra yaw bias at switch-on (rad/s), gone after a second."""
-    scale: float = 1.03
+    scale: Annotated[float, Range(0.01, 100.0)] = 1.03
     """True rate over shown rate."""
-    noise: float = 0.0039
+    noise: Spread = 0.0039
     """Standard deviation at rest (rad/s)."""
-    sway: float = 0.025
+    sway: Spread = 0.025
     """Roll and pitch rate of the body per m/s of speed, standard deviation (rad/s)."""
-    acceleration_bias_g: tuple[float, float, float] = (-0.009, -0.008, 0.011)
-    acceleration_noise_g: float = 0.001
-    acceleration_sway_g: float = 0.008
+    acceleration_bias_g: Offsets = (-0.009, -0.008, 0.011)
+    acceleration_noise_g: Spread = 0.001
+    acceleration_sway_g: Spread = 0.008
     """Shaking per m/s of speed, standard deviation (g)."""
 
-    def __post_init__(self):
-        check_numbers(self, bias=(-10.0, 10.0), warm_up=(-10.0, 10.0), scale=(0.01, 100.0))
-        check_numbers(self, noise=(0.0, 10.0), sway=(0.0, 10.0), acceleration_bias_g=(-10.0, 10.0))
-        check_numbers(self, acceleration_noise_g=(0.0, 10.0), acceleration_sway_g=(0.0, 10.0))
-
 
 @dataclass(frozen=True)
-class Timing:
+class Timing(Settings):
     """When the instruments begin and end, relative to the encoders (s)."""
 
-    still_start: float = 9.7
-    still_end: float = 8.4
-    imu: tuple[float, float] = (0.28, -1.42)
-    camera: tuple[float, float] = (1.80, 1.00)
-    jitter: float = 1.0
+    still_start: Annotated[float, Range(0.0, 3600.0)] = 9.7
+    still_end: Annotated[float, Range(0.0, 3600.0)] = 8.4
+    imu: Ends = (0.28, -1.42)
+    camera: Ends = (1.80, 1.00)
+    jitter: Share = 1.0
     """Scale of all clock jitter; 0 gives stamps without any."""
-
-    def __post_init__(self):
-        check_numbers(self, still_start=(0.0, 3600.0), still_end=(0.0, 3600.0), jitter=(0.0, 1.0))
-        check_numbers(self, imu=(-5.0, 5.0), camera=(-5.0, 5.0))
 
 
 @dataclass(frozen=True)
-class SimulatorConfig:
+class SimulatorConfig(Settings):
     """One simulated drive.
 
     ``layout``: "arms" (two corridors at a right angle and a cluttered room), "loop" (a ring of corridors),
@@ -84,14 +78,14 @@ class SimulatorConfig:
     """
 
     name: str = "hall"
-    number: int = 20
-    layout: str = "arms"
-    laps: int = 1
+    number: Annotated[int, Range(0, 10**9)] = 20
+    layout: Literal["arms", "loop", "symmetric", "corridor"] = "arms"
+    laps: Annotated[int, Range(1, 1000)] = 1
     """How often the route is driven, one lap after the other (not for "corridor")."""
-    path_length: float = 95.2
+    path_length: Annotated[float, Range(1.0, 1e5)] = 95.2
     """Length of the drive (m), reached by choosing where the robot turns round ("arms" only)."""
-    cruise_speed: float = 0.97
-    top_yaw_rate: float = 1.5
+    cruise_speed: Annotated[float, Range(0.01, 100.0)] = 0.97
+    top_yaw_rate: Annotated[float, Range(0.01, 100.0)] = 1.5
     slopes: bool = False
     robot: RobotModel = field(default_factory=RobotModel.report)
     timing: Timing = field(default_factory=Timing)
@@ -99,37 +93,29 @@ class SimulatorConfig:
     gyro: GyroModel = field(default_factory=GyroModel)
     quantised: bool = True
     """Whole counts, millimetres, 1e-6 rad/s, microseconds. Off only for checks of the exact geometry."""
-    range_noise: float = 0.01
+    range_noise: Annotated[float, Range(0.0, 100.0)] = 0.01
     """Standard deviation of a range (m)."""
-    invalid_share: float = 0.004
+    invalid_share: Share = 0.004
     """Share of the beams that return nothing."""
-    random_share: float = 0.0
+    random_share: Share = 0.0
     """Share of the beams that return any range between 0.1 m and 30 m."""
-    scan_time: float = 0.0
+    scan_time: Annotated[float, Range(0.0, 10.0)] = 0.0
     """Time from the first beam to the last (s); 0.025 for a real scanner, which then smears while turning."""
     dropouts: tuple[tuple[float, float], ...] = ()
     """Intervals (from, to), seconds after the first stamp, in which no scan arrives."""
-    people: int = 0
+    people: Annotated[int, Range(0, 1000)] = 0
     """Pedestrians, who walk to and fro along the corridors."""
-    moving_doors: int = 0
+    moving_doors: Annotated[int, Range(0, 1000)] = 0
     """Doors across side alcoves that open and close during the drive."""
-    disparity_noise: float = 0.5
+    disparity_noise: Annotated[float, Range(0.0, 1000.0)] = 0.5
     """Standard deviation of a disparity before rounding (counts)."""
-    depth_limits: tuple[float, float] = (0.5, 9.0)
+    depth_limits: tuple[Depth, Depth] = (0.5, 9.0)
     """Nearest and farthest distance (m) at which the depth camera gives a reading."""
-    missing_disparity: float = 0.01
+    missing_disparity: Share = 0.01
     """Share of pixels without a reading within those limits."""
 
     def __post_init__(self):
-        if self.layout not in LAYOUTS:
-            raise DataError("SimulatorConfig", "layout", repr(self.layout), f"one of {', '.join(LAYOUTS)}")
-        check_numbers(self, number=(0, 10**9), laps=(1, 1000), people=(0, 1000), moving_doors=(0, 1000))
-        check_numbers(self, path_length=(1.0, 1e5), cruise_speed=(0.01, 100.0), top_yaw_rate=(0.01, 100.0))
-        check_numbers(self, range_noise=(0.0, 100.0), invalid_share=(0.0, 1.0), random_share=(0.0, 1.0))
-        check_numbers(
-            self, scan_time=(0.0, 10.0), disparity_noise=(0.0, 1000.0), missing_disparity=(0.0, 1.0)
-        )
-        check_numbers(self, depth_limits=(0.0, 1000.0))
+        super().__post_init__()
         if not all(begin <= end for begin, end in self.dropouts):
             raise DataError(
                 "SimulatorConfig", "dropouts", self.dropouts, "pairs (from, to), from no later than to"

@@ -11,46 +11,64 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from pfslam.config import SlamConfig
+from pfslam.config import PRESETS, SlamConfig
 from pfslam.errors import DataError
-from pfslam.evaluation.faults import DISTURBANCES
 from pfslam.io.files import read_text
-from pfslam.limits import MAX_EVERY, MAX_PARTICLES
+from pfslam.settings import Range, Settings, changed, depth, type_hints, type_of, value_of
 from pfslam.simulator import PRESETS as BUILDINGS
 from pfslam.simulator import SimulatorConfig
-from pfslam.study.settings import as_type, depth, field_type, with_settings
 
 MAX_CASES = 1_000_000
-METHODS = {
-    "report": SlamConfig.report,
-    "refined": SlamConfig.refined,
-    "per-particle": SlamConfig.per_particle,
-    "matching": SlamConfig.matching,
-    "dead-reckoning": SlamConfig.refined,
-}
-"""What each method starts from; dead reckoning takes only the choice of scans from it."""
-PAIR = tuple[float, float]
-OWN_KEYS: dict[str, Any] = {
-    "dataset": str,
-    "data_dir": str,
-    "method": str,
-    "seed": int,
-    "simulator.seed": int,
-    **{f"disturb.{name}": PAIR if name in ("blind", "kidnap") else float for name in DISTURBANCES},
-}
-LIMITS = {
-    "seed": (0, 2**63 - 1),
-    "simulator.seed": (0, 2**63 - 1),
-    "particles": (1, MAX_PARTICLES),
-    "every": (1, MAX_EVERY),
-}
-"""As on the command line."""
 DEFAULTS = {"dataset": "hall", "method": "refined", "seed": 0}
+Seed = Annotated[int, Range(0, 2**63 - 1)]
+Share = Annotated[float, Range(0.0, 1.0)]
+
+
+@dataclass(frozen=True)
+class Basics(Settings):
+    """What a run works on, by which method, and with which random numbers.
+
+    Dead reckoning takes only the choice of scans from a filter's configuration.
+    """
+
+    dataset: str = "hall"
+    method: Literal["report", "refined", "per-particle", "matching", "dead-reckoning"] = "refined"
+    seed: Seed = 0
+    data_dir: str | None = None
+
+
+@dataclass(frozen=True)
+class Building(Settings):
+    """Which building is simulated; None is the built-in one."""
+
+    seed: Seed | None = None
+
+
+@dataclass(frozen=True)
+class Disturbances(Settings):
+    """What is done to the recording before the run: the arguments of the functions of ``evaluation.faults``."""
+
+    seconds: Annotated[float, Range(0.0, math.inf)] | None = None
+    kidnap: tuple[float, float] | None = None
+    blind: tuple[float, float] | None = None
+    range_noise: Annotated[float, Range(0.0, 100.0)] | None = None
+    missing_beams: Share | None = None
+    random_ranges: Share | None = None
+
+
+PREFIXES: dict[Any, str] = {
+    Basics: "",
+    SlamConfig: "",
+    Building: "simulator.",
+    SimulatorConfig: "simulator.",
+    Disturbances: "disturb.",
+}
+"""What a key begins with, by the settings that it belongs to."""
 
 
 @dataclass(frozen=True)
@@ -71,17 +89,44 @@ class Case:
         return dict(self.settings).get(key, default)
 
     def group(self, prefix: str) -> dict[str, Any]:
-        """The settings below ``prefix``: for "disturb." what harms the recording."""
+        """The settings below ``prefix``: for "disturb." what is done to the recording."""
         return {key.removeprefix(prefix): value for key, value in self.settings if key.startswith(prefix)}
 
     def config(self) -> SlamConfig:
         """The filter's configuration."""
-        own = ("disturb.", "simulator.")
-        changes = {k: v for k, v in self.settings if k not in OWN_KEYS and not k.startswith(own)}
-        config = with_settings(METHODS[self.get("method")](), changes, self.label)
-        if self.get("method") == "matching" and config.particles != 1:
-            raise DataError(self.label, "particles", config.particles, "1 with matching: it has one pose")
-        return config
+        return _parts(dict(self.settings), self.label)[SlamConfig]
+
+    def drive(self) -> tuple[SimulatorConfig, int | None] | None:
+        """The drive to simulate and the seed of its building; None if it is no drive of the case's own."""
+        if not self.group("simulator."):
+            return None
+        parts = _parts(dict(self.settings), self.label)
+        return parts[SimulatorConfig], parts[Building].seed
+
+
+def _home(key: str) -> Any:
+    """The kind of settings that a key belongs to."""
+    if key in type_hints(Basics):
+        return Basics
+    if key == "simulator.seed":
+        return Building
+    first = key.partition(".")[0] + "."
+    return next(
+        (kind for kind, prefix in PREFIXES.items() if prefix == first and kind is not Building), SlamConfig
+    )
+
+
+def _parts(settings: Mapping[str, Any], source: object) -> dict[type, Any]:
+    groups: dict[Any, dict[str, Any]] = {kind: {} for kind in PREFIXES}
+    for key, value in settings.items():
+        groups[_home(key)][key.removeprefix(PREFIXES[_home(key)])] = value
+    basics = changed(Basics(), groups.pop(Basics), source)
+    starts = {
+        SlamConfig: PRESETS.get(basics.method, SlamConfig.refined)(),
+        SimulatorConfig: BUILDINGS.get(basics.dataset, BUILDINGS["hall"]),
+    }
+    made = {k: changed(starts.get(k) or k(), own, source, PREFIXES[k]) for k, own in groups.items()}
+    return {Basics: basics} | made
 
 
 @dataclass(frozen=True)
@@ -123,7 +168,9 @@ def make_study(content: dict[str, Any], source: object = "study") -> Study:
     return Study(name, content.get("about", ""), cases, content.get("tolerance"))
 
 
-def _variants(content: dict[str, Any], name: str, source: object) -> Iterator[tuple[str, dict[str, list]]]:
+def _variants(
+    content: dict[str, Any], name: str, source: object
+) -> Iterator[tuple[str, dict[str, list | range]]]:
     """Label and grid of each variant; a study without any is one variant with the study's name."""
     seen: set[str] = set()
     for number, variant in enumerate(content.get("variant", [{"label": name}]), start=1):
@@ -135,7 +182,7 @@ def _variants(content: dict[str, Any], name: str, source: object) -> Iterator[tu
         yield variant["label"], _grid({k: v for k, v in variant.items() if k != "label"}, source)
 
 
-def _grid(table: dict[str, Any], source: object) -> dict[str, list]:
+def _grid(table: dict[str, Any], source: object) -> dict[str, list | range]:
     """Every key's list of values."""
     return {key: _values(key, value, source) for key, value in _flat(table)}
 
@@ -149,95 +196,60 @@ def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield prefix + key, value
 
 
-def _values(key: str, value: Any, source: object) -> list:
-    """The values of one key, each checked: a list of values is a grid, unless one value is itself a list."""
-    hint = _type_of(key, source)
+def _values(key: str, value: Any, source: object) -> list | range:
+    """The values of one key: a list of values is a grid, unless one value is itself a list."""
+    hint = type_of(_home(key), key.removeprefix(PREFIXES[_home(key)]))
     if isinstance(value, dict):
-        value = _counted(key, value, hint, source)
+        return _counted(key, value, source)
     levels = _levels(value) if depth(hint) else int(isinstance(value, list))
     values = value if levels > depth(hint) else [value]
     if not values:
         raise DataError(source, key, "an empty list", "at least one value")
     if key == "dataset":
         values = [str(v) if isinstance(v, int) and not isinstance(v, bool) else v for v in values]
-    return [_checked(key, item, hint, source) for item in values]
-
-
-def _type_of(key: str, source: object) -> Any:
-    if key in OWN_KEYS:
-        return OWN_KEYS[key]
-    if key.startswith("simulator."):
-        return field_type(SimulatorConfig, key.removeprefix("simulator."), source)
-    if key.startswith("disturb."):
-        known = ", ".join(f"disturb.{name}" for name in DISTURBANCES)
-        raise DataError(source, "key", repr(key), f"one of {known}")
-    return field_type(SlamConfig, key, source)
+    return values
 
 
 def _levels(value: Any) -> int:
     return 1 + max(map(_levels, value), default=0) if isinstance(value, list) else 0
 
 
-def _counted(key: str, value: dict[str, Any], hint: Any, source: object) -> list[int]:
+def _counted(key: str, value: dict[str, Any], source: object) -> range:
     """``{ count = 10, from = 5 }`` is 5 to 14."""
     count, first = value["count"], value.get("from", 0)
     fits = all(isinstance(n, int) and not isinstance(n, bool) and n >= 0 for n in (count, first))
-    if hint is not int or not fits or not 1 <= count <= MAX_CASES:
-        raise DataError(source, key, value, f"a count from 1 to {MAX_CASES}, for a key of whole numbers")
-    return list(range(first, first + count))
+    if not fits or not 1 <= count <= MAX_CASES:
+        raise DataError(source, key, value, f"a count from 1 to {MAX_CASES}")
+    return range(first, first + count)
 
 
-def _checked(key: str, value: Any, hint: Any, source: object) -> Any:
-    try:
-        value = value if value is False and as_type(value, hint) is None else as_type(value, hint)
-    except ValueError as error:
-        raise DataError(source, key, repr(value), str(error)) from None
-    if key == "method" and value not in METHODS:
-        raise DataError(source, key, repr(value), f"one of {', '.join(METHODS)}")
-    low, high = LIMITS.get(key, (None, None))
-    if low is not None and value is not False and not low <= value <= high:
-        raise DataError(source, key, value, f"a whole number from {low} to {high}")
-    return value
-
-
-def _cases(label: str, grid: dict[str, list], source: object) -> Iterator[Case]:
+def _cases(label: str, grid: dict[str, Any], source: object) -> Iterator[Case]:
     """The cases of one variant, the first key changing slowest.
 
-    The first of them must make a configuration, also with any other number of the grid in it.
+    The first of them must make a run, also with any other value of the grid in it.
     """
     grid = {key: [value] for key, value in DEFAULTS.items()} | grid
     simulated = any(key.startswith("simulator.") for key in grid)
     strange = [name for name in grid["dataset"] if simulated and name not in BUILDINGS]
     if strange:
         raise DataError(source, "dataset", repr(strange[0]), "hall or ramp with keys of the simulator")
-    for n, values in enumerate(itertools.product(*grid.values())):
-        case = Case(label, tuple(zip(grid, values, strict=True)))
-        if n == 0:
-            _configurable(case, source)
-            for key, value in _other_numbers(grid):
-                _configurable(Case(label, tuple({**dict(case.settings), key: value}.items())), source)
-        yield case
+    first = {key: values[0] for key, values in grid.items()}
+    grid = {key: _checked(key, values, first, f"{source}: {label}") for key, values in grid.items()}
+    for values in itertools.product(*grid.values()):
+        yield Case(label, tuple(zip(grid, values, strict=True)))
 
 
-def _other_numbers(grid: dict[str, list]) -> Iterator[tuple[str, Any]]:
-    """The numbers, and lists of numbers, that stand behind the first of their key. Own keys have been checked."""
-    for key, values in grid.items():
-        if key not in OWN_KEYS:
-            numbers = (
-                v for v in values[1:] if isinstance(v, (int, float, tuple)) and not isinstance(v, bool)
+def _checked(key: str, values: list | range, first: dict[str, Any], source: object) -> list | range:
+    """The values of a key as their type holds them, each tried in the first case; of a range only the ends."""
+
+    def tried(value: Any) -> Any:
+        kind = _home(key)
+        return value_of(_parts(first | {key: value}, source)[kind], key.removeprefix(PREFIXES[kind]))
+
+    if isinstance(values, range):
+        if not all(isinstance(tried(end), int) for end in (values[0], values[-1])):
+            raise DataError(
+                source, key, f"a count of {len(values)}", "a count only for a key of whole numbers"
             )
-            yield from ((key, value) for value in numbers)
-
-
-def _configurable(case: Case, source: object) -> None:
-    """Complain in the study's name if a case makes no configuration, or no building."""
-    building = {key: value for key, value in case.group("simulator.").items() if key != "seed"}
-    for prefix, make in (
-        ("", case.config),
-        ("simulator.", lambda: with_settings(BUILDINGS.get(case.get("dataset")), building, case.label)),
-    ):
-        try:
-            make()
-        except DataError as error:
-            field = f"{case.label}: {prefix}{error.field}"
-            raise DataError(source, field, error.found, error.expected) from None
+        return values
+    return [tried(value) for value in values]

@@ -20,11 +20,10 @@ from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.runs import SlamResult, run_slam
 from pfslam.simulator import PRESETS as BUILDINGS
-from pfslam.simulator import Simulation, simulate
+from pfslam.simulator import Simulation, SimulatorConfig, simulate
 from pfslam.simulator.cache import cached_simulation
 from pfslam.study.cost import Meter
 from pfslam.study.definition import Case
-from pfslam.study.settings import with_settings
 
 COSTS = ("cpu_seconds", "peak_mb")
 """Columns that say what a run cost; they differ from run to run and are never compared."""
@@ -123,8 +122,7 @@ def agreement(result: SlamResult, simulation: Simulation) -> dict[str, float]:
 
 def recording_key(case: Case) -> tuple:
     """What the recording of a case depends on, before it is disturbed: cases that agree in it share one."""
-    building = sorted(case.group("simulator.").items())
-    return case.get("dataset"), case.get("data_dir"), tuple(building)
+    return case.get("dataset"), case.get("data_dir"), case.drive()
 
 
 def recording_of(case: Case) -> Source:
@@ -133,18 +131,13 @@ def recording_of(case: Case) -> Source:
 
 
 @lru_cache(maxsize=2)
-def _source(dataset: str, data_dir: str | None, building: tuple) -> Source:
+def _source(dataset: str, data_dir: str | None, drive: tuple[SimulatorConfig, int | None] | None) -> Source:
     if dataset not in BUILDINGS:
         name = located(dataset, data_dir)
         relations = Path(name).with_suffix(".relations")
         recording = load(name, found_folder(data_dir))
         return Source(recording, relations=relations if relations.is_file() else None)
-    settings = dict(building)
-    if settings:
-        seed = settings.pop("seed", None)
-        simulation = simulate(with_settings(BUILDINGS[dataset], settings, dataset), seed)
-    else:
-        simulation = cached_simulation(dataset)
+    simulation = simulate(*drive) if drive else cached_simulation(dataset)
     return Source(replace(simulation.recording, camera=None), simulation)
 
 

@@ -4,56 +4,51 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf
+from typing import Annotated, Literal
 
 from pfslam.errors import DataError
-from pfslam.limits import check_numbers
 from pfslam.sensors import RgbdModel
+from pfslam.settings import Range, Settings
 from pfslam.texture.floor import depth_for_step
 
 
 @dataclass(frozen=True)
-class TextureConfig:
+class TextureConfig(Settings):
     """What counts as floor, which pose belongs to an image, and which of several views of a cell is kept."""
 
-    z_min: float = 0.1
+    z_min: Annotated[float, Range(0.0, 100.0)] = 0.1
     """Z_MIN (m), step 3."""
-    z_max: float = 10.0
+    z_max: Annotated[float, Range(0.0, 100.0)] = 10.0
     """Z_MAX (m), step 3."""
-    max_depth_step: float = inf
+    max_depth_step: Annotated[float, Range(1e-6, inf)] = inf
     """Trust a depth only while one step of disparity is worth at most this (m); it tightens ``z_max``."""
-    floor_tolerance: float = 0.01
+    floor_tolerance: Annotated[float, Range(0.0, 100.0)] = 0.01
     """Step 5: how far from the floor (m) a point may lie."""
-    tolerance_per_metre: float = 0.0
+    tolerance_per_metre: Annotated[float, Range(0.0, 100.0)] = 0.0
     """What the tolerance gains per metre of depth."""
-    pitch: str = "calibration"
+    pitch: Literal["calibration", "floor plane"] = "calibration"
     """``calibration``: the floor is z = 0 of the body. ``floor plane``: the camera's pitch and height come
     from planes fitted to some images, and the floor in each image is the plane fitted to it."""
-    states: str = "nearest"
+    states: Literal["nearest", "interpolated"] = "nearest"
     """``nearest``: each state of the trajectory takes its nearest image pair. ``interpolated``: each image,
     depth or colour, has the pose of its own stamp."""
-    view: str = "last"
+    view: Literal["last", "best"] = "last"
     """``last``: the last view of a cell stays. ``best``: the nearest, then the pixel nearest its centre."""
     crop: bool = False
     """Leave out what lies where the map knows nothing."""
-    resolution: float | None = None
+    resolution: Annotated[float, Range(0.001, 10.0)] | None = None
     """Cell size (m); None is the map's, or 0.05 m without a map."""
-    max_image_gap: float = 0.1
+    max_image_gap: Annotated[float, Range(0.0, inf)] = 0.1
     """Longest time (s) between a colour image and its depth image."""
-    max_pose_gap: float = 0.5
+    max_pose_gap: Annotated[float, Range(0.0, inf)] = 0.5
     """Longest time (s) between an image and its state, or between two states to interpolate in."""
-    min_points: int = 200
+    min_points: Annotated[int, Range(1, 10**9)] = 200
     """Fewer floor pixels than this are no floor."""
 
     def __post_init__(self):
-        for name, allowed in _CHOICES.items():
-            if getattr(self, name) not in allowed:
-                raise DataError("TextureConfig", name, getattr(self, name), " or ".join(allowed))
-        check_numbers(self, z_min=(0.0, 100.0), z_max=(0.0, 100.0))
+        super().__post_init__()
         if not self.z_min < self.z_max:
             raise DataError("TextureConfig", "z_min, z_max", (self.z_min, self.z_max), "z_min < z_max")
-        check_numbers(self, max_depth_step=(1e-6, inf), resolution=(0.001, 10.0), min_points=(1, 10**9))
-        check_numbers(self, floor_tolerance=(0.0, 100.0), tolerance_per_metre=(0.0, 100.0))
-        check_numbers(self, max_image_gap=(0.0, inf), max_pose_gap=(0.0, inf))
 
     @classmethod
     def report(cls) -> TextureConfig:
@@ -81,12 +76,6 @@ class TextureConfig:
         """The largest depth (m) to trust with this camera."""
         return min(self.z_max, depth_for_step(self.max_depth_step, camera))
 
-
-_CHOICES = {
-    "pitch": ("calibration", "floor plane"),
-    "states": ("nearest", "interpolated"),
-    "view": ("last", "best"),
-}
 
 _CHANGES: dict[str, dict] = {
     "cut to the map": {"crop": True},

@@ -1,0 +1,252 @@
+"""Numbers in configurations: what makes no sense, or would take any amount of memory, is refused by name."""
+
+import math
+import pickle
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+from typing import Annotated, get_args, get_type_hints
+
+import numpy as np
+import pytest
+from settings import field_of, numbers, replaced
+
+from pfslam.config import MAX_PARTICLES, PRESETS, SearchConfig, SlamConfig
+from pfslam.errors import DataError
+from pfslam.grid import MapConfig
+from pfslam.particles import RESAMPLERS, ControlNoise, Scheme
+from pfslam.search.boxes import MAX_SCORES
+from pfslam.sensors import LidarModel
+from pfslam.settings import Range, Settings, changed, plain
+from pfslam.simulator import HALL, RAMP, simulate
+from pfslam.simulator.drive import MAX_HOURS
+from pfslam.texture.config import TextureConfig
+
+CONFIGURATIONS = [
+    SlamConfig.report(),
+    SlamConfig.refined(),
+    replace(SlamConfig.refined(), every=3),
+    SlamConfig.per_particle(),
+    SlamConfig.matching(),
+    TextureConfig.report(),
+    replace(TextureConfig.refined(), resolution=0.1),
+    HALL,
+    RAMP,
+]
+
+
+FIELDS = {
+    (type(top).__name__, name): (top, name, value) for top in CONFIGURATIONS for name, value in numbers(top)
+}
+
+
+def spoilt(value, by):
+    """``by`` in place of a number, or of the last of several."""
+    return (*value[:-1], by) if isinstance(value, tuple) else by
+
+
+def is_whole(value):
+    return isinstance(value[0] if isinstance(value, tuple) else value, int)
+
+
+@pytest.mark.parametrize("key", FIELDS, ids=" ".join)
+def test_every_number_of_every_configuration_has_its_range(key):
+    """None of them takes what is no number, or a number without any measure."""
+    config, name, value = FIELDS[key]
+    may_be_none = field_of(config, name).default is None
+    for bad in (math.nan, -1e300, "1", *([] if may_be_none else [None])):
+        with pytest.raises(DataError) as found:
+            replaced(config, name, spoilt(value, bad))
+        assert name.split(".")[-1] in found.value.field
+
+
+@pytest.mark.parametrize("key", [key for key in FIELDS if is_whole(FIELDS[key][2])], ids=" ".join)
+def test_whole_numbers_have_to_be_whole(key):
+    config, name, value = FIELDS[key]
+    with pytest.raises(DataError, match=r"found .*, expected .*a whole number"):
+        replaced(config, name, spoilt(value, 1.5))
+
+
+def test_numbers_from_numpy_are_numbers():
+    config = replace(SlamConfig.refined(), particles=np.int64(7), draw_metres=np.float32(0.5))
+    assert (config.particles, config.draw_metres) == (7, 0.5)
+
+
+@dataclass(frozen=True)
+class Walk(Settings):
+    steps: Annotated[int, Range(1, 5)] = 3
+
+
+@pytest.mark.parametrize("value", [1, 5])
+def test_both_ends_of_a_range_belong_to_it(value):
+    assert Walk(steps=value).steps == value
+    with pytest.raises(DataError, match="Walk: steps: found 6, expected a whole number from 1 to 5"):
+        Walk(steps=6)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"cells": (5, 4)}, r"cells: found \(5, 4\), expected a least and a greatest half width"),
+        ({"yaws": (1, 2, 3)}, "yaws: found .*, expected a list of 2, each a whole number"),
+        ({"cells": (0, 2000), "yaws": (0, 2000)}, f"poses in a window, expected at most {MAX_SCORES}"),
+    ],
+)
+def test_windows_are_pairs_and_not_too_large(change, message):
+    with pytest.raises(DataError, match=message):
+        replace(SlamConfig.refined().search, **change)
+
+
+@pytest.mark.parametrize(
+    "change", [{"angle_min": 1.0, "angle_max": 0.5}, {"range_min": 5.0, "range_max": 4.0}]
+)
+def test_limits_of_a_scanner_are_in_order(change):
+    with pytest.raises(DataError, match=r"_min, .*_max: found .*, expected the lesser first"):
+        replace(LidarModel(), **change)
+
+
+def test_the_dropouts_of_a_drive_are_in_order():
+    with pytest.raises(DataError, match=r"dropouts: found \(\(5.0, 4.0\),\), expected pairs"):
+        replace(HALL, dropouts=((5.0, 4.0),))
+
+
+CHOICES = {
+    (type(part), name): hint
+    for top in CONFIGURATIONS
+    for part in [top, *(value for value in vars(top).values() if isinstance(value, Settings))]
+    for name, hint in get_type_hints(type(part)).items()
+    if all(isinstance(word, str) for word in get_args(hint) or [0])
+}
+
+
+def test_there_are_choices():
+    assert {(c.__name__, name) for c, name in CHOICES} >= {("SearchConfig", "field"), ("MapConfig", "rays")}
+
+
+@pytest.mark.parametrize("key", CHOICES, ids=lambda key: f"{key[0].__name__} {key[1]}")
+def test_every_choice_is_checked_where_it_is_declared(key):
+    kind, name = key
+    for word in get_args(CHOICES[key]):
+        assert getattr(kind(**{name: word}), name) == word
+    for bad in ("blur", 3, None, ["last"]):
+        with pytest.raises(DataError, match=f"{kind.__name__}: {name}: found .*, expected one of "):
+            kind(**{name: bad})
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: SlamConfig(particles=True), "SlamConfig: particles: found True, expected a whole number"),
+        (lambda: SearchConfig(prior=1), "SearchConfig: prior: found 1, expected true or false"),
+        (
+            lambda: SearchConfig(sharpness=False),
+            "sharpness: found False, expected a number from 0 to 1000000",
+        ),
+        (lambda: SlamConfig(noise=3), "noise: found 3, expected ControlNoise or MotionNoise"),
+        (lambda: SlamConfig(map=None), "map: found None, expected MapConfig"),
+        (lambda: MapConfig(clamp=10**400), "MapConfig: clamp: found 1000"),
+        (lambda: MapConfig(clamp=1e300), "clamp: found 1e.300, expected a number from 0 to 1000000, or inf"),
+        (
+            lambda: LidarModel(position_b=(0.0, math.nan, 0.0)),
+            "position_b: found .*, expected a list of 3, each a",
+        ),
+        (lambda: replace(SlamConfig.matching(), particles=2), "particles: found 2, expected 1 with matching"),
+    ],
+)
+def test_what_no_type_takes_is_one_line(make, message):
+    with pytest.raises(DataError, match=message) as found:
+        make()
+    assert "\n" not in str(found.value)
+
+
+def test_lists_become_tuples_and_whole_numbers_floats():
+    assert SearchConfig(cells=[1, 2]).cells == (1, 2)
+    changed_drive = replace(HALL, dropouts=[[1, 2]], path_length=30)
+    assert changed_drive.dropouts == ((1.0, 2.0),)
+    assert isinstance(changed_drive.path_length, float)
+
+
+def test_the_schemes_that_can_be_chosen_are_those_there_are():
+    assert set(get_args(Scheme)) == set(RESAMPLERS)
+
+
+def test_settings_are_values():
+    for config in CONFIGURATIONS:
+        assert replace(config) == config
+        assert pickle.loads(pickle.dumps(config)) == config
+        assert hash(config) == hash(replace(config))
+
+
+def test_dotted_and_nested_names_change_the_same_fields():
+    nested = changed(SlamConfig.refined(), {"search": {"prior": False, "cells": [1, 2]}, "particles": 7})
+    dotted = changed(SlamConfig.refined(), {"search.prior": False, "search.cells": (1, 2), "particles": 7})
+    search = replace(SlamConfig.refined().search, prior=False, cells=(1, 2))
+    assert nested == dotted == replace(SlamConfig.refined(), search=search, particles=7)
+
+
+def test_parts_are_switched_on_off_and_filled():
+    config = changed(SlamConfig.report(), {"polish": True, "polish.reach": 2, "tilt": False, "every": False})
+    assert config.polish == replace(SlamConfig.refined().polish, reach=2)
+    assert (config.tilt, config.every) == (None, None)
+    noisy = changed(SlamConfig.refined(), {"noise": "ControlNoise", "noise.sigma_v": 1})
+    assert noisy.noise == ControlNoise(1.0, math.sqrt(0.02))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"search.speed": 1},
+            "x.toml: key: found 'search.speed', expected a field of SearchConfig: yaw_step, ",
+        ),
+        ({"speed": 1}, "x.toml: key: found 'speed', expected a field of SlamConfig: maps, "),
+        ({"polish.reach": 1}, "x.toml: polish.reach: found is off, expected a field of what is switched on"),
+        ({"search.cells": [4, 1]}, r"x.toml: search.cells: found \(4, 1\), expected a least and a greatest"),
+        ({"search": {"cells": 3}}, "x.toml: search.cells: found 3, expected a list of 2"),
+        ({"particles.number": 1}, "x.toml: particles.number: found particles = 200, expected"),
+        ({"polish": "Tilt"}, "x.toml: polish: found 'Tilt', expected PolishConfig"),
+    ],
+)
+def test_a_change_that_makes_no_sense_names_its_source(changes, message):
+    with pytest.raises(DataError, match=message):
+        changed(SlamConfig.report(), changes, "x.toml")
+
+
+def test_every_preset_has_the_name_of_a_method():
+    assert {name: make() for name, make in PRESETS.items()} == {
+        "report": SlamConfig.report(),
+        "refined": SlamConfig.refined(),
+        "per-particle": SlamConfig.per_particle(),
+        "matching": SlamConfig.matching(),
+    }
+
+
+def test_plain_settings_can_be_written():
+    config = replace(SlamConfig.report(), draw_metres=math.inf)
+    written = config.as_dict()
+    assert written == {name: value for name, value in plain(config).items() if name != "kind"}
+    assert written["noise"] == {"kind": "ControlNoise"} | vars(config.noise)
+    assert (written["search"]["cells"], written["polish"], written["draw_metres"]) == ([4, 4], None, None)
+    assert plain({1: np.float32(0.5), "b": (np.int64(2), math.nan)}) == {"1": 0.5, "b": [2, None]}
+
+
+def test_the_package_itself_imports_no_settings():
+    code = "import sys, pfslam; sys.exit('pfslam.settings' in sys.modules or 'numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+def test_a_drive_that_would_take_days_is_refused():
+    with pytest.raises(DataError, match=f"simulate: duration: found .* hours, expected at most {MAX_HOURS}"):
+        simulate(replace(HALL, laps=30, cruise_speed=0.01))
+
+
+def test_a_drive_whose_scans_would_fill_the_memory_is_refused():
+    lidar = replace(HALL.robot.lidar, beams=20_000)
+    long = replace(HALL, laps=30, robot=replace(HALL.robot, lidar=lidar))
+    with pytest.raises(DataError, match="expected at most 8 GiB of ranges"):
+        simulate(long)
+
+
+def test_the_most_particles_are_those_of_the_command_line():
+    with pytest.raises(DataError, match=f"particles: .* from 1 to {MAX_PARTICLES}"):
+        replace(SlamConfig.refined(), particles=MAX_PARTICLES + 1)
