@@ -14,7 +14,7 @@ PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test quick weekly lint types unit notebooks studies check-book check-lab lab notebook-outputs strip
-.PHONY: classroom redraw student solutions wheel release lock clean
+.PHONY: classroom redraw copies student solutions wheel release lock clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-18s %s\n", $$1, $$2 }' Makefile
@@ -73,7 +73,7 @@ check-lab: $(STAMP)  ## Run every chapter in JupyterLab, in a real browser
 	$(PYTEST) --dist load -m lab tests/lab
 
 lab: $(STAMP)  ## Open the chapters in JupyterLab
-	"$(BIN)/jupyter-lab" --notebook-dir=notebooks --LabApp.default_url=/lab/tree/$(notdir $(firstword $(NOTEBOOKS)))
+	"$(BIN)/jupyter-lab" --notebook-dir=. --LabApp.default_url=/lab/tree/$(firstword $(NOTEBOOKS))
 
 notebook-outputs: $(STAMP)  ## Run the notebooks in place and keep their text outputs
 	PFSLAM_WIDGETS=text "$(BIN)/jupyter-nbconvert" --to notebook --execute --inplace $(NOTEBOOKS)
@@ -88,14 +88,14 @@ classroom: $(STAMP)  # What a kernel needs for each chapter, for the page for te
 redraw: $(STAMP)  # How long the kernel takes to redraw each widget
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/redraw.py $(NOTEBOOKS)
 
-student: $(STAMP)  ## Write the chapters without solutions into _build/student
-	@rm -rf _build/student
-	@"$(BIN)/python" book/_tools/student.py _build/student $(NOTEBOOKS)
+copies: $(STAMP)
+	@rm -rf _build/student _build/solutions
+	@OPENBLAS_NUM_THREADS=1 PFSLAM_WIDGETS=text "$(BIN)/python" book/_tools/copies.py _build $(NOTEBOOKS)
 	@cp book/_tools/STUDENTS.md _build/student/README.md
 
-solutions: $(STAMP)  ## Write the chapters with their solutions into _build/solutions
-	@rm -rf _build/solutions
-	@"$(BIN)/python" book/_tools/student.py --solutions _build/solutions $(NOTEBOOKS)
+student: copies  ## Write the chapters without solutions into _build/student
+
+solutions: copies  ## Write the chapters with their solutions into _build/solutions
 
 wheel: $(STAMP)
 	@rm -rf build

@@ -1,5 +1,6 @@
 """Cells of a chapter by tag, so that a test runs the very lines that the reader sees."""
 
+import ast
 import json
 from importlib import import_module
 from pathlib import Path
@@ -25,11 +26,32 @@ def defined(chapter: str, tag: str, **names) -> dict:
     return space
 
 
-def check_stub_and_solution(chapter: str, number: int, name: str, check, checks: dict) -> None:
-    """The stub of an exercise counts as unanswered, its solution passes."""
-    stub = defined(chapter, f"exercise-{number}", **checks)[name]
-    assert check(stub).verdict == "unanswered"
-    assert check(defined(chapter, f"solution-{number}", **checks)[f"{name}_solution"])
+def run(code: str, space: dict):
+    """Run the lines of a cell among the names of ``space``; gives what the notebook would show, or None."""
+    *before, last = ast.parse(code).body
+    exec(compile(ast.Module(before, []), "cell", "exec"), space)
+    if isinstance(last, ast.Expr):
+        return eval(compile(ast.Expression(last.value), "cell", "eval"), space)
+    exec(compile(ast.Module([last], []), "cell", "exec"), space)
+    return None
+
+
+def check_stub_and_solution(chapter: str, number: int, *old, **names) -> None:
+    """As a reader runs them: set-up, stub and check say "unanswered"; the solution's own check passes.
+
+    names : what the cells need from earlier ones.
+    """
+    if old:  # name, check, the checks by name
+        name, check, checks = old
+        stub = defined(chapter, f"exercise-{number}", **checks)[name]
+        assert check(stub).verdict == "unanswered"
+        assert check(defined(chapter, f"solution-{number}", **checks)[f"{name}_solution"])
+        return
+    space = dict(names)
+    run(source(chapter, "setup"), space)
+    run(source(chapter, f"exercise-{number}"), space)
+    assert run(source(chapter, f"check-{number}"), space).verdict == "unanswered"
+    assert run(source(chapter, f"solution-{number}"), space).verdict == "passed"
 
 
 def check_nonsense_is_named(check, plain_number: float, row: int) -> None:

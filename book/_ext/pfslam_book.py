@@ -1,8 +1,9 @@
-"""What the site needs beyond Jupyter Book: no foreign host, no dead machinery.
+"""What the site needs beyond Jupyter Book: no foreign host, no dead machinery, notebooks to take away.
 
 The script that draws the equations comes from a pinned package and is copied into the site at build time.
 """
 
+import json
 import os
 import re
 import shutil
@@ -11,6 +12,12 @@ from importlib.metadata import files
 from pathlib import Path
 
 from docutils import nodes
+from myst_nb.ext.eval import EvalRoleAny
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "_tools"))
+
+import copies
+from hero import write_hero
 
 MATHJAX_PACKAGE = "sphinx-mathjax-offline"
 MATHJAX_SCRIPT = "tex-svg-full.js"  # one file, fonts and extensions inside: works from file:// too
@@ -117,12 +124,49 @@ def wrap_sentences(app, doctree) -> None:
             block["classes"].append("pfslam-sentences")
 
 
+class Eval(EvalRoleAny):
+    """``{eval}`` that also notes what it wrote, for the copies of the chapter."""
+
+    def run(self):
+        found, messages = super().run()
+        env = self.document.settings.env
+        numbers = env.metadata[env.docname].setdefault("numbers", [])
+        numbers.append("".join(node.astext() for node in found))
+        return found, messages
+
+
+FOLDS = {
+    "tag_setup": ("Show the set-up", "Hide the set-up"),
+    "tag_solution": ("Show a solution", "Hide the solution"),
+}
+
+
+def name_folds(app, doctree) -> None:
+    """A fold says what it hides: the set-up, a solution, or else some code."""
+    for cell in doctree.findall(nodes.container):
+        for kind, words in FOLDS.items():
+            if "hide_mode" in cell and any(name.startswith(kind) for name in cell["classes"]):
+                cell["prompt_show"], cell["prompt_hide"] = words
+
+
+def offer_notebooks(app, error) -> None:
+    """The notebook that a page offers reads right anywhere: numbers and references are words in it."""
+    if error is not None or app.builder.format != "html":
+        return
+    place = copies.Place(Path(app.srcdir), site=app.config.html_baseurl)
+    for page in app.env.found_docs:
+        path = Path(app.env.doc2path(page))
+        if path.suffix == ".ipynb":
+            numbers = app.env.metadata[page].get("numbers", [])
+            notebook = copies.full_copy(json.loads(path.read_text(encoding="utf-8")), numbers, place)
+            offered = Path(app.outdir, "_sources", f"{page}.ipynb")
+            offered.write_text(json.dumps(notebook, indent=1, ensure_ascii=False), encoding="utf-8")
+            copies.write_numbers(path, numbers)
+
+
 def draw_hero(app, error) -> None:
     """Run the filter for the moving picture on the first page."""
     if error is None and app.builder.format == "html":
-        sys.path.insert(0, str(Path(__file__).parents[1] / "_tools"))
-        from hero import write_hero
-
         write_hero(Path(app.outdir) / "_static")
 
 
@@ -138,6 +182,11 @@ def deal_out(app, env, docnames) -> None:
     docnames[:] = docnames[::2] + docnames[1::2]
 
 
+def take_over_eval(app) -> None:
+    """After MyST-NB has registered its own role."""
+    app.add_role("eval", Eval(), override=True)
+
+
 def setup(app):
     os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
     app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
@@ -146,6 +195,9 @@ def setup(app):
     app.connect("env-before-read-docs", deal_out)
     app.connect("doctree-read", number_equations)
     app.connect("doctree-read", wrap_sentences)
+    app.connect("doctree-read", name_folds)
     app.connect("build-finished", finish_site)
+    app.connect("build-finished", offer_notebooks)
     app.connect("build-finished", draw_hero)
+    app.connect("builder-inited", take_over_eval)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,7 +1,8 @@
-"""Keep only the text outputs of notebooks: `python book/_tools/strip.py [--check] NOTEBOOK...`.
+"""Bring notebooks to the form in which they are committed: `python book/_tools/strip.py [--check] NOTEBOOK...`.
 
-Pictures and widgets are made again whenever the book is built; in the repository they would only bloat the
-history and hide what changed.
+Only text outputs stay. Pictures, widgets and the numbers in the sentences are made again whenever the book is built; in
+the repository they would only bloat the history and hide what changed. What the site folds by its tag, JupyterLab folds
+too.
 """
 
 import argparse
@@ -11,6 +12,12 @@ from pathlib import Path
 
 KEPT_METADATA = ("kernelspec", "language_info")
 KEPT_LANGUAGE = ("name", "pygments_lexer", "file_extension", "mimetype")
+KEPT_OF_A_CELL = ("tags", "jupyter", "mystnb")
+FOLDED = {  # what JupyterLab folds, by the tag that folds it on the site
+    "hide-input": {"source_hidden": True},
+    "remove-input": {"source_hidden": True},
+    "hide-cell": {"source_hidden": True, "outputs_hidden": True},
+}
 
 
 def strip_notebook(notebook: dict) -> dict:
@@ -26,8 +33,15 @@ def strip_notebook(notebook: dict) -> dict:
     return {**notebook, "metadata": metadata, "cells": cells}
 
 
+def folded(metadata: dict) -> dict:
+    """The metadata of a cell, folded in JupyterLab if its tags fold it on the site, and open otherwise."""
+    rest = {k: v for k, v in metadata.items() if k != "jupyter"}
+    hidden = [FOLDED[tag] for tag in metadata.get("tags", []) if tag in FOLDED]
+    return {"jupyter": hidden[0], **rest} if hidden else rest
+
+
 def _strip_cell(cell: dict, count: int) -> dict:
-    metadata = {k: v for k, v in cell["metadata"].items() if k not in ("execution", "collapsed", "scrolled")}
+    metadata = folded({k: v for k, v in cell["metadata"].items() if k in KEPT_OF_A_CELL})
     if cell["cell_type"] != "code":
         return {**cell, "metadata": metadata}
     number = count if "".join(cell["source"]).strip() else None

@@ -33,6 +33,7 @@ from typing import Any
 import numpy as np
 
 from pfslam.poses import wrap_angle
+from pfslam.teaching.show.pictures import output_mode
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,11 @@ def hint(message: str) -> Check:
 
 
 def unanswered() -> Check:
-    """The stub is as the book printed it."""
+    """The stub is as the book printed it, and what to do about it where the reader is."""
+    if output_mode() == "static":
+        return Check(
+            "unanswered", "Not answered yet: this check runs in JupyterLab, on what you write above."
+        )
     return Check("unanswered", "Not answered yet: edit the cell above, run it, then run this one.")
 
 

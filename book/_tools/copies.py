@@ -1,0 +1,202 @@
+"""Copies of the chapters for a class, made from the one source: `python book/_tools/copies.py OUT NOTEBOOK...`.
+
+They read right wherever a notebook is opened, with no extension: the numbers stand in the text, answers, set-up and
+solutions are folded, links lead somewhere. ``OUT/student`` has the stubs and their checks and no solutions,
+``OUT/solutions`` has both. Neither holds outputs: who runs a cell sees its own.
+
+An exercise is the code cell with the tag ``exercise-N``, its check the next one, ``check-N``, and its solution the one
+with ``solution-N`` and the hidden code cells that follow it at once.
+"""
+
+import argparse
+import ast
+import hashlib
+import json
+import re
+import sys
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import nbformat
+import yaml
+from nbclient import NotebookClient
+from plain import Place, plain_markdown
+from strip import folded
+
+from pfslam.errors import DataError
+
+ROOT = Path(__file__).resolve().parents[2]
+NUMBERS = (
+    ROOT / "_build" / "numbers"
+)  # what the book's build wrote down, so that copies need not run the chapters again
+EXERCISE, CHECK, SOLUTION = (re.compile(rf"{kind}-\d+") for kind in ("exercise", "check", "solution"))
+POINTER = "Open the cell below for a solution."
+POINTING = re.compile(re.escape(POINTER) + r"[^\n]*")
+EVAL = re.compile(r"\{eval\}`([^`]+)`")
+
+
+def source(cell: dict) -> str:
+    """The text of a cell."""
+    return "".join(cell["source"])
+
+
+def number(cell: dict, tag: re.Pattern) -> str | None:
+    """The N of a cell's tag ``exercise-N``, ``check-N`` or ``solution-N``, None without one."""
+    found = [t for t in cell["metadata"].get("tags", []) if tag.fullmatch(t)]
+    return found[0].split("-")[1] if found else None
+
+
+def exercises(notebook: dict, tag: re.Pattern = EXERCISE) -> dict[str, dict]:
+    """The cells of a chapter that carry a tag, by their number."""
+    return {n: cell for cell in notebook["cells"] if (n := number(cell, tag)) is not None}
+
+
+def expressions(notebook: dict) -> list[str]:
+    """What the sentences of a chapter ask its kernel for, in their order."""
+    texts = [source(cell) for cell in notebook["cells"] if cell["cell_type"] == "markdown"]
+    return [expression for text in texts for expression in EVAL.findall(text)]
+
+
+def full_copy(notebook: dict, numbers: Iterable[str], place: Place) -> dict:
+    """The chapter with its solutions, in plain Markdown, without outputs."""
+    values = iter(numbers)
+    return {**notebook, "cells": [_plain(cell, values, place) for cell in notebook["cells"]]}
+
+
+def _plain(cell: dict, numbers, place: Place) -> dict:
+    if cell["cell_type"] == "markdown":
+        return {**cell, "source": plain_markdown(source(cell), numbers, place)}
+    if cell["cell_type"] == "code":
+        return {**cell, "metadata": folded(cell["metadata"]), "outputs": [], "execution_count": None}
+    return cell
+
+
+def student_copy(notebook: dict, numbers: Iterable[str], place: Place) -> dict:
+    """The same without solutions and the lines that point at them; stubs and checks stay."""
+    hidden = {cell["id"] for cell in solution_cells(notebook)}
+    cells = [
+        _without_pointer(cell)
+        for cell in full_copy(notebook, numbers, place)["cells"]
+        if cell["id"] not in hidden
+    ]
+    return {
+        **notebook,
+        "cells": [cell for cell in cells if source(cell).strip() or cell["cell_type"] == "code"],
+    }
+
+
+def solution_cells(notebook: dict) -> list[dict]:
+    """The cells that a student does not get: solutions, and what is done with them in the cells right after."""
+    found, inside = [], False
+    for cell in notebook["cells"]:
+        follows = inside and cell["cell_type"] == "code" and "hide-cell" in cell["metadata"].get("tags", [])
+        inside = number(cell, SOLUTION) is not None or follows
+        if inside:
+            found.append(cell)
+    return found
+
+
+def _without_pointer(cell: dict) -> dict:
+    if cell["cell_type"] != "markdown" or POINTER not in source(cell):
+        return cell
+    return {**cell, "source": POINTING.sub("", source(cell)).strip()}
+
+
+def check_pairs(path: Path, notebook: dict) -> None:
+    """Every exercise has one solution and the other way round, or ``DataError`` names those that have not."""
+    asked, solved = set(exercises(notebook)), set(exercises(notebook, SOLUTION))
+    if alone := sorted(asked ^ solved):
+        raise DataError(
+            path, "exercises", f"{', '.join(alone)} alone", "a stub and a solution for each number"
+        )
+
+
+def made_of(path: Path) -> str:
+    """One number for all that a chapter's numbers depend on: its cells, the package, the libraries."""
+    digest = hashlib.sha256()
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        digest.update(f"{cell['cell_type']}\0{source(cell)}\0".encode())
+    for file in sorted([*(ROOT / "pfslam").rglob("*.*"), ROOT / "requirements.lock"]):
+        if file.is_file() and "__pycache__" not in file.parts:
+            digest.update(f"{file.relative_to(ROOT).as_posix()}\0".encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
+def write_numbers(path: Path, numbers: list[str], folder: Path = NUMBERS) -> None:
+    """Keep the numbers of a chapter that was just run, with what they were made of."""
+    folder.mkdir(parents=True, exist_ok=True)
+    kept = json.dumps({"made of": made_of(path), "numbers": numbers}, ensure_ascii=False)
+    (folder / f"{path.stem}.json").write_text(kept, encoding="utf-8")
+
+
+def numbers_of(path: Path, folder: Path = NUMBERS) -> list[str]:
+    """The numbers in a chapter's sentences: as the book's build found them if nothing changed, else by running it."""
+    kept = folder / f"{path.stem}.json"
+    if kept.is_file() and (found := json.loads(kept.read_text(encoding="utf-8")))["made of"] == made_of(path):
+        return found["numbers"]
+    return run(path)
+
+
+def run(path: Path) -> list[str]:
+    """Run a chapter in a kernel of its own; gives what its sentences ask for, each at its place in the reading."""
+    notebook, numbers = nbformat.read(path, as_version=4), []
+    client = NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(path.parent)}})
+    with client.setup_kernel():
+        for index, cell in enumerate(notebook.cells):
+            if cell.cell_type == "code":
+                client.execute_cell(cell, index)
+            elif cell.cell_type == "markdown":
+                numbers += [_value(client, path, expression) for expression in EVAL.findall(cell.source)]
+    return numbers
+
+
+def _value(client: NotebookClient, path: Path, expression: str) -> str:
+    """What the kernel answers to an expression, as the reader sees it."""
+    request = client.kc.execute("", silent=True, user_expressions={"value": expression})
+    answer = client.wait_for_reply(request)["content"]["user_expressions"]["value"]
+    if answer["status"] != "ok":
+        raise DataError(path, expression, f"{answer['ename']}: {answer['evalue']}", "an expression")
+    text = answer["data"]["text/plain"]
+    return ast.literal_eval(text) if text[0] in "'\"" else text
+
+
+def site_address() -> str:
+    """Where the site is published, from ``html: baseurl`` of the book's settings; empty if nowhere."""
+    settings = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))
+    return settings["html"].get("baseurl", "")
+
+
+def write_copies(out: Path, notebooks: list[Path], numbers: list[list[str]]) -> None:
+    """Write both copies of each chapter below ``out``."""
+    place = Place(ROOT, frozenset(path.name for path in notebooks), site_address())
+    for path, values in zip(notebooks, numbers, strict=True):
+        notebook = json.loads(path.read_text(encoding="utf-8"))
+        for kind, copy in (("student", student_copy), ("solutions", full_copy)):
+            text = json.dumps(copy(notebook, values, place), indent=1, ensure_ascii=False)
+            (out / kind).mkdir(parents=True, exist_ok=True)
+            (out / kind / path.name).write_text(text + "\n", encoding="utf-8", newline="\n")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write the copies named on the command line."""
+    parser = argparse.ArgumentParser(prog="python book/_tools/copies.py", description=main.__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("notebooks", nargs="+", type=Path)
+    parser.add_argument("--workers", type=int, default=2, help="chapters that run at the same time")
+    options = parser.parse_args(arguments)
+    try:
+        for path in options.notebooks:
+            check_pairs(path, json.loads(path.read_text(encoding="utf-8")))
+        with ThreadPoolExecutor(options.workers) as pool:
+            numbers = list(pool.map(numbers_of, options.notebooks))
+        write_copies(options.out, options.notebooks, numbers)
+    except DataError as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(f"{len(numbers)} chapters, without solutions and with them, are in {options.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
