@@ -1,4 +1,4 @@
-"""Speed, measured: ``python -m pfslam bench``. Ratios come from jobs run side by side, round after round.
+"""Speed and memory, measured: ``python -m pfslam bench``.
 
-One module per group of questions; ``command`` runs them all. Nothing of this is imported by the rest of the package.
+``measure`` is how a figure is taken and printed, ``sections`` what is measured, ``command`` the command itself.
 """

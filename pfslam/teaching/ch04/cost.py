@@ -6,10 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pfslam.bench.machine import describe
-from pfslam.bench.setting import Effort, Setting
-from pfslam.bench.tables import interleaved
-from pfslam.bench.update import profile
+from pfslam.bench.measure import interleaved
+from pfslam.bench.sections import update_parts as profiled_parts
 from pfslam.correlation import score_field, score_volume, search, window_scores
 from pfslam.recording import Recording
 from pfslam.search.lattice import distinct_nodes
@@ -79,38 +77,17 @@ def width_picture(times: dict[str, dict[str, float]]) -> Picture:
     return Picture(figure, f"Time to score one scan for 200 particles. {words}.")
 
 
-SEARCH_PARTS = {
-    "turn, round to cells, merge": "of it: turn and merge",
-    "copy patches and add them": "of it: add patches",
-}
-"""Parts that stand within the search, and how the figure names them."""
+def update_parts(recording: Recording) -> dict[str, float]:
+    """Milliseconds of processor time of each part of one update of the refined filter, mean of sixty updates."""
+    return profiled_parts(recording, updates=60)
 
 
-def update_parts(recording: Recording) -> dict[str, tuple[float, float]]:
-    """One whole update of the refined filter by part: (milliseconds, least that memory or arithmetic would allow)."""
-    setting = Setting({recording.name: recording}, Effort(rounds=3, scans=100), describe())
-    rows = profile(setting).rows
-    parts = {
-        SEARCH_PARTS.get(row.what, row.what.split(":")[0]): (max(row.value or 0.0, 0.0), row.limit)
-        for row in rows
-        if row.limit is not None
-    }
-    first = ["predict", "search in all", *SEARCH_PARTS.values()]
-    return {name: parts[name] for name in [*first, *(name for name in parts if name not in first)]}
-
-
-def update_picture(parts: dict[str, tuple[float, float]]) -> Picture:
-    """Bars of the parts, with a mark where the machine's memory or arithmetic would end."""
-    figure, axes = new_figure(6.4, 4.4)
-    names, (spent, least) = list(parts), np.array(list(parts.values())).T
-    y = np.arange(len(names))
-    axes.barh(y, spent, 0.6, color=COLOURS["particles"], label="measured")
-    axes.scatter(
-        least, y, s=60, marker="|", linewidths=2.5, color=COLOURS["truth"], label="least possible", zorder=3
-    )
-    axes.set_yticks(y, names)
-    axes.set(xlabel="milliseconds of one update")
+def update_picture(parts: dict[str, float]) -> Picture:
+    """Bars of the parts of an update."""
+    figure, axes = new_figure(6.4, 4.0)
+    bars = axes.barh(list(parts), list(parts.values()), 0.6, color=COLOURS["particles"])
+    axes.bar_label(bars, [f"{value:.2f}" for value in parts.values()], padding=4)
+    axes.set(xlabel="milliseconds of one update", xlim=(0, 1.15 * max(parts.values())))
     axes.invert_yaxis()
-    axes.legend(loc="lower center", bbox_to_anchor=(0.3, 1.0), ncols=2)
-    words = ", ".join(f"{name} {value:.2g} ms" for name, value in zip(names, spent, strict=True))
+    words = ", ".join(f"{name} {value:.2g} ms" for name, value in parts.items())
     return Picture(figure, f"Parts of one update with 200 particles: {words}.")
