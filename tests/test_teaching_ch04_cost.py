@@ -5,12 +5,12 @@ import pytest
 
 import pfslam
 from pfslam.teaching.ch04 import cost as ch04_cost
-from pfslam.teaching.ch04 import scores as ch04
+from pfslam.teaching.show.drives import place_at
 
 
 @pytest.fixture(scope="module")
 def corner():
-    return ch04.place_at(pfslam.load("hall"), 14.5)
+    return place_at(pfslam.load("hall"), 14.5)
 
 
 @pytest.mark.parametrize("cloud", ch04_cost.CLOUDS)

@@ -16,7 +16,7 @@ import numpy as np
 
 import pfslam
 from pfslam.bench.measure import Row, Section, in_fresh_process, interleaved
-from pfslam.config import SlamConfig
+from pfslam.config import PRESETS, SlamConfig
 from pfslam.correlation import map_correlation, score_field, search
 from pfslam.grid import GridSpec
 from pfslam.poses import transform_points
@@ -27,13 +27,8 @@ from pfslam.sensors import scan_points
 
 ALWAYS_DRAW = replace(SlamConfig.refined(), every=5, draw_metres=0.0, draw_radians=0.0)
 """Every update does the same work."""
-PLANS = {
-    "refined": (SlamConfig.refined(), (5, 1)),
-    "report": (SlamConfig.report(), (5, 1)),
-    "matching": (SlamConfig.matching(), (5, 1)),
-    "per-particle": (SlamConfig.per_particle(), (5,)),
-}
-"""By method: its configuration, and the values of ``--every`` to measure."""
+STEPS = {"per-particle": (5,)}
+"""The values of ``--every`` to measure, for methods other than (5, 1)."""
 PARTS = {
     "predict": "predict_motion",
     "search all perturbations": "search",
@@ -81,11 +76,11 @@ STILL = 100
 def runs(name: str, recording: Recording, effort: Effort) -> Section:
     """Measure the speed of a run for each method, against the recording's own time."""
     rows = []
-    for method, (config, steps) in PLANS.items():
-        for every in steps:
+    for method, preset in PRESETS.items():
+        for every in STEPS.get(method, (5, 1)):
             limit = min(effort.seconds or np.inf, 30.0 if method == "per-particle" else np.inf)
             begin = time.process_time()
-            covered = _run_for(recording, replace(config, every=every), limit)
+            covered = _run_for(recording, replace(preset(), every=every), limit)
             spent = time.process_time() - begin
             note = f"{covered:.0f} s of the drive in {spent:.1f} s"
             rows.append(Row(f"{method}, --every {every}", covered / spent, "x", note=note))
