@@ -1,11 +1,12 @@
-"""How well a scan fits a map: the definition, and the same integers a thousand times faster.
+"""Correlative scan matching: the definition of a score, and the same integers a thousand times faster.
 
 The definition counts scan end points on occupied cells, pose by pose. The search scores hundreds of perturbed poses
-around each of hundreds of particles. All of these poses are nodes of one lattice in (x, y, theta) whose steps in x and
-y are one cell: a step along the lattice moves every end point by exactly one cell. So for each heading the end points
-are rounded to cells once, equal cells are merged, and the patches of the map that they select are added up. The result
-is a volume of scores from which every particle reads its own block. Where a cloud is so wide that most of the volume
-would be read by nobody, each particle's window is added up by itself; ``boxes`` decides which is cheaper.
+around each of hundreds of particles (Olson, "Real-time correlative scan matching", 2009). All of these poses are nodes
+of one lattice in (x, y, theta) whose steps in x and y are one cell: a step along the lattice moves every end point by
+exactly one cell. So for each heading the end points are rounded to cells once, equal cells are merged, and the patches
+of the map that they select are added up. The result is a volume of scores from which every particle reads its own
+block. Where a cloud is so wide that most of the volume would never be read, each particle's window is added up by
+itself; ``boxes`` decides which is cheaper.
 """
 
 from __future__ import annotations
@@ -13,23 +14,30 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from math import isqrt
 
 import cv2
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from pfslam.grid import GridSpec, check_cells
-from pfslam.search.boxes import cheapest_boxes, volume_is_cheaper
+from pfslam.search.boxes import cheapest_boxes, lie_together, volume_is_cheaper
 from pfslam.search.lattice import Lattice, Window, distinct_nodes
 
-MAX_FIELD_VALUE = 1000
-"""Largest value of a score field. Sums over up to 16,777 beams stay below 2^24, where float32 counts exactly."""
+FIELD_REACH = 4
+"""Cells beyond which an occupied cell has no influence on the likelihood field (exp(-8) is a third of a step)."""
+
+CREDIT = {
+    "occupied": np.array([1.0]),
+    "distance": np.rint(1000.0 * np.exp(-0.5 * np.arange(FIELD_REACH**2 + 1))),
+}
+"""By kind of field: the score of an end point at squared distance 0, 1, 2, ... (cells) from the nearest occupied cell.
+
+Sums over up to 16,777 beams stay below 2^24, where float32 counts exactly.
+"""
 
 CACHE = 2**17
 """Numbers (float32) gathered at once: half a megabyte stays in the processor's cache until they are added up."""
-
-FIELD_REACH = 4
-"""Cells beyond which an occupied cell has no influence on the distance field (exp(-8) is a third of a step)."""
 
 
 def map_correlation(occupied: np.ndarray, spec: GridSpec, points_w: np.ndarray) -> int:
@@ -47,33 +55,65 @@ def map_correlation(occupied: np.ndarray, spec: GridSpec, points_w: np.ndarray) 
     return int(np.count_nonzero(occupied[iy, ix]))
 
 
-def score_field(occupied: np.ndarray, kind: str) -> np.ndarray:
-    """What one end point scores in each cell, ``(H, W)`` float32 whole numbers.
+@dataclass(frozen=True, eq=False)
+class ScoreField:
+    """What one end point scores in each cell: ``values (H, W)`` float32, whole numbers from 0 to ``top``."""
 
-    "occupied": 1 on occupied cells, 0 elsewhere: the report's count. "distance": 1000 exp(-d^2 / 2) with d
-    the distance in cells to the nearest occupied cell, cut off at 4 cells: a near miss scores too, so the best
-    pose is not decided by how a wall happens to fall into cells.
+    values: np.ndarray
+    kind: str
+
+    @property
+    def top(self) -> int:
+        """The score of an end point that falls on an occupied cell."""
+        return int(CREDIT[self.kind][0])
+
+
+def score_field(occupied: np.ndarray, kind: str) -> ScoreField:
+    """The field of scores for occupied cells ``(H, W)`` bool.
+
+    "occupied": 1 on occupied cells, 0 elsewhere: the report's count. "distance": 1000 exp(-d^2 / 2) with d the distance
+    in cells to the nearest occupied cell, cut off at 4 cells. This is the likelihood field of Thrun, Burgard and Fox
+    ("Probabilistic Robotics", 6.4): a near miss scores too, so the best pose is not decided by how a wall happens to
+    fall into cells.
     """
-    if kind == "occupied":
-        return occupied.astype(np.float32)
     if not occupied.any():
-        return np.zeros(occupied.shape, dtype=np.float32)
-    away = cv2.distanceTransform((~occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.where(away <= FIELD_REACH, np.rint(MAX_FIELD_VALUE * np.exp(-0.5 * away**2)), 0.0).astype(
-        np.float32
-    )
+        return ScoreField(np.zeros(occupied.shape, dtype=np.float32), kind)
+    credit = np.zeros(256, dtype=np.float32)
+    credit[: len(CREDIT[kind])] = CREDIT[kind]
+    return ScoreField(cv2.LUT(squared_distance(occupied, _reach(kind)), credit), kind)
 
 
-def updated_field(
-    field: np.ndarray, occupied: np.ndarray, rectangle: tuple[slice, slice], kind: str
-) -> np.ndarray:
+def squared_distance(occupied: np.ndarray, reach: int) -> np.ndarray:
+    """Squared distance ``(H, W)`` uint8 in cells to the nearest occupied cell; above ``reach**2`` where there is none.
+
+    d^2 = dx^2 + dy^2 is separable: the nearest along each row first, then along the columns of the result.
+
+    >>> squared_distance(np.array([[True, False, False], [False, False, False]]), reach=2)
+    array([[0, 1, 4],
+           [1, 2, 5]], dtype=uint8)
+    """
+    squared = np.where(occupied, 0, reach**2 + 1).astype(np.uint8)
+    for lines in (squared, squared.T):
+        before = lines.copy()
+        for k in range(1, reach + 1):
+            np.minimum(lines[k:], before[:-k] + k**2, out=lines[k:])
+            np.minimum(lines[:-k], before[k:] + k**2, out=lines[:-k])
+    return squared
+
+
+def updated_field(field: ScoreField, occupied: np.ndarray, rectangle: tuple[slice, slice]) -> ScoreField:
     """The score field after the cells in ``rectangle`` have changed: only its surroundings are computed again."""
-    result = field.copy()
-    (inner, outer) = (_widened(rectangle, occupied.shape, n * FIELD_REACH) for n in (1, 2))
-    fresh = score_field(occupied[outer], kind)
+    values, reach = field.values.copy(), _reach(field.kind)
+    (inner, outer) = (_widened(rectangle, occupied.shape, n * reach) for n in (1, 2))
+    fresh = score_field(occupied[outer], field.kind).values
     inside = tuple(slice(i.start - o.start, i.stop - o.start) for i, o in zip(inner, outer, strict=True))
-    result[inner] = fresh[inside]
-    return result
+    values[inner] = fresh[inside]
+    return ScoreField(values, field.kind)
+
+
+def _reach(kind: str) -> int:
+    """How many cells away from an occupied cell an end point may lie and still score."""
+    return isqrt(len(CREDIT[kind]) - 1)
 
 
 def _widened(rectangle: tuple[slice, slice], shape: tuple[int, int], by: int) -> tuple[slice, slice]:
@@ -98,7 +138,7 @@ class BoxScores:
 
 
 def search(
-    field: np.ndarray,
+    field: ScoreField,
     spec: GridSpec,
     points_b: np.ndarray,
     poses: np.ndarray,
@@ -107,32 +147,50 @@ def search(
 ) -> Iterator[BoxScores]:
     """The scores of every perturbation of every particle, box by box; each particle appears in exactly one box.
 
-    ``field (H, W)`` float32 holds whole numbers from 0 to ``MAX_FIELD_VALUE`` (occupied as 0 and 1 for the report's
-    count); ``points_b (M, 2)`` the end points in the body frame (m); ``poses (N, 3)`` the particles. Particles that
-    share a node share its scores. The sums are exact, so their order cannot change them.
+    ``points_b (M, 2)`` are the end points in the body frame (m), ``poses (N, 3)`` the particles. Particles that share a
+    node share its scores. The sums are exact, so their order cannot change them.
     """
     nearest = lattice.nearest(poses)
     check_cells("particles", np.ptp(nearest[:, :2], axis=0) + 1, "from one end of the cloud to the other")
     nodes, node_of_particle = distinct_nodes(nearest)
-    reach = np.array([window.cells, window.cells, window.yaws])
-    middle = lattice.step_yaw * nodes[len(nodes) // 2, 2:]
-    cells = len(np.unique(rotated_cells(points_b, middle, spec)[0] @ [1, 1 << 32]))
-    for part in cheapest_boxes(nodes, reach, cells):
-        if volume_is_cheaper(nodes[part], reach, cells):
-            low, high = nodes[part].min(axis=0) - reach, nodes[part].max(axis=0) + reach
-            volume = score_volume(field, spec, points_b, lattice, low, high)
-            x, y, k = (nodes[part] - reach - low).T
-            blocks = sliding_window_view(volume, window.shape)[k, y, x].reshape(len(part), -1)
-        else:
-            blocks = window_scores(field, spec, points_b, lattice, nodes[part], window)
+    if lie_together(nodes, window.reach):
+        boxes = [(np.arange(len(nodes)), volume_blocks)]
+    else:
+        cells = distinct_cells(points_b, lattice.step_yaw * nodes[len(nodes) // 2, 2], spec)
+        boxes = [
+            (part, volume_blocks if volume_is_cheaper(nodes[part], window.reach, cells) else window_scores)
+            for part in cheapest_boxes(nodes, window.reach, cells)
+        ]
+    for part, scored in boxes:
         row = np.full(len(nodes), -1)
         row[part] = np.arange(len(part))
         members = np.flatnonzero(row[node_of_particle] >= 0)
+        blocks = scored(field, spec, points_b, lattice, nodes[part], window)
         yield BoxScores(nodes[part], blocks, members, row[node_of_particle[members]])
 
 
+def distinct_cells(points_b: np.ndarray, yaw: float, spec: GridSpec) -> int:
+    """How many different cells the points ``(M, 2)`` fall into when the body is turned by ``yaw`` (rad)."""
+    return len(np.unique(rotated_cells(points_b, np.array([yaw]), spec)[0], axis=0))
+
+
+def volume_blocks(
+    field: ScoreField,
+    spec: GridSpec,
+    points_b: np.ndarray,
+    lattice: Lattice,
+    nodes: np.ndarray,
+    window: Window,
+) -> np.ndarray:
+    """Scores ``(U, P)`` float32 of the window around each of ``nodes (U, 3)``, read from one volume around them all."""
+    low, high = nodes.min(axis=0) - window.reach, nodes.max(axis=0) + window.reach
+    volume = score_volume(field, spec, points_b, lattice, low, high)
+    x, y, k = (nodes - window.reach - low).T
+    return sliding_window_view(volume, window.shape)[k, y, x].reshape(len(nodes), -1)
+
+
 def score_volume(
-    field: np.ndarray,
+    field: ScoreField,
     spec: GridSpec,
     points_b: np.ndarray,
     lattice: Lattice,
@@ -150,7 +208,7 @@ def score_volume(
 
 
 def window_scores(
-    field: np.ndarray,
+    field: ScoreField,
     spec: GridSpec,
     points_b: np.ndarray,
     lattice: Lattice,
@@ -159,11 +217,10 @@ def window_scores(
 ) -> np.ndarray:
     """Scores ``(U, P)`` float32 of the window around each of ``nodes (U, 3)``, all windows of a heading together."""
     headings, side, _ = window.shape
-    reach = np.array([window.cells, window.cells, window.yaws])
-    low, high = nodes.min(axis=0) - reach, nodes.max(axis=0) + reach
+    low, high = nodes.min(axis=0) - window.reach, nodes.max(axis=0) + window.reach
     patches, scans = patches_and_scans(field, spec, points_b, lattice, low, high, (side, side))
     scores = np.zeros((len(nodes), headings, side * side), dtype=np.float32)
-    x, y, first = (nodes - reach - low).T
+    x, y, first = (nodes - window.reach - low).T
     for k, (counts, iy, ix) in enumerate(scans):
         here = np.flatnonzero((first <= k) & (k < first + headings))
         for some in chunks(len(here), len(counts) * side * side):
@@ -174,12 +231,12 @@ def window_scores(
 
 
 def chunks(n: int, size: int) -> Iterator[slice]:
-    """Slices that part ``n`` things of ``size`` numbers each into pieces that fit into the processor's cache."""
+    """Slices that cut ``n`` things of ``size`` numbers each into pieces that fit into the processor's cache."""
     step = max(CACHE // size, 1)
     return (slice(i, i + step) for i in range(0, n, step))
 
 
-def patches_and_scans(field, spec, points_b, lattice: Lattice, low, high, shape: tuple[int, int]):
+def patches_and_scans(field: ScoreField, spec, points_b, lattice: Lattice, low, high, shape: tuple[int, int]):
     """All patches of ``shape`` of the map near a scan, and which of them each heading from ``low`` to ``high`` adds up.
 
     Returns ``(patches, scans)``: ``patches[iy, ix]`` is the patch that one cell of the scan selects for the node
@@ -188,7 +245,7 @@ def patches_and_scans(field, spec, points_b, lattice: Lattice, low, high, shape:
     cells = rotated_cells(points_b, lattice.step_yaw * np.arange(low[2], high[2] + 1), spec) + low[:2]
     (x0, y0), (x1, y1) = cells.min(axis=(0, 1)), cells.max(axis=(0, 1))
     nx, ny, _ = high - low + 1
-    patches = sliding_window_view(_crop(field, x0, y0, x1 + nx, y1 + ny), shape)
+    patches = sliding_window_view(_crop(field.values, x0, y0, x1 + nx, y1 + ny), shape)
     width = x1 - x0 + 1
     keys, counts, begin = _merged((cells[..., 1] - y0) * width + cells[..., 0] - x0)
     iy, ix = np.divmod(keys, width)
@@ -216,13 +273,13 @@ def rotated_cells(points_b: np.ndarray, yaws: np.ndarray, spec: GridSpec) -> np.
     )  # all x, then all y: faster to look through
 
 
-def _crop(field: np.ndarray, x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
-    """Rows y0..y1 and columns x0..x1 (exclusive) of the field, zero outside it."""
+def _crop(values: np.ndarray, x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
+    """Rows y0..y1 and columns x0..x1 (exclusive) of a field's values, zero outside it."""
     check_cells("scan matching", (x1 - x0, y1 - y0), "to hold one scan")
     crop = np.zeros((y1 - y0, x1 - x0), dtype=np.float32)
-    h, w = field.shape
+    h, w = values.shape
     inside = np.s_[max(y0, 0) : max(min(y1, h), 0), max(x0, 0) : max(min(x1, w), 0)]
-    source = field[inside]
+    source = values[inside]
     if source.size:
         top, left = max(-y0, 0), max(-x0, 0)
         crop[top : top + source.shape[0], left : left + source.shape[1]] = source

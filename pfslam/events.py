@@ -1,19 +1,19 @@
-"""The ordered stream of what happened: one event per used scan, with the motion that led to it."""
+"""A recording as a filter sees it: an ordered stream of used scans, each with the motion that led to it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pfslam.config import SlamConfig
 from pfslam.errors import DataError
-from pfslam.motion import controls, dead_reckoning
-from pfslam.poses import between, rotation_matrix
+from pfslam.motion import Controls, controls, dead_reckoning
+from pfslam.poses import Trajectory, between, rotation_matrix
 from pfslam.recording import Recording
 from pfslam.sensors import LidarModel, scan_points_3d
-from pfslam.tilt import Tilt, estimate_tilt
+from pfslam.tilt import estimate_tilt
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +35,75 @@ class ScanEvent:
     controls: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def used_scans(recording: Recording, config: SlamConfig) -> tuple[np.ndarray, dict[str, int]]:
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """What a run takes from a recording, computed once: odometry, controls, tilt, and which scans are used.
+
+    ``scans (K,)`` are the indices of the used scans and ``t (K,)`` their stamps (s); ``tilt (K, 2)`` is pitch and roll
+    there (rad), zero where the floor is taken for flat; ``motion (K, 3)`` the motion since the scan before, that of the
+    first since ``begin``. ``floor`` is the height (m) below which the end of a beam is taken for the floor, ``dropped``
+    how many scans were left out, by reason.
+    """
+
+    recording: Recording
+    odometry: Trajectory
+    controls: Controls
+    scans: np.ndarray
+    t: np.ndarray
+    begin: float
+    tilt: np.ndarray
+    motion: np.ndarray
+    floor: float
+    dropped: dict[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, recording: Recording, config: SlamConfig) -> Drive:
+        """The part of a recording that a run with this configuration uses; ``DataError`` if it covers no scan.
+
+        The run begins at its first scan, or at the odometry's first stamp if the filter predicts before that scan.
+        """
+        inputs = controls(recording)
+        odometry = dead_reckoning(recording, inputs)
+        scans, dropped = _used_scans(recording, config, odometry)
+        t = recording.scans().t[scans]
+        begin = odometry.t[0] if config.predict_before_first_scan else t[0]
+        poses = odometry.at(np.append(begin, t))
+        motion, tilt = between(poses[:-1], poses[1:]), np.zeros((len(t), 2))
+        if config.tilt is not None and (found := estimate_tilt(recording, config.tilt, inputs)) is not None:
+            tilt = found.at(t)
+        motion[:, :2] *= np.cos(tilt[:, :1])  # wheels measure along the slope, the map is seen from above
+        floor = config.tilt.floor_clearance if config.tilt is not None else -np.inf
+        return cls(recording, odometry, inputs, scans, t, begin, tilt, motion, floor, dropped)
+
+    def __len__(self) -> int:
+        return len(self.scans)
+
+    def events(self) -> Iterator[ScanEvent]:
+        """The used scans in order, each with the motion since the one before."""
+        scans, lidar, previous = self.recording.scans(), self.recording.robot.lidar, self.begin
+        for i, t, tilt, motion in zip(self.scans, self.t, self.tilt, self.motion, strict=True):
+            floor = self.floor if tilt.any() else -np.inf
+            points, beams, sensor, struck = level_scan(scans.ranges[i], lidar, tilt, floor)
+            if lidar.sweep > 0.0:
+                points = deskewed(points, beams, lidar, self.motion_during(t, lidar.sweep))
+            v, omega, dt = self.controls.during(previous, t)
+            yield ScanEvent(t, points, beams, sensor, struck, motion, (np.cos(tilt[0]) * v, omega, dt))
+            previous = t
+
+    def motion_during(self, t: float, sweep: float) -> np.ndarray:
+        """The odometry's motion ``(3,)`` over the ``sweep`` (s) of a scan whose middle beam was measured at ``t``."""
+        ends = np.clip([t - 0.5 * sweep, t + 0.5 * sweep], *self.odometry.t[[0, -1]])
+        return between(*self.odometry.at(ends))
+
+
+def _used_scans(
+    recording: Recording, config: SlamConfig, odometry: Trajectory
+) -> tuple[np.ndarray, dict[str, int]]:
     """Indices of the scans a run will use, and how many were left out because odometry does not cover them."""
-    scans, odometry = recording.scans(), dead_reckoning(recording)
+    stamps = recording.scans().t
     every = config.every if config.every is not None else recording.default_every
-    index = np.arange(0, len(scans.t), every)
-    covered = odometry.covers(scans.t[index])
+    index = np.arange(0, len(stamps), every)
+    covered = odometry.covers(stamps[index])
     if not covered.any():
         raise DataError(
             recording.name, "lidar time_stamps", "no scan within the odometry's time", "streams that overlap"
@@ -49,58 +112,17 @@ def used_scans(recording: Recording, config: SlamConfig) -> tuple[np.ndarray, di
     return index[covered], {"scans outside the odometry's time": outside} if outside else {}
 
 
-def scan_events(recording: Recording, config: SlamConfig) -> tuple[Iterator[ScanEvent], dict[str, int]]:
-    """The used scans in order, each with the motion since the one before, and what was dropped."""
-    index, dropped = used_scans(recording, config)
-    tilt = estimate_tilt(recording, config.tilt) if config.tilt is not None else None
-    clearance = config.tilt.floor_clearance if config.tilt is not None else -np.inf
-    return _events(recording, index, tilt, clearance), dropped
-
-
-def scan_motions(recording: Recording, config: SlamConfig) -> np.ndarray:
-    """The ``motion (K, 3)`` of every event of a run, all at once and without looking at the scans."""
-    odometry, t = dead_reckoning(recording), recording.scans().t[used_scans(recording, config)[0]]
-    poses = np.vstack([odometry.poses[:1], odometry.at(t)])
-    motion = between(poses[:-1], poses[1:])
-    tilt = estimate_tilt(recording, config.tilt) if config.tilt is not None else None
-    if tilt is not None:
-        motion[:, :2] *= np.cos(np.interp(t, tilt.t, tilt.pitch))[:, None]
-    return motion
-
-
-def _events(
-    recording: Recording, index: np.ndarray, tilt: Tilt | None, clearance: float
-) -> Iterator[ScanEvent]:
-    odometry, inputs, scans = dead_reckoning(recording), controls(recording), recording.scans()
-    previous_t, previous, lidar = odometry.t[0], odometry.poses[0], recording.robot.lidar
-    for i in index:
-        t, pose = scans.t[i], odometry.at(scans.t[i])
-        motion = between(previous, pose)
-        lean = tilt.at(t) if tilt is not None else (0.0, 0.0)
-        level = np.cos(lean[0])  # wheels measure along the slope, the map is seen from above
-        floor = clearance if any(lean) else -np.inf
-        v, omega, dt = inputs.during(previous_t, t)
-        points, beams, sensor, struck = level_scan(scans.ranges[i], lidar, lean, floor)
-        if lidar.sweep > 0.0:
-            ends = np.clip([t - 0.5 * lidar.sweep, t + 0.5 * lidar.sweep], *odometry.t[[0, -1]])
-            points = unswept(points, beams, lidar, between(*odometry.at(ends)))
-        yield ScanEvent(
-            t, points, beams, sensor, struck, motion * [level, level, 1.0], (level * v, omega, dt)
-        )
-        previous_t, previous = t, pose
-
-
 def level_scan(
-    ranges: np.ndarray, lidar: LidarModel, lean: tuple[float, float], floor: float
+    ranges: np.ndarray, lidar: LidarModel, tilt: np.ndarray | tuple[float, float], floor: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """One scan in the level body frame: end points ``(M, 2)``, beams ``(M,)``, LiDAR ``(2,)``, number left out.
 
-    ``lean`` is (pitch, roll) in radians. Beams that end lower than ``floor`` (m above the ground under the robot) are
-    left out: they struck the floor, which is no wall.
+    ``tilt (2,)`` is (pitch, roll) in radians. Beams that end lower than ``floor`` (m above the ground under the robot)
+    are left out: they struck the floor, which is no wall.
     """
-    points = scan_points_3d(ranges, lidar, *lean)
+    points = scan_points_3d(ranges, lidar, *tilt)
     high = points[:, 2] >= floor
-    sensor = rotation_matrix(roll=lean[1], pitch=lean[0]) @ lidar.position_b
+    sensor = rotation_matrix(roll=tilt[1], pitch=tilt[0]) @ lidar.position_b
     return (
         points[high, :2],
         np.flatnonzero(lidar.valid(ranges))[high],
@@ -109,8 +131,8 @@ def level_scan(
     )
 
 
-def unswept(points_b: np.ndarray, beams: np.ndarray, lidar: LidarModel, motion: np.ndarray) -> np.ndarray:
-    """End points ``(M, 2)`` as if all beams had been measured at the stamp.
+def deskewed(points_b: np.ndarray, beams: np.ndarray, lidar: LidarModel, motion: np.ndarray) -> np.ndarray:
+    """Deskewing: the end points ``(M, 2)`` as if all beams had been measured at the stamp.
 
     A scanner's mirror turns while the robot does: each beam is measured from a pose of its own, and a turning robot
     smears its walls. ``motion (3,)`` is the odometry's from first beam to last; each beam takes its share of it.

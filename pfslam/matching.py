@@ -1,6 +1,7 @@
 """Moving each particle to the best pose around it: the report's way, and with a motion prior.
 
-The scores come from ``correlation.search``. What a particle makes of them is decided here.
+The scores come from ``correlation.search``. The choice among them is made here: the report's jump to the greatest
+count, or the maximum of the scan's likelihood times the motion model's density (Olson's correlative scan matching).
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pfslam.config import SearchConfig
-from pfslam.correlation import MAX_FIELD_VALUE, BoxScores, Lattice, Window, search
+from pfslam.correlation import BoxScores, ScoreField, search
 from pfslam.grid import GridSpec
 from pfslam.poses import wrap_angle
+from pfslam.search.lattice import Lattice, Window
 
 CHUNK = 2**19
 """Scores looked at together, so that twenty thousand particles need no more memory than seven hundred."""
@@ -38,7 +40,7 @@ def window_for(config: SearchConfig, lattice: Lattice, sigma_xy: float, sigma_ya
 
 
 def match(
-    field: np.ndarray,
+    field: ScoreField,
     spec: GridSpec,
     points_b: np.ndarray,
     poses: np.ndarray,
@@ -48,23 +50,26 @@ def match(
 ) -> Matched:
     """Each of ``poses (N, 3)`` moved to the best pose of its window for the end points ``(M, 2)`` (body, m).
 
-    ``sigmas`` are the standard deviations (m, rad) of the motion that led here: they set the window and the prior.
+    ``sigmas`` are the standard deviations (m, rad) of the motion that led here: they set the search window, outside
+    which no match is accepted, and the prior.
     """
     lattice = Lattice(spec.resolution, config.yaw_step)
     window = window_for(config, lattice, *sigmas)
-    full_score = len(points_b) * (MAX_FIELD_VALUE if config.field == "distance" else 1)
+    full_score = len(points_b) * field.top
     moved, log_likelihood, score = np.array(poses, dtype=float), np.zeros(len(poses)), np.zeros(len(poses))
-    # Drawn here, one for each particle: how they are parted into boxes must not change who gets which.
-    lots = rng.random(len(poses)) if config.keep_offset else None
+    # One random number for each particle, drawn here: how the search groups particles must not change their numbers.
+    tie_breaks = rng.random(len(poses)) if config.keep_offset else None
     for box in search(field, spec, points_b, poses, lattice, window):
         for part in _in_parts(box):
-            who = part.members
-            if lots is not None:
-                moved[who], best = _jump_with_offset(part, poses[who], lattice, window, lots[who])
+            some = part.members
+            if tie_breaks is not None:
+                moved[some], best = _jump_with_offset(part, poses[some], lattice, window, tie_breaks[some])
                 gain = _gain(best / full_score, best, config)
             else:
-                moved[who], best, gain = _climb(part, poses[who], lattice, window, sigmas, config, full_score)
-            log_likelihood[who], score[who] = gain, best / full_score
+                moved[some], best, gain = _climb(
+                    part, poses[some], lattice, window, sigmas, config, full_score
+                )
+            log_likelihood[some], score[some] = gain, best / full_score
     moved[:, 2] = wrap_angle(moved[:, 2])
     return Matched(moved, log_likelihood, score)
 
@@ -87,25 +92,26 @@ def _gain(mean_score: np.ndarray, total: np.ndarray, config: SearchConfig) -> np
         return np.log(total)
 
 
-def _jump_with_offset(box: BoxScores, poses, lattice: Lattice, window: Window, lots):
+def _jump_with_offset(box: BoxScores, poses, lattice: Lattice, window: Window, tie_breaks):
     """The report's step: to a perturbation of greatest score, ties at random, keeping the offset from the node.
 
-    ``lots (n,)`` from 0 to 1 pick among equals. Where nothing scores, nothing is known, and the particle stays.
+    ``tie_breaks (n,)`` from 0 to 1 choose among equals. Where nothing scores, nothing is known, and the particle stays.
     """
     best = box.scores.max(axis=1)
     row, tied = np.nonzero(box.scores == best[:, None])
     count = np.bincount(row, minlength=len(best))
     first = np.cumsum(count) - count
-    choice = tied[first[box.node_of] + np.floor(lots * count[box.node_of]).astype(np.int64)]
+    choice = tied[first[box.node_of] + np.floor(tie_breaks * count[box.node_of]).astype(np.int64)]
     choice[best[box.node_of] == 0] = window.centre
     return poses + lattice.pose(window.steps()[choice]), best[box.node_of]
 
 
 def _climb(box: BoxScores, poses, lattice: Lattice, window: Window, sigmas, config: SearchConfig, full_score):
-    """To the lattice pose that maximises J = score - distance from the predicted pose, then within the step.
+    """The refined step: to the lattice pose that maximises J, then to the peak of J within a lattice step.
 
-    With delta the perturbation and o the particle's offset from its node, the prior's |delta - o|^2 / 2 sigma^2 is
-    linear in o apart from a term that is the same for every perturbation.
+    J is the score less the prior's cost of leaving the predicted pose. With delta the perturbation and o the particle's
+    offset from its node, that cost, |delta - o|^2 / 2 sigma^2, is linear in o apart from a term that is the same for
+    every perturbation.
     """
     node = box.node_of
     scale = config.sharpness / full_score if config.prior or config.weight == "likelihood" else 1.0
@@ -120,8 +126,8 @@ def _climb(box: BoxScores, poses, lattice: Lattice, window: Window, sigmas, conf
         return _linear(at_node[node[some], steps], offset[:, some], delta[:, steps])
 
     rows = np.arange(len(node))
-    hopeful = _can_win(at_node, delta, 0.500001 * lattice.steps / sigma)  # half a step, and round-off
-    choice = hopeful[np.argmax(objective(rows[:, None], hopeful), axis=1)]
+    candidates = _candidates(at_node, delta, 0.5 * lattice.steps / sigma)
+    choice = candidates[np.argmax(objective(rows[:, None], candidates), axis=1)]
     step = window.steps()[choice].astype(float)
     if config.sub_cell:
         step += _parabola_peak(lambda steps: objective(rows, steps), choice, window)
@@ -141,11 +147,17 @@ def _linear(at_node: np.ndarray, offset: np.ndarray, delta: np.ndarray) -> np.nd
     return J
 
 
-def _can_win(at_node: np.ndarray, delta: np.ndarray, half_step: np.ndarray) -> np.ndarray:
-    """Perturbations ``(C,)`` that are best for some particle: an offset of half a step adds at most so much to J."""
-    most = half_step @ np.abs(delta)
-    safe = np.max(at_node - most, axis=1, keepdims=True)
-    return np.flatnonzero((at_node + most >= safe - 1e-6).any(axis=0))
+def _candidates(at_node: np.ndarray, delta: np.ndarray, half_step: np.ndarray) -> np.ndarray:
+    """Perturbations ``(C,)`` that may be best for some particle: the others need not be compared one by one.
+
+    A particle lies at most half a step from its node, so its J differs from that at the node by at most ``margin``.
+    """
+    margin = half_step @ np.abs(delta)
+    certain = np.max(
+        at_node - margin, axis=1, keepdims=True
+    )  # the best perturbation reaches at least this much
+    round_off = 1e-6 * (1.0 + margin)
+    return np.flatnonzero((at_node + margin + round_off >= certain).any(axis=0))
 
 
 def _parabola_peak(J: Callable, choice: np.ndarray, window: Window) -> np.ndarray:

@@ -18,9 +18,9 @@ from pfslam.sensors import EncoderModel
 
 @dataclass(frozen=True, eq=False)
 class Controls:
-    """What the robot was told by its own motion: from ``t[k]`` to ``t[k + 1]`` it moved at ``v[k]``, ``omega[k]``.
+    """The control inputs u_t of the report: from ``t[k]`` to ``t[k + 1]`` the robot moved at ``v[k]``, ``omega[k]``.
 
-    ``t (K + 1,)`` s, ``v (K,)`` m/s, ``omega (K,)`` rad/s: the u_t of the report.
+    ``t (K + 1,)`` s, ``v (K,)`` m/s, ``omega (K,)`` rad/s.
     """
 
     t: np.ndarray
@@ -64,8 +64,8 @@ def wheel_speed(encoders: Encoders, model: EncoderModel, t) -> np.ndarray:
 def controls(recording: Recording) -> Controls:
     """The control inputs of a recording: one per gyro sample, or one per step of a log's odometry.
 
-    A gyro sample speaks for the interval that ends at its stamp. Gyro samples outside the encoders' time are not
-    used: there, nobody knows the distance.
+    A gyro sample stands for the interval that ends at its stamp. Gyro samples outside the encoders' time are not used,
+    because the distance is not known there.
     """
     if recording.odometry is not None:
         t, step = recording.odometry.t, between(recording.odometry.poses[:-1], recording.odometry.poses[1:])
@@ -125,12 +125,13 @@ def integrate(controls: Controls, start=(0.0, 0.0, 0.0), model=motion_model) -> 
     return Trajectory(controls.t, poses)
 
 
-def dead_reckoning(recording: Recording) -> Trajectory:
-    """Where the robot would be if wheels and gyro told the truth; starts at (0, 0, 0). Eq. 5 without noise.
+def dead_reckoning(recording: Recording, inputs: Controls | None = None) -> Trajectory:
+    """Where the robot would be if wheels and gyro were free of errors; starts at (0, 0, 0). Eq. 5 without noise.
 
-    A log that holds odometry poses returns those, moved to start at the origin.
+    A log that holds odometry poses returns those, moved to start at the origin. ``inputs`` are the recording's
+    ``controls``, for callers that have them already.
     """
     if recording.odometry is not None:
         poses = recording.odometry.poses
         return Trajectory(recording.odometry.t, between(poses[0], poses))
-    return integrate(controls(recording))
+    return integrate(controls(recording) if inputs is None else inputs)

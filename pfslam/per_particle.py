@@ -1,9 +1,10 @@
 """A map for every particle: Rao-Blackwellised SLAM.
 
-Given its path, a particle knows its map exactly, so each particle carries its own. It is then a whole small SLAM run:
-one pose, one map drawn from that pose, and a weight that says how well its scans have fitted its own map. Resampling
-copies whole histories. Copies share their arrays until they differ: no step changes an array in place, each makes a
-new one for the map that it draws into.
+Given the path of a particle, its map is certain, so each particle carries its own (Grisetti, Stachniss and Burgard,
+"Improved techniques for grid mapping with Rao-Blackwellized particle filters", 2007). A particle is then a whole small
+SLAM run: one pose, one map drawn from that pose, and a weight that says how well its scans have fitted its own map.
+Resampling copies whole histories. Copies share their arrays until they differ: no step changes an array in place, each
+makes a new one for the map that it draws into.
 
 Thirty maps fill memory, twice over while a step makes new ones from old. Score field and hit moments are zero in most
 cells, so a history at rest keeps only the others, and is laid out in full while it is worked on.
@@ -19,7 +20,7 @@ from pfslam.config import SlamConfig
 from pfslam.events import ScanEvent
 from pfslam.grid import OccupancyGrid
 from pfslam.particles import RESAMPLERS, Particles, effective_sample_size, reweight
-from pfslam.slam import SlamState, StepInfo, slam_step, start
+from pfslam.slam import SlamState, StepInfo, slam_step
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,8 @@ class Sparse:
         return array
 
 
-NOTHING = np.zeros((0, 0))
+EMPTY = np.zeros((0, 0))
+"""Stands in a state at rest for the arrays that are kept apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +56,9 @@ class History:
 
     @classmethod
     def of(cls, state: SlamState) -> History:
-        bare = replace(state, field=NOTHING, moments=replace(state.moments, slots=NOTHING))
-        return cls(bare, Sparse.of(state.field), Sparse.of(state.moments.slots))
+        field, moments = replace(state.field, values=EMPTY), replace(state.moments, slots=EMPTY)
+        bare = replace(state, field=field, moments=moments)
+        return cls(bare, Sparse.of(state.field.values), Sparse.of(state.moments.slots))
 
     @property
     def estimate(self) -> np.ndarray:
@@ -67,8 +70,9 @@ class History:
 
     def opened(self) -> SlamState:
         """The state as ``slam_step`` needs it: the same numbers."""
+        field = replace(self.state.field, values=self.field.full())
         moments = replace(self.state.moments, slots=self.slots.full())
-        return replace(self.state, field=self.field.full(), moments=moments)
+        return replace(self.state, field=field, moments=moments)
 
     def after(
         self, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
@@ -77,7 +81,7 @@ class History:
         state, info = slam_step(self.opened(), event, config, rng)
         if info.drawn:
             return History.of(state), info
-        return replace(self, state=replace(state, field=NOTHING, moments=self.state.moments)), info
+        return replace(self, state=replace(state, field=self.state.field, moments=self.state.moments)), info
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +91,12 @@ class Histories:
     states: tuple[History, ...]
     log_weights: np.ndarray
 
+    @classmethod
+    def start(cls, config: SlamConfig) -> Histories:
+        """The hypotheses before the first scan: all alike, sharing one empty map."""
+        alike = (History.of(SlamState.start(replace(config, particles=1))),) * config.particles
+        return cls(alike, np.full(len(alike), -np.log(len(alike))))
+
     @property
     def particles(self) -> Particles:
         """The hypotheses' poses and weights."""
@@ -94,7 +104,7 @@ class Histories:
 
     @property
     def best(self) -> History:
-        """The heaviest hypothesis. Maps cannot be averaged, so it speaks for all."""
+        """The heaviest hypothesis, whose map is the run's map: maps cannot be averaged."""
         return self.states[int(np.argmax(self.log_weights))]
 
     @property
@@ -102,21 +112,15 @@ class Histories:
         return self.best.grid
 
 
-def start_histories(
-    event: ScanEvent, config: SlamConfig, rng: np.random.Generator
-) -> tuple[Histories, StepInfo]:
-    """All hypotheses begin with the same first scan, and share its map."""
-    state, info = start(event, replace(config, particles=1), rng)
-    histories = Histories(
-        (History.of(state),) * config.particles, np.full(config.particles, -np.log(config.particles))
-    )
-    return histories, replace(info, particles=histories.particles)
-
-
 def per_particle_step(
     histories: Histories, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
 ) -> tuple[Histories, StepInfo]:
-    """One scan for every hypothesis by itself; then weights by what each had expected, and resampling of histories."""
+    """One scan for every hypothesis by itself, weights by how well it fits each map, and resampling of histories."""
+    # Until there is a map, the hypotheses do not differ, and share what they have.
+    if histories.best.state.drawn_at is None:
+        state, info = histories.best.after(event, config, rng)
+        histories = replace(histories, states=(state,) * len(histories.states))
+        return histories, replace(info, particles=histories.particles)
     steps = [state.after(event, config, rng) for state in histories.states]
     states, infos = tuple(state for state, _ in steps), [info for _, info in steps]
     cloud = Particles(np.array([state.estimate for state in states]), histories.log_weights)

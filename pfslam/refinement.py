@@ -2,8 +2,10 @@
 
 A grid remembers that a cell was hit, not where in the cell. A wall nearly parallel to the grid falls into one row of
 cells and its small tilt is lost: the heading is pulled parallel to the grid. So every cell also keeps the moments of
-its hits. The hits of three by three cells give a short piece of wall as a line, sharper than any cell, and the scan is
-fitted to these lines by least squares.
+its hits, from which follow the mean and covariance of a normal distribution, as in the normal distributions transform
+(Biber and Strasser, "The normal distributions transform", 2003). The hits of three by three cells give a short piece of
+wall as a line, sharper than any cell, and the scan is fitted to these lines by weighted Gauss-Newton steps:
+point-to-line ICP (Censi, "An ICP variant using a point-to-line metric", 2008) with the map's lines as reference.
 """
 
 from __future__ import annotations
@@ -51,7 +53,8 @@ class HitMoments:
         slots[new[:, 1], new[:, 0]] = len(self.sums) + np.arange(len(new))
         sums = np.vstack([self.sums, np.zeros((len(new), 6))])
         rows = slots[cells[:, 1], cells[:, 0]]
-        np.add.at(sums, rows, np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y]))
+        for column, values in zip(sums.T, (np.ones_like(x), x, y, x * x, x * y, y * y), strict=True):
+            np.add.at(column, rows, values)
         return HitMoments(self.spec, slots, sums)
 
     def around(self, cells: np.ndarray, reach: int) -> np.ndarray:
@@ -123,7 +126,7 @@ def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig
 
 @dataclass(frozen=True, eq=False)
 class Polished:
-    """A polished pose ``(3,)``, the beams used, and the direction ``(2,)`` the map is silent about, if any."""
+    """A polished pose ``(3,)``, the beams used, and the direction ``(2,)`` that no line constrains, if there is one."""
 
     pose: np.ndarray
     beams: int
@@ -139,36 +142,45 @@ def polish(
 ) -> Polished:
     """``pose (3,)`` moved so that the end points ``(M, 2)`` (body, m) lie on the lines of the map.
 
-    Along a direction in which no line has a say (the length of a bare corridor) the position is taken from
+    Along a direction in which no line constrains it (the length of a bare corridor) the position is taken from
     ``odometry_pose (3,)``. Without at least three beams on lines the pose comes back as it was.
     """
     pose = np.array(pose, dtype=float)
-    information, beams = np.zeros((2, 2)), 0
     for _ in range(config.iterations):
-        arm = transform_points([0.0, 0.0, pose[2]], points_b)
-        lines = nearby_lines(moments, arm + pose[:2], config)
-        beams = int(np.count_nonzero(lines.found))
-        if beams < 3:
-            return Polished(pose, beams, None)
-        arm, normal = arm[lines.found], lines.normal[lines.found]
-        residual = np.sum(normal * (arm + pose[:2] - lines.centre[lines.found]), axis=1)
-        weight = lines.trust[lines.found] * np.exp(-0.5 * (residual / config.rho) ** 2)
-        if not weight.any():  # every line is so many rho away that its weight is zero in a computer too
-            return Polished(pose, beams, None)
-        jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
-        H = jacobian.T @ (weight[:, None] * jacobian)
-        step = -np.linalg.solve(
-            H + 1e-3 * np.diag(np.diag(H)) + 1e-9 * np.eye(3), jacobian.T @ (weight * residual)
-        )
-        step *= min(1.0, float(np.min(MAX_STEP / np.maximum(np.abs(step), 1e-12))))
+        residual, jacobian, weight = line_residuals(moments, points_b, pose, config)
+        # Lines many rho away leave weights that are zero in a computer too.
+        if len(residual) < 3 or not weight.any():
+            return Polished(pose, len(residual), None)
+        step = gauss_newton_step(residual, jacobian, weight)
         pose += step
-        information = (normal * weight[:, None]).T @ normal / np.sum(weight)
         if np.max(np.abs(step) / MAX_STEP) < 1e-3:
             break
     pose[2] = wrap_angle(pose[2])
+    normal = jacobian[:, :2]
+    information = (normal * weight[:, None]).T @ normal / np.sum(weight)
     share, directions = np.linalg.eigh(information)
     if share[0] >= config.degenerate_below:
-        return Polished(pose, beams, None)
+        return Polished(pose, len(residual), None)
     silent = directions[:, 0]
     pose[:2] += silent * (silent @ (odometry_pose[:2] - pose[:2]))
-    return Polished(pose, beams, silent)
+    return Polished(pose, len(residual), silent)
+
+
+def line_residuals(
+    moments: HitMoments, points_b: np.ndarray, pose: np.ndarray, config: PolishConfig
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distances ``(B,)`` (m) of the beams on lines from their lines, Jacobian ``(B, 3)`` for x, y, theta, weights."""
+    arm = transform_points([0.0, 0.0, pose[2]], points_b)
+    lines = nearby_lines(moments, arm + pose[:2], config)
+    arm, normal = arm[lines.found], lines.normal[lines.found]
+    residual = np.sum(normal * (arm + pose[:2] - lines.centre[lines.found]), axis=1)
+    jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
+    return residual, jacobian, lines.trust[lines.found] * np.exp(-0.5 * (residual / config.rho) ** 2)
+
+
+def gauss_newton_step(residual: np.ndarray, jacobian: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """The correction ``(3,)`` of a pose by one damped step of weighted least squares, at most ``MAX_STEP`` long."""
+    H = jacobian.T @ (weight[:, None] * jacobian)
+    damped = H + 1e-3 * np.diag(np.diag(H)) + 1e-9 * np.eye(3)
+    step = -np.linalg.solve(damped, jacobian.T @ (weight * residual))
+    return step * min(1.0, float(np.min(MAX_STEP / np.maximum(np.abs(step), 1e-12))))

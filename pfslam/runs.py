@@ -1,26 +1,46 @@
-"""A whole run: which kind of SLAM, scan after scan, and what comes out."""
+"""A whole run: which kind of filter, scan after scan, and what comes out."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from pfslam.config import SlamConfig
 from pfslam.errors import DataError
-from pfslam.events import scan_events, used_scans
+from pfslam.events import Drive, ScanEvent
 from pfslam.grid import OccupancyGrid
-from pfslam.per_particle import Histories, per_particle_step, start_histories
+from pfslam.particles import Particles
+from pfslam.per_particle import Histories, per_particle_step
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
-from pfslam.slam import SlamState, StepInfo, slam_step, start
+from pfslam.slam import SlamState, StepInfo, slam_step
 
-STRATEGIES: dict[str, tuple[Callable, Callable]] = {
-    "shared": (start, slam_step),
-    "per-particle": (start_histories, per_particle_step),
+
+class State(Protocol):
+    """What every filter's state shows: its particles, and the map that speaks for them."""
+
+    @property
+    def particles(self) -> Particles: ...
+
+    @property
+    def grid(self) -> OccupancyGrid: ...
+
+
+class Filter(NamedTuple):
+    """A kind of filter: ``start(config)`` gives its first state, ``step`` takes it from one scan to the next."""
+
+    start: Callable[[SlamConfig], Any]
+    step: Callable[[Any, ScanEvent, SlamConfig, np.random.Generator], tuple[Any, StepInfo]]
+
+
+FILTERS = {
+    "shared": Filter(SlamState.start, slam_step),
+    "per-particle": Filter(Histories.start, per_particle_step),
 }
-"""By ``SlamConfig.maps``: how a run begins, and its step. Scan matching is the shared map with one particle."""
+"""By ``SlamConfig.maps``. Scan matching is the shared map with one particle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,15 +65,19 @@ class SlamResult:
 
 def slam_steps(
     recording: Recording, config: SlamConfig, rng: np.random.Generator
-) -> Iterator[tuple[SlamState | Histories, StepInfo]]:
+) -> Iterator[tuple[State, StepInfo]]:
     """The run as an iterator over (state, info), one for each used scan: for animations and for long drives."""
-    begin, step = STRATEGIES[config.maps]
-    state = None
-    for event in scan_events(recording, config)[0]:
+    return _steps(Drive.of(recording, config), config, rng)
+
+
+def _steps(drive: Drive, config: SlamConfig, rng: np.random.Generator) -> Iterator[tuple[State, StepInfo]]:
+    start, step = FILTERS[config.maps]
+    state = start(config)
+    for event in drive.events():
         try:
-            state, info = begin(event, config, rng) if state is None else step(state, event, config, rng)
+            state, info = step(state, event, config, rng)
         except DataError as error:
-            where = f"{recording.name}, scan at {event.t:.3f} s, {error.source}"
+            where = f"{drive.recording.name}, scan at {event.t:.3f} s, {error.source}"
             raise DataError(where, error.field, error.found, error.expected) from error
         yield state, info
 
@@ -73,17 +97,21 @@ def run_slam(
     """
     config = SlamConfig.refined() if config is None else config
     rng = np.random.default_rng(0) if rng is None else rng
-    stamps, dropped = used_scans(recording, config)
-    steps = slam_steps(recording, config, rng)
+    drive = Drive.of(recording, config)
+    steps = _steps(drive, config, rng)
     infos: list[StepInfo] = []
-    for state, info in progress(steps, total=len(stamps)) if progress else steps:
+    for state, info in progress(steps, total=len(drive)) if progress else steps:
         infos.append(info if keep_particles else replace(info, particles=None))
         grid: OccupancyGrid = state.grid
     trajectory = Trajectory(np.array([info.t for info in infos]), np.array([info.estimate for info in infos]))
-    blind = sum(not (info.matched or info.drawn) for info in infos[1:])
-    mute = sum(info.matched and not info.scored for info in infos)
-    floor = sum(info.struck_floor for info in infos)
-    dropped |= {"beams that struck the floor": floor} if floor else {}
-    dropped |= {"scans with too few valid beams": blind} if blind else {}
-    dropped |= {"scans that scored nothing anywhere": mute} if mute else {}
-    return SlamResult(trajectory, grid, tuple(infos), dropped, config)
+    return SlamResult(trajectory, grid, tuple(infos), drive.dropped | _left_unused(infos), config)
+
+
+def _left_unused(infos: list[StepInfo]) -> dict[str, int]:
+    """Beams and scans that could not be used, counted by reason; a reason that never occurred is left out."""
+    counts = {
+        "beams that struck the floor": sum(info.struck_floor for info in infos),
+        "scans with too few valid beams": sum(not (info.matched or info.drawn) for info in infos),
+        "scans that scored nothing anywhere": sum(info.matched and not info.scored for info in infos),
+    }
+    return {reason: count for reason, count in counts.items() if count}

@@ -7,6 +7,7 @@ chassis centre, x forward, y left, z up, metres.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
@@ -170,7 +171,14 @@ def scan_points_3d(
     """End points ``(M, 3)`` of the valid beams in the level body frame; z is the height above the wheels' ground."""
     ranges = np.asarray(ranges, dtype=float)
     valid = lidar.valid(ranges)
-    r, angle = ranges[valid], lidar.angles[valid]
-    points_l = np.stack([r * np.cos(angle), r * np.sin(angle), np.zeros_like(r)], axis=-1)
+    points_l = ranges[valid, None] * _beam_directions(lidar)[valid]
     points_b = points_l + lidar.position_b
     return apply_transform(transform(rotation_matrix(roll, pitch)), points_b) if pitch or roll else points_b
+
+
+@lru_cache(maxsize=8)
+def _beam_directions(lidar: LidarModel) -> np.ndarray:
+    """Unit vectors ``(beams, 3)`` along the beams in the LiDAR frame, made once for all scans of a scanner."""
+    directions = np.stack([np.cos(lidar.angles), np.sin(lidar.angles), np.zeros(lidar.beams)], axis=-1)
+    directions.flags.writeable = False
+    return directions

@@ -1,17 +1,19 @@
-"""Particle-filter SLAM: the state, one step, and the run.
+"""Particle-filter SLAM: the state, and one step of the filter.
 
-``slam_step`` is the algorithm of the report, one call per line. State is what the next step needs; info is what the
-plots need.
+``slam_step`` is the algorithm of the report, one call for each of its steps. State is what the next step needs; info is
+what the plots need.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from pfslam.config import ControlNoise, SlamConfig
-from pfslam.correlation import score_field, updated_field
+from pfslam.correlation import ScoreField, score_field, updated_field
 from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
 from pfslam.matching import Matched, match
@@ -24,17 +26,32 @@ from pfslam.refinement import HitMoments, Polished, polish
 class SlamState:
     """All that the next step needs.
 
-    ``drawn_at`` is the pose ``(3,)`` of the last scan drawn, None before the first; ``variance (2,)`` that of the
-    motion (m^2, rad^2) since a scan was last matched.
+    ``drawn_at`` is the pose ``(3,)`` of the last scan drawn, None while there is no map yet; ``variance (2,)`` that of
+    the motion (m^2, rad^2) since a scan was last matched.
     """
 
     particles: Particles
     estimate: np.ndarray
     grid: OccupancyGrid
-    field: np.ndarray
+    field: ScoreField
     moments: HitMoments
     drawn_at: np.ndarray | None
     variance: np.ndarray
+
+    @classmethod
+    def start(cls, config: SlamConfig) -> SlamState:
+        """The state before the first scan: all particles at the origin, and an empty map."""
+        return cls.without_map(Particles.at(np.zeros(3), config.particles), np.zeros(3), np.zeros(2), config)
+
+    @classmethod
+    def without_map(
+        cls, particles: Particles, estimate: np.ndarray, points_w: np.ndarray, config: SlamConfig
+    ) -> SlamState:
+        """A state with an empty map around the estimate and the points ``(M, 2)`` that are to be drawn into it."""
+        around = np.vstack([points_w, estimate[:2]])
+        grid = OccupancyGrid.empty(GridSpec.around(around, config.map.resolution, margin=5.0))
+        field, moments = score_field(grid.occupied, config.search.field), HitMoments.empty(grid.spec)
+        return cls(particles, estimate, grid, field, moments, None, np.zeros(2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,23 +80,38 @@ class StepInfo:
     free_direction: np.ndarray | None = None
 
 
+class Parts(NamedTuple):
+    """The parts of a step that can be exchanged one by one, to compare methods or to see what a faulty one does.
+
+    ``match`` has the arguments of ``matching.match``, ``resample`` those of ``particles.resample``.
+    """
+
+    match: Callable[..., Matched] = match
+    resample: Callable[[Particles, np.random.Generator, str], Particles] = resample
+
+
+PARTS = Parts()
+"""The filter's own parts."""
+
+
 def slam_step(
     state: SlamState,
     event: ScanEvent,
     config: SlamConfig,
     rng: np.random.Generator,
+    parts: Parts = PARTS,
 ) -> tuple[SlamState, StepInfo]:
     """One scan: predict, score and perturb, reweight, estimate, resample, draw: the loop of the report."""
+    # Without a map there is nothing to match: the first scan is only drawn.
+    if state.drawn_at is None:
+        return begin_map(state, event, config, rng)
     # Predict: every particle moves by its own noisy motion.
     particles, variance = predict_motion(state.particles, event, config, rng)
-    predicted = compose(state.estimate, event.motion)
-    variance = state.variance + variance
+    predicted, variance = compose(state.estimate, event.motion), state.variance + variance
     if len(event.points_b) < config.min_beams:
-        return pass_by(state, event, particles, predicted, variance)
-    if state.drawn_at is None:
-        return begin_map(state, event, predicted, config)
+        return predicted_only(state, event, particles, predicted, variance)
     # Score the scan around every particle; each moves to its best pose.
-    matched = match_scan(state, event, particles, variance, config, rng)
+    matched = match_scan(state, event, particles, variance, config, rng, parts)
     # Reweight by how well the scan fits there.
     particles = Particles(matched.poses, particles.log_weights)
     particles, evidence = reweight(particles, matched.log_likelihood)
@@ -90,13 +122,42 @@ def slam_step(
     info = describe(event, aligned, particles, matched, evidence)
     # Resample if few particles carry the weight.
     if info.effective_sample_size <= config.resample_below * len(particles):
-        particles = resample(particles, rng, config.resampler)
+        particles = parts.resample(particles, rng, config.resampler)
         info = replace(info, resampled=True)
-    state = after_match(state, particles, aligned.pose)
+    # The scan has fixed the pose, so the uncertainty of the motion starts again from zero.
+    state = replace(state, particles=particles, estimate=aligned.pose, variance=np.zeros(2))
     # Draw the scan into the map, if the robot has moved since the last one.
     if has_moved(state, config):
         state, info = draw(state, event, config), replace(info, drawn=True)
     return state, info
+
+
+def begin_map(
+    state: SlamState, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
+) -> tuple[SlamState, StepInfo]:
+    """A step without a map: the scan is drawn where the robot is taken to be, unless it has too few beams.
+
+    The map begins at that pose, so no particle can be wrong about its place in it: all stand at the odometry's pose.
+    The report's filter predicts its first scan like any other and draws it from its best particle.
+    """
+    seen = len(event.points_b) >= config.min_beams
+    if seen and config.predict_before_first_scan:
+        particles, _ = predict_motion(state.particles, event, config, rng)
+        pose = estimate_pose(particles, config)
+    else:
+        pose = compose(state.estimate, event.motion)
+        particles = Particles.at(pose, len(state.particles))
+    state = SlamState.without_map(particles, pose, transform_points(pose, event.points_b), config)
+    info = _info(event, pose, particles, drawn=seen)
+    return (draw(state, event, config) if seen else state), info
+
+
+def predicted_only(
+    state: SlamState, event: ScanEvent, particles: Particles, predicted: np.ndarray, variance: np.ndarray
+) -> tuple[SlamState, StepInfo]:
+    """A scan with too few beams: the cloud is only predicted, and odometry alone moves the estimate."""
+    state = replace(state, particles=particles, estimate=predicted, variance=variance)
+    return state, _info(event, predicted, particles)
 
 
 def predict_motion(
@@ -123,10 +184,12 @@ def match_scan(
     variance: np.ndarray,
     config: SlamConfig,
     rng: np.random.Generator,
+    parts: Parts = PARTS,
 ) -> Matched:
     """The particles moved to their best poses for a thinned scan; the window follows from the motion's uncertainty."""
     points = event.points_b[:: config.search.beam_stride]
-    return match(state.field, state.grid.spec, points, particles.poses, np.sqrt(variance), config.search, rng)
+    spec, sigmas = state.grid.spec, np.sqrt(variance)
+    return parts.match(state.field, spec, points, particles.poses, sigmas, config.search, rng)
 
 
 def estimate_pose(particles: Particles, config: SlamConfig) -> np.ndarray:
@@ -153,35 +216,8 @@ def shifted(particles: Particles, before: np.ndarray, after: np.ndarray) -> Part
     return Particles(poses, particles.log_weights)
 
 
-def after_match(state: SlamState, particles: Particles, estimate: np.ndarray) -> SlamState:
-    """The state with a new cloud and estimate; a scan has just told where the robot is, so no variance is owed."""
-    return replace(state, particles=particles, estimate=estimate, variance=np.zeros(2))
-
-
-def pass_by(
-    state: SlamState, event: ScanEvent, particles: Particles, predicted: np.ndarray, variance: np.ndarray
-) -> tuple[SlamState, StepInfo]:
-    """A scan with too few beams: the cloud is only predicted, and odometry alone moves the estimate."""
-    state = replace(state, particles=particles, estimate=predicted, variance=variance)
-    return state, _info(event, predicted, particles)
-
-
-def begin_map(
-    state: SlamState, event: ScanEvent, predicted: np.ndarray, config: SlamConfig
-) -> tuple[SlamState, StepInfo]:
-    """The first scan that sees anything, after blind ones: drawn where odometry says, with all particles there.
-
-    The map begins at this pose, so nobody can be wrong about its place in it, whatever happened before.
-    """
-    particles = Particles.at(predicted, len(state.particles))
-    state = draw(after_match(state, particles, predicted), event, config)
-    return state, _info(event, predicted, particles, drawn=True)
-
-
 def has_moved(state: SlamState, config: SlamConfig) -> bool:
     """Whether the estimate has moved or turned far enough for the next scan to be drawn."""
-    if state.drawn_at is None:
-        return True
     motion = between(state.drawn_at, state.estimate)
     return bool(np.hypot(*motion[:2]) >= config.draw_metres or abs(motion[2]) >= config.draw_radians)
 
@@ -196,25 +232,11 @@ def draw(state: SlamState, event: ScanEvent, config: SlamConfig) -> SlamState:
     if grown:
         field = score_field(grid.occupied, config.search.field)
     else:
-        field = updated_field(state.field, grid.occupied, rectangle, config.search.field)
+        field = updated_field(state.field, grid.occupied, rectangle)
     moments = state.moments
     if config.polish is not None:
         moments = moments.covering(grid.spec).add(points_w)
     return replace(state, grid=grid, field=field, moments=moments, drawn_at=state.estimate)
-
-
-def start(event: ScanEvent, config: SlamConfig, rng: np.random.Generator) -> tuple[SlamState, StepInfo]:
-    """The state after the first scan: there is no map to compare it with, so it is only drawn."""
-    particles = Particles.at(np.zeros(3), config.particles)
-    if config.predict_before_first_scan:
-        particles, _ = predict_motion(particles, event, config, rng)
-    estimate = estimate_pose(particles, config)
-    around = np.concatenate([transform_points(estimate, event.points_b), estimate[None, :2]])
-    grid = OccupancyGrid.empty(GridSpec.around(around, config.map.resolution, margin=5.0))
-    field, moments = score_field(grid.occupied, config.search.field), HitMoments.empty(grid.spec)
-    state = SlamState(particles, estimate, grid, field, moments, None, np.zeros(2))
-    info = _info(event, estimate, particles)
-    return (draw(state, event, config), replace(info, drawn=True)) if len(event.points_b) else (state, info)
 
 
 def describe(

@@ -1,8 +1,8 @@
-"""How the body leans: pitch and roll from gyro and accelerometer, for floors that are not flat.
+"""Tilt of the body: pitch and roll from gyro and accelerometer, for floors that are not flat.
 
-The accelerometer knows which way is up, but also feels every push of the motors; the gyro knows how the body turns,
-but drifts. A complementary filter takes the fast part from one and the slow part from the other. What the wheels and
-the yaw rate say about the robot's own acceleration is taken out first.
+The accelerometer measures which way is up, but also every push of the motors; the gyro measures how the body turns, but
+drifts. A complementary filter takes the fast part from the gyro and the slow part from the accelerometer. The robot's
+own acceleration, known from the wheels and the yaw rate, is subtracted first.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Annotated
 
 import numpy as np
 
-from pfslam.motion import controls
+from pfslam.motion import Controls, controls
 from pfslam.recording import Recording
 from pfslam.sensors import STANDARD_GRAVITY
 from pfslam.settings import Range, Settings
@@ -23,7 +23,7 @@ SPEED_SMOOTHING = 0.1
 
 @dataclass(frozen=True)
 class TiltConfig(Settings):
-    """How the lean is estimated and used."""
+    """How pitch and roll are estimated and used."""
 
     time_constant: Annotated[float, Range(1e-3, 1e6)] = 2.0
     """Below this time (s) the gyro is trusted, above it the accelerometer."""
@@ -41,9 +41,9 @@ class Tilt:
     pitch: np.ndarray
     roll: np.ndarray
 
-    def at(self, t: float) -> tuple[float, float]:
-        """Pitch and roll at a time; outside the gyro's own time, its nearest."""
-        return float(np.interp(t, self.t, self.pitch)), float(np.interp(t, self.t, self.roll))
+    def at(self, t) -> np.ndarray:
+        """Pitch and roll ``(2,)`` at a time, ``(M, 2)`` at ``(M,)`` times; outside the gyro's own time, its nearest."""
+        return np.stack([np.interp(t, self.t, self.pitch), np.interp(t, self.t, self.roll)], axis=-1)
 
 
 def standing_start(recording: Recording) -> np.ndarray:
@@ -53,15 +53,16 @@ def standing_start(recording: Recording) -> np.ndarray:
     return imu.t < (encoders.t[moving[0]] if len(moving) else np.inf)
 
 
-def estimate_tilt(recording: Recording, config: TiltConfig) -> Tilt | None:
-    """Pitch and roll along a recording; each is 0 where it is below ``level_below``. None without an IMU.
+def estimate_tilt(recording: Recording, config: TiltConfig, inputs: Controls | None = None) -> Tilt | None:
+    """Pitch and roll along a recording, each 0 where it is below ``level_below``; None without encoders and IMU.
 
-    The lean of the accelerometer's own axes and the bias of the gyro are taken from the standing start, if there
-    is one: the robot is supposed to start on level ground.
+    The tilt of the accelerometer's own axes and the bias of the gyro are taken from the standing start, if there is
+    one: the robot is supposed to start on level ground. ``inputs`` are the recording's ``controls``, for callers that
+    have them already.
     """
     if recording.imu is None or recording.encoders is None:
         return None
-    inputs = controls(recording)
+    inputs = controls(recording) if inputs is None else inputs
     _, imu = recording.wheels_and_gyro()
     dt = np.diff(imu.t, prepend=imu.t[0])
     speed = _smoothed(np.interp(imu.t, 0.5 * (inputs.t[1:] + inputs.t[:-1]), inputs.v), dt, SPEED_SMOOTHING)
@@ -71,11 +72,11 @@ def estimate_tilt(recording: Recording, config: TiltConfig) -> Tilt | None:
     bias = imu.angular_velocity[still].mean(axis=0) if still.any() else np.zeros(3)
     level = imu.acceleration_g[still].mean(axis=0) if still.any() else np.zeros(3)
     gx, gy, gz = (imu.acceleration_g - [level[0], level[1], 0.0]).T
-    pitch_felt = np.arctan2(-(gx - forward / STANDARD_GRAVITY), gz)
-    roll_felt = np.arctan2(gy - sideways / STANDARD_GRAVITY, gz)
+    pitch_from_gravity = np.arctan2(-(gx - forward / STANDARD_GRAVITY), gz)
+    roll_from_gravity = np.arctan2(gy - sideways / STANDARD_GRAVITY, gz)
     rates = imu.angular_velocity - bias
-    pitch = _complementary(rates[:, 1], pitch_felt, dt, config.time_constant)
-    roll = _complementary(rates[:, 0], roll_felt, dt, config.time_constant)
+    pitch = _complementary(rates[:, 1], pitch_from_gravity, dt, config.time_constant)
+    roll = _complementary(rates[:, 0], roll_from_gravity, dt, config.time_constant)
     tilted = [np.where(np.abs(angle) < config.level_below, 0.0, angle) for angle in (pitch, roll)]
     return Tilt(imu.t, *tilted)
 
@@ -89,11 +90,13 @@ def _smoothed(values: np.ndarray, dt: np.ndarray, time_constant: float) -> np.nd
     return result
 
 
-def _complementary(rate: np.ndarray, felt: np.ndarray, dt: np.ndarray, time_constant: float) -> np.ndarray:
-    """An angle that follows ``rate`` (rad/s) at once and drifts back to ``felt`` (rad) with the time constant."""
+def _complementary(
+    rate: np.ndarray, measured: np.ndarray, dt: np.ndarray, time_constant: float
+) -> np.ndarray:
+    """An angle that follows ``rate`` (rad/s) at once and returns to ``measured`` (rad) with the time constant."""
     result, angle = np.empty_like(rate), 0.0
     turned = rate * dt
     for k, share in enumerate(np.minimum(1.0, dt / time_constant)):
-        angle = (1.0 - share) * (angle + turned[k]) + share * felt[k]
+        angle = (1.0 - share) * (angle + turned[k]) + share * measured[k]
         result[k] = angle
     return result

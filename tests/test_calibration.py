@@ -21,7 +21,7 @@ from pfslam.evaluation.calibration import (
 )
 from pfslam.evaluation.faults import first_seconds
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.events import scan_events, scan_motions
+from pfslam.events import Drive
 from pfslam.motion import dead_reckoning
 from pfslam.recording import Encoders, Imu, Recording
 from pfslam.runs import run_slam
@@ -182,8 +182,8 @@ def test_motions_are_those_of_the_events():
     """On slopes too: wheels measure along the slope, the map is seen from above."""
     recording = first_seconds(pfslam.load("ramp"), 60.0)
     config = replace(CONFIG, every=20)
-    events = list(scan_events(recording, config)[0])
-    motions = scan_motions(recording, config)
+    events = list(Drive.of(recording, config).events())
+    motions = Drive.of(recording, config).motion
     np.testing.assert_allclose(motions, [event.motion for event in events], atol=1e-12)
     assert any(event.struck_floor for event in events)
 

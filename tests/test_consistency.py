@@ -10,11 +10,11 @@ from pfslam.config import SlamConfig
 from pfslam.evaluation.faults import first_seconds, kidnap
 from pfslam.evaluation.trajectory import relations_error
 from pfslam.evaluation.trust import LEAST_PAST, LOST_BELOW, alarms, consistency, lost
-from pfslam.events import scan_events
+from pfslam.events import Drive
 from pfslam.io.formats import read_relations
 from pfslam.runs import run_slam
 from pfslam.simulator import HALL
-from pfslam.slam import StepInfo, slam_step, start
+from pfslam.slam import SlamState, StepInfo, slam_step
 
 CONFIG = replace(SlamConfig.refined(), particles=10)
 
@@ -128,10 +128,10 @@ def test_over_a_map_that_is_no_longer_drawn_the_score_stays_low(hall):
     taken = first_seconds(kidnap(hall, 50.0, 6.0), 58.0)
     begin = taken.encoders.t[0] + 50.0
     fixed = replace(CONFIG, draw_metres=np.inf, draw_radians=np.inf)
-    rng, state, run = np.random.default_rng(0), None, []
-    for event in scan_events(taken, CONFIG)[0]:
+    rng, state, run = np.random.default_rng(0), SlamState.start(CONFIG), []
+    for event in Drive.of(taken, CONFIG).events():
         config = CONFIG if event.t < begin else fixed
-        state, info = start(event, config, rng) if state is None else slam_step(state, event, config, rng)
+        state, info = slam_step(state, event, config, rng)
         run.append(info)
     late = np.array([info.t for info in run]) > begin + 1.0
     assert late.sum() > 40

@@ -1,5 +1,6 @@
 """The fast search gives the integers of the definition, everywhere and for every cloud."""
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,9 +8,7 @@ from hypothesis import strategies as st
 
 from pfslam import correlation
 from pfslam.correlation import (
-    MAX_FIELD_VALUE,
-    Lattice,
-    Window,
+    ScoreField,
     map_correlation,
     score_field,
     search,
@@ -19,7 +18,7 @@ from pfslam.grid import GridSpec
 from pfslam.poses import transform_points
 from pfslam.search import boxes
 from pfslam.search.boxes import cheapest_boxes
-from pfslam.search.lattice import distinct_nodes
+from pfslam.search.lattice import Lattice, Window, distinct_nodes
 
 SPEC = GridSpec((-1.0, -2.0), 0.5, (8, 6))
 
@@ -46,7 +45,7 @@ def by_definition(occupied, spec, points_b, node, lattice, window):
 
 
 def assert_search_is_the_definition(occupied, spec, points_b, poses, lattice, window):
-    field, seen = occupied.astype(np.float32), []
+    field, seen = score_field(occupied, "occupied"), []
     for found in search(field, spec, points_b, poses, lattice, window):
         for scores, node in zip(found.scores, found.nodes, strict=True):
             np.testing.assert_array_equal(
@@ -111,7 +110,7 @@ def test_wide_cloud_is_cut_into_boxes_with_the_same_scores():
     rng, occupied, spec, points = random_case(11, cells=(120, 140))
     centres = np.array([[-2.0, -2.0, -3.0], [2.0, 2.0, 0.0], [2.5, -2.0, 1.5]])
     poses = np.repeat(centres, 4, axis=0) + rng.normal(0, 0.02, (12, 3))
-    found = list(search(occupied.astype(np.float32), spec, points, poses, LATTICE, WINDOW))
+    found = list(search(score_field(occupied, "occupied"), spec, points, poses, LATTICE, WINDOW))
     assert len(found) > 1  # one volume over all three groups would hold 300 headings
     assert_search_is_the_definition(occupied, spec, points, poses, LATTICE, WINDOW)
 
@@ -190,7 +189,7 @@ def test_wide_cloud_over_a_distance_field_scores_whole_numbers():
             for score, pose in zip(scores, LATTICE.pose(node + WINDOW.steps()), strict=True):
                 cells = spec.world_to_cell(transform_points(pose, points))
                 ix, iy = cells[spec.contains(cells)].T
-                assert score == field[iy, ix].astype(int).sum()
+                assert score == field.values[iy, ix].astype(int).sum()
 
 
 @given(
@@ -235,8 +234,23 @@ def field_by_brute_force(occupied):
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.1, 0.5, 1.0])
 def test_distance_field_is_that_of_the_nearest_occupied_cell(share):
     occupied = np.random.default_rng(0).random((25, 35)) < share
-    np.testing.assert_array_equal(score_field(occupied, "distance"), field_by_brute_force(occupied))
-    np.testing.assert_array_equal(score_field(occupied, "occupied"), occupied)
+    field, count = score_field(occupied, "distance"), score_field(occupied, "occupied")
+    np.testing.assert_array_equal(field.values, field_by_brute_force(occupied))
+    np.testing.assert_array_equal(count.values, occupied)
+    assert field.values.dtype == count.values.dtype == np.float32
+    assert (field.top, count.top) == (1000, 1)
+
+
+@given(st.integers(0, 10_000), st.integers(1, 60), st.integers(1, 60), st.floats(0.0, 0.2))
+@settings(max_examples=100)
+def test_likelihood_field_is_that_of_the_exact_distance_transform(seed, height, width, share):
+    """OpenCV's exact transform as oracle, on maps of any shape, blank ones included."""
+    occupied = np.random.default_rng(seed).random((height, width)) < share
+    expected = np.zeros(occupied.shape)
+    if occupied.any():
+        away = cv2.distanceTransform((~occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        expected = np.where(away <= 4, np.rint(1000 * np.exp(-0.5 * away.astype(float) ** 2)), 0.0)
+    np.testing.assert_array_equal(score_field(occupied, "distance").values, expected)
 
 
 @given(st.integers(0, 10_000), st.sampled_from(["occupied", "distance"]))
@@ -247,17 +261,17 @@ def test_field_updated_around_a_change_is_the_field_computed_anew(seed, kind):
     after = before.copy()
     after[y0:y1, x0:x1] = rng.random((y1 - y0, x1 - x0)) < 0.1
     field = score_field(before, kind)
-    kept = field.copy()
-    found = updated_field(field, after, np.s_[int(y0) : int(y1), int(x0) : int(x1)], kind)
-    np.testing.assert_array_equal(found, score_field(after, kind))
-    np.testing.assert_array_equal(field, kept)
+    kept = field.values.copy()
+    found = updated_field(field, after, np.s_[int(y0) : int(y1), int(x0) : int(x1)])
+    np.testing.assert_array_equal(found.values, score_field(after, kind).values)
+    np.testing.assert_array_equal(field.values, kept)
 
 
 def test_sums_of_the_longest_scan_stay_exact_in_float32():
     # The largest sum that a scan of 16777 beams can reach is still a float32 whole number with a neighbour
     # one away.
     beams = 16_777
-    full = np.full((1, 1), MAX_FIELD_VALUE, dtype=np.float32)
+    full = ScoreField(np.full((1, 1), 1000, dtype=np.float32), "distance")
     found = search(
         full,
         GridSpec((-0.5, -0.5), 1.0, (1, 1)),
@@ -266,7 +280,7 @@ def test_sums_of_the_longest_scan_stay_exact_in_float32():
         Lattice(1.0, 0.1),
         Window(0, 0),
     )
-    assert int(next(iter(found)).scores[0, 0]) == beams * MAX_FIELD_VALUE < 2**24
+    assert int(next(iter(found)).scores[0, 0]) == beams * full.top < 2**24
 
 
 @pytest.mark.parametrize(

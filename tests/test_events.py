@@ -7,7 +7,7 @@ import pytest
 from rooms import ENCODER_STEP, LIDAR, ROOM, SQUARE, arcs, drive, ray_cast, sensor_position
 
 from pfslam.config import SlamConfig
-from pfslam.events import level_scan, scan_events, scan_motions, unswept
+from pfslam.events import Drive, deskewed, level_scan
 from pfslam.motion import dead_reckoning
 from pfslam.poses import between, rotation_matrix, transform_points
 from pfslam.recording import LidarScans
@@ -43,7 +43,7 @@ def off_the_walls(recording):
     """Distances (m) of all end points from the nearest wall, each scan laid at the true pose of its stamp."""
     a, e = ROOM[:, :2], ROOM[:, 2:] - ROOM[:, :2]
     found = []
-    for event in scan_events(recording, CONFIG)[0]:
+    for event in Drive.of(recording, CONFIG).events():
         at = transform_points(recording.truth.at(event.t), event.points_b)[:, None]
         s = np.clip(((at - a) * e).sum(axis=2) / (e**2).sum(axis=1), 0, 1)
         found.append(np.hypot(*(at - a - s[..., None] * e).transpose(2, 0, 1)).min(axis=1))
@@ -70,7 +70,7 @@ def test_a_scanner_that_says_nothing_is_taken_at_its_word():
 @pytest.mark.parametrize("beam", [0, 180, 360])
 def test_first_middle_and_last_beam_by_hand(beam):
     """A quarter turn and one metre ahead during the scan: half of it before the stamp, half after."""
-    point = unswept(np.array([[2.0, 0.0]]), np.array([beam]), LIDAR, np.array([1.0, 0.0, np.pi / 2]))[0]
+    point = deskewed(np.array([[2.0, 0.0]]), np.array([beam]), LIDAR, np.array([1.0, 0.0, np.pi / 2]))[0]
     share = beam / 360 - 0.5
     turn = share * np.pi / 2
     np.testing.assert_allclose(point, [share + 2 * np.cos(turn), 2 * np.sin(turn)], atol=1e-12)
@@ -81,14 +81,14 @@ def test_first_middle_and_last_beam_by_hand(beam):
 )
 def test_motions_asked_for_at_once_are_those_of_the_events(config):
     recording = drive(LEGS)
-    one_by_one = np.array([event.motion for event in scan_events(recording, config)[0]])
-    np.testing.assert_allclose(scan_motions(recording, config), one_by_one, atol=1e-12)
+    one_by_one = np.array([event.motion for event in Drive.of(recording, config).events()])
+    np.testing.assert_allclose(Drive.of(recording, config).motion, one_by_one, atol=1e-12)
 
 
 def test_before_its_first_and_after_its_last_moment_the_robot_stands():
     """Half of the first scan was measured before the odometry begins, half of the last after it ends."""
     recording, odometry = told(drive(LEGS), SWEEP), dead_reckoning(drive(LEGS))
-    events = list(scan_events(recording, CONFIG)[0])
+    events = list(Drive.of(recording, CONFIG).events())
     t0, t1 = odometry.t[[0, -1]]
     for event, (begin, end) in ((events[0], (t0, t0 + SWEEP / 2)), (events[-1], (t1 - SWEEP / 2, t1))):
         points, beams, _, _ = level_scan(
@@ -98,7 +98,7 @@ def test_before_its_first_and_after_its_last_moment_the_robot_stands():
             -np.inf,
         )
         motion = between(odometry.at(begin), odometry.at(end))
-        np.testing.assert_allclose(event.points_b, unswept(points, beams, LIDAR, motion), atol=1e-12)
+        np.testing.assert_allclose(event.points_b, deskewed(points, beams, LIDAR, motion), atol=1e-12)
 
 
 def test_pitch_and_roll_move_the_scanner_each_in_its_own_way():

@@ -7,14 +7,13 @@ import pytest
 
 import pfslam
 from pfslam.correlation import map_correlation
-from pfslam.errors import DataError
-from pfslam.events import scan_events
+from pfslam.evaluation import faults
 from pfslam.grid import LOG_4
 from pfslam.motion import Controls, controls
-from pfslam.particles import Particles
+from pfslam.particles import Particles, resample
 from pfslam.poses import Trajectory
 from pfslam.recording import LidarScans
-from pfslam.slam import slam_step, start
+from pfslam.slam import Parts
 from pfslam.teaching.ch08 import data as ch08_data
 from pfslam.teaching.ch08 import demos as ch08_demos
 from pfslam.teaching.ch08 import exhibit as ch08
@@ -28,12 +27,12 @@ from pfslam.teaching.ch08.filter import (
     heading_against_side,
     heading_if_placed,
     lab_run,
+    parents,
     plain_filter,
     self_match,
 )
 from pfslam.teaching.ch08.filter_exhibits import filter_faults, filter_runs
 from pfslam.teaching.ch08.map_exhibits import camera_faults, map_faults
-from pfslam.teaching.show import faults
 
 
 @pytest.fixture(scope="module")
@@ -92,33 +91,39 @@ def test_skipping_a_gap_loses_its_distance_and_nothing_else():
 
 def test_torn_rows_keep_each_column_and_break_the_pairs():
     poses = np.column_stack([np.arange(50.0), np.zeros(50), np.arange(50.0) / 100])
-    torn, rows = faults.tear(Particles(poses, np.zeros(50)), np.random.default_rng(0))
+    torn = faults.torn_rows(Particles(poses, np.zeros(50)), np.random.default_rng(0), "systematic")
     assert sorted(torn.poses[:, 0]) == sorted(poses[:, 0])
     assert sorted(torn.poses[:, 2]) == pytest.approx(sorted(poses[:, 2]))
+    rows = parents(Particles(poses, np.zeros(50)), torn)
     np.testing.assert_array_equal(torn.poses[:, 0], poses[rows, 0])
     assert np.mean(torn.poses[:, 0] / 100 == torn.poses[:, 2]) < 0.2
 
 
-def test_with_the_right_parts_the_laboratory_runs_the_filter_of_the_package(hall):
-    lab, config = ch08_data.cut(hall, 12.0, 16.0), plain_filter(20)
-    states = []
-    for part in ("package", "laboratory"):
-        rng, events = np.random.default_rng(3), scan_events(lab, config)[0]
-        state, _ = start(next(events), config, rng)
-        for event in events:
-            if part == "package":
-                state, _ = slam_step(state, event, config, rng)
-            else:
-                state, _ = faults.lab_step(state, event, config, rng, faults.Parts())
-        states.append(state)
-    np.testing.assert_array_equal(states[0].particles.poses, states[1].particles.poses)
-    np.testing.assert_allclose(states[0].particles.log_weights, states[1].particles.log_weights, rtol=1e-12)
-    np.testing.assert_array_equal(states[0].grid.log_odds, states[1].grid.log_odds)
+def test_the_laboratory_runs_the_filter_of_the_package(hall):
+    lab, config = faults.scans_between(hall, 12.0, 16.0), plain_filter(20)
+    here, there = lab_run(lab, config, seed=3), pfslam.run_slam(lab, config, rng=np.random.default_rng(3))
+    np.testing.assert_array_equal(here.state.grid.log_odds, there.grid.log_odds)
+    for info, (before, _), expected in zip(here.infos, here.clouds, there.infos[1:], strict=True):
+        np.testing.assert_array_equal(info.estimate, expected.estimate)
+        np.testing.assert_array_equal(before.poses, expected.particles.poses)
 
 
-def test_the_laboratory_refuses_a_configuration_with_polish(hall):
-    with pytest.raises(DataError, match="no polish"):
-        lab_run(ch08_data.cut(hall, 12.0, 14.0), replace(pfslam.SlamConfig.refined(), particles=2, every=20))
+def test_one_faulty_part_leaves_the_others_as_they_are(hall):
+    """Resampling is called with the cloud and the scheme of the configuration, and what it returns is the new cloud."""
+    lab, config = faults.scans_between(hall, 12.0, 16.0), replace(plain_filter(20), resampler="stratified")
+    calls = []
+
+    def watched(particles, rng, scheme):
+        calls.append((particles, faults.keep_weights(particles, rng, scheme)))
+        assert scheme == "stratified"
+        return calls[-1][1]
+
+    run = lab_run(lab, config, Parts(resample=watched), seed=3)
+    resampled = [pair for info, pair in zip(run.infos, run.clouds, strict=True) if info.resampled]
+    assert len(calls) == len(resampled) > 0
+    for (before, after), (given, returned) in zip(resampled, calls, strict=True):
+        np.testing.assert_array_equal(before.poses, given.poses)
+        assert after is returned
 
 
 # ---- what corrections give away, on made-up corrections
@@ -192,7 +197,7 @@ def test_track_beams_and_gap_show_in_the_raw_data(exhibits, hall):
     healthy, broken = reading(exhibits, "lost second")
     assert healthy == pytest.approx(0.0, abs=1e-9)
     assert 0.6 < broken < 1.1
-    silent = faults.gyro_gap(hall, 40.5, 1.0)
+    silent = faults.silent_gyro(hall, 40.5, 41.5)
     assert np.diff(controls(silent).t).max() > 1.0
 
 
@@ -240,11 +245,15 @@ def test_the_symptoms_of_the_filter_are_there(runs):
 def test_a_torn_cloud_cannot_learn_its_heading_from_its_place(hall):
     cloud, rng = cloud_without_scans(hall, 23.0, 4.0), np.random.default_rng(1)
     spreads = []
-    for resampled in (faults.whole_rows(cloud, rng)[0], faults.tear(cloud, rng)[0]):
+    for resampled in (resample(cloud, rng), faults.torn_rows(cloud, rng, "systematic")):
         heading, weights = heading_if_placed(resampled)
         spreads.append(np.sqrt(weights @ heading**2))
     assert spreads[1] > 1.5 * spreads[0]
-    assert abs(heading_against_side(faults.tear(cloud, rng)[0])) < 0.2 < heading_against_side(cloud)
+    assert (
+        abs(heading_against_side(faults.torn_rows(cloud, rng, "systematic")))
+        < 0.2
+        < heading_against_side(cloud)
+    )
 
 
 def test_standing_makes_sure_and_not_right():

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from pfslam.config import SearchConfig, SlamConfig
-from pfslam.correlation import Lattice, Window, map_correlation, score_field
+from pfslam.correlation import map_correlation, score_field
 from pfslam.grid import GridSpec
 from pfslam.matching import match, window_for
 from pfslam.poses import transform_points, wrap_angle
+from pfslam.search.lattice import Lattice, Window
 
 SPEC = GridSpec((-1.013, -1.021), 0.05, (40, 41))
 LATTICE = Lattice(0.05, 0.005)
@@ -37,7 +38,7 @@ def matched(occupied, points, poses, config, sigmas=SIGMAS, seed=1):
 
 def window_scores(occupied, points, pose, config):
     """For one particle: the lattice poses of its window and their scores, summed end point by end point."""
-    field = score_field(occupied, config.field).astype(int)
+    field = score_field(occupied, config.field).values.astype(int)
     steps = window_for(config, Lattice(0.05, config.yaw_step), *SIGMAS).steps()
     nodes = (np.rint(pose / [0.05, 0.05, config.yaw_step]) + steps) * [0.05, 0.05, config.yaw_step]
     scores = []
@@ -214,9 +215,9 @@ def test_prior_without_any_noise_pins_the_particle_to_its_prediction():
 def test_match_leaves_its_inputs_alone():
     occupied, points, poses = case(7)
     field = score_field(occupied, "distance")
-    copies = [a.copy() for a in (field, points, poses)]
+    copies = [a.copy() for a in (field.values, points, poses)]
     match(field, SPEC, points, poses, SIGMAS, CLIMB, np.random.default_rng(0))
-    for a, b in zip((field, points, poses), copies, strict=True):
+    for a, b in zip((field.values, points, poses), copies, strict=True):
         np.testing.assert_array_equal(a, b)
 
 

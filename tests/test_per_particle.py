@@ -10,18 +10,19 @@ from pfslam.config import MotionNoise, SlamConfig
 from pfslam.correlation import score_field
 from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.events import scan_events
-from pfslam.per_particle import Histories, per_particle_step, start_histories
+from pfslam.events import Drive
+from pfslam.per_particle import Histories, per_particle_step
+from pfslam.poses import compose
 from pfslam.runs import run_slam, slam_steps
-from pfslam.slam import start
+from pfslam.slam import SlamState, predict_motion
 
 DRIVE = drive(CURVES)
 CONFIG = replace(SlamConfig.per_particle(), particles=6)
 
 
 def test_all_begin_with_one_map_between_them():
-    event = next(scan_events(DRIVE, CONFIG)[0])
-    histories, info = start_histories(event, CONFIG, np.random.default_rng(0))
+    event = next(Drive.of(DRIVE, CONFIG).events())
+    histories, info = per_particle_step(Histories.start(CONFIG), event, CONFIG, np.random.default_rng(0))
     assert len(histories.states) == 6
     assert len({id(state.grid.log_odds) for state in histories.states}) == 1
     np.testing.assert_allclose(np.exp(histories.log_weights), 1 / 6)
@@ -31,9 +32,9 @@ def test_all_begin_with_one_map_between_them():
 def test_maps_differ_once_drawn_and_copies_share_them_again():
     """After a step each history has drawn a map of its own; resampling 0, 0, 1 needs two maps, not three."""
     config = replace(CONFIG, draw_metres=0.0, draw_radians=0.0, resample_below=0.0)
-    events = scan_events(DRIVE, config)[0]
+    events = Drive.of(DRIVE, config).events()
     rng = np.random.default_rng(1)
-    histories, _ = start_histories(next(events), config, rng)
+    histories, _ = per_particle_step(Histories.start(config), next(events), config, rng)
     histories, info = per_particle_step(histories, next(events), config, rng)
     assert not info.resampled
     assert len({id(state.grid.log_odds) for state in histories.states}) == 6
@@ -47,9 +48,9 @@ def test_maps_differ_once_drawn_and_copies_share_them_again():
 
 
 def test_a_step_leaves_the_histories_before_it_alone():
-    events = scan_events(DRIVE, CONFIG)[0]
+    events = Drive.of(DRIVE, CONFIG).events()
     rng = np.random.default_rng(2)
-    before, _ = start_histories(next(events), CONFIG, rng)
+    before, _ = per_particle_step(Histories.start(CONFIG), next(events), CONFIG, rng)
     maps = [state.grid.log_odds.copy() for state in before.states]
     for event in events:
         per_particle_step(before, event, CONFIG, rng)
@@ -63,14 +64,16 @@ def test_histories_at_rest_lose_nothing_and_take_half_the_room():
     *_, (histories, _) = slam_steps(DRIVE, config, np.random.default_rng(0))
     for history in histories.states:
         whole = history.opened()
-        assert (whole.field.dtype, whole.moments.slots.dtype) == (np.float32, np.int32)
-        np.testing.assert_array_equal(whole.field, score_field(history.grid.occupied, config.search.field))
+        assert (whole.field.values.dtype, whole.moments.slots.dtype) == (np.float32, np.int32)
+        np.testing.assert_array_equal(
+            whole.field.values, score_field(history.grid.occupied, config.search.field).values
+        )
         # Every slot is used by one cell, and row 0 by all the others.
         slots, cells = np.unique(whole.moments.slots, return_counts=True)
         np.testing.assert_array_equal(slots, np.arange(len(whole.moments.sums)))
         assert (cells[1:] == 1).all()
         kept = [a for s in (history.field, history.slots) for a in (s.index, s.values)]
-        assert sum(a.nbytes for a in kept) < 0.5 * (whole.field.nbytes + whole.moments.slots.nbytes)
+        assert sum(a.nbytes for a in kept) < 0.5 * (whole.field.values.nbytes + whole.moments.slots.nbytes)
 
 
 def test_histories_that_draw_nothing_go_on_sharing_everything():
@@ -110,13 +113,10 @@ def test_unsampled_motion_is_odometry_itself():
     config = replace(
         SlamConfig.matching(), search=replace(SlamConfig.matching().search), noise=MotionNoise(sampled=False)
     )
-    events = list(scan_events(DRIVE, config)[0])
-    state, _ = start(events[0], config, np.random.default_rng(0))
-    from pfslam.poses import compose
-    from pfslam.slam import predict_motion
-
-    moved, variance = predict_motion(state.particles, events[1], config, np.random.default_rng(0))
-    np.testing.assert_array_equal(moved.poses[0], compose(state.particles.poses[0], events[1].motion))
+    events = list(Drive.of(DRIVE, config).events())
+    particles = SlamState.start(config).particles
+    moved, variance = predict_motion(particles, events[1], config, np.random.default_rng(0))
+    np.testing.assert_array_equal(moved.poses[0], compose(particles.poses[0], events[1].motion))
     assert (variance > 0).all()  # the search still knows how far to look
 
 

@@ -8,7 +8,7 @@ import pytest
 from pfslam.config import SlamConfig
 from pfslam.datasets import load
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.events import level_scan, scan_events, scan_motions
+from pfslam.events import Drive, level_scan
 from pfslam.motion import controls
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, Recording
@@ -174,7 +174,9 @@ def test_a_flat_recording_is_untouched():
     with_tilt, without = (
         replace(SlamConfig.refined(), every=200, tilt=tilt) for tilt in (TiltConfig(), None)
     )
-    for a, b in zip(scan_events(recording, with_tilt)[0], scan_events(recording, without)[0], strict=True):
+    for a, b in zip(
+        Drive.of(recording, with_tilt).events(), Drive.of(recording, without).events(), strict=True
+    ):
         np.testing.assert_array_equal(a.points_b, b.points_b)
         assert a.struck_floor == 0
 
@@ -182,9 +184,9 @@ def test_a_flat_recording_is_untouched():
 def test_motions_asked_for_at_once_are_those_of_the_events_on_slopes_too():
     recording = load("ramp")
     config = replace(SlamConfig.refined(), every=20)
-    one_by_one = np.array([event.motion for event in scan_events(recording, config)[0]])
-    np.testing.assert_allclose(scan_motions(recording, config), one_by_one, atol=1e-12)
-    flat = scan_motions(recording, replace(config, tilt=None))
+    one_by_one = np.array([event.motion for event in Drive.of(recording, config).events()])
+    np.testing.assert_allclose(Drive.of(recording, config).motion, one_by_one, atol=1e-12)
+    flat = Drive.of(recording, replace(config, tilt=None)).motion
     assert np.abs(one_by_one - flat).max() > 1e-4
 
 

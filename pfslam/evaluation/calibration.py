@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.events import scan_motions
+from pfslam.events import Drive
 from pfslam.poses import between, compose
 from pfslam.recording import Recording
 from pfslam.runs import SlamResult
@@ -152,7 +152,7 @@ def matched_motion(recording: Recording, result: SlamResult) -> tuple[np.ndarray
     Only blocks count in which every scan was matched and no direction was left to odometry: where the map says
     nothing, the estimate is the odometry, and comparing the two would prove whatever one likes.
     """
-    motions = scan_motions(recording, result.config)
+    motions = Drive.of(recording, result.config).motion
     trajectory, infos = result.trajectory, result.infos
     if len(motions) != len(infos):
         raise DataError(

@@ -159,20 +159,30 @@ def effective_track(recording: Recording) -> float | None:
     Wheels that skid sideways make it wider than a ruler would. A negative one means that a sign is wrong, or that the
     sides are swapped.
     """
-    encoders, _ = recording.wheels_and_gyro()
     inputs = controls(recording)
     edges = np.arange(inputs.t[0], inputs.t[-1], 1.0)
-    right, left = encoders.counts[:, [0, 2]].mean(axis=1), encoders.counts[:, [1, 3]].mean(axis=1)
-    apart = np.cumsum(right - left) * recording.robot.encoders.metres_per_count
-    apart = np.diff(np.interp(edges, encoders.t, apart))
-    turned = np.diff(_turned(inputs, edges))
+    apart = np.diff(turned_by_wheels(recording, edges, track=1.0))
+    turned = np.diff(turned_by_gyro(inputs, edges))
     if np.abs(turned).sum() < 1.0:
         return None
     return float(apart @ turned / (turned @ turned))
 
 
+def turned_by_wheels(recording: Recording, t: np.ndarray, track: float) -> np.ndarray:
+    """Heading (rad) at times ``t (K,)`` from right less left wheels that stand ``track`` m apart."""
+    encoders, _ = recording.wheels_and_gyro()
+    right, left = encoders.counts[:, [0, 2]].mean(axis=1), encoders.counts[:, [1, 3]].mean(axis=1)
+    apart = np.cumsum(right - left) * recording.robot.encoders.metres_per_count
+    return np.interp(t, encoders.t, (apart - apart[0]) / track)
+
+
+def turned_by_gyro(inputs: Controls, t: np.ndarray) -> np.ndarray:
+    """Heading (rad) at times ``t (K,)`` from the yaw rates of the controls."""
+    return np.interp(t, inputs.t, np.concatenate([[0.0], np.cumsum(inputs.omega * np.diff(inputs.t))]))
+
+
 def scan_turn_fit(recording: Recording) -> tuple[float, float] | None:
-    """Turn seen by the LiDAR over turn felt by the gyro, and by how many seconds the scans' clock is late.
+    """Turn seen by the LiDAR over turn measured by the gyro, and by how many seconds the scans' clock is late.
 
     None if there are no scans, or no turns to compare. The odometry takes the gyro's place where there is none.
     """
@@ -186,12 +196,14 @@ def scan_turn_fit(recording: Recording) -> tuple[float, float] | None:
     good = np.isfinite(seen)
     t0, t1, seen = scans.t[first[good]], scans.t[second[good]], seen[good]
     shifts = np.arange(-LATEST, LATEST + 1e-9, 0.005)
-    felt = np.array([_turned(inputs, t1 - late) - _turned(inputs, t0 - late) for late in shifts])
-    if len(seen) < 20 or np.abs(felt).max() < 0.02 or not seen.any():
+    by_gyro = np.array(
+        [turned_by_gyro(inputs, t1 - late) - turned_by_gyro(inputs, t0 - late) for late in shifts]
+    )
+    if len(seen) < 20 or np.abs(by_gyro).max() < 0.02 or not seen.any():
         return None
-    likeness = (felt @ seen) / np.sqrt((felt**2).sum(axis=1) * (seen @ seen))
+    likeness = (by_gyro @ seen) / np.sqrt((by_gyro**2).sum(axis=1) * (seen @ seen))
     best = int(np.argmax(np.abs(likeness)))
-    return float(felt[best] @ seen / (felt[best] @ felt[best])), float(shifts[best])
+    return float(by_gyro[best] @ seen / (by_gyro[best] @ by_gyro[best])), float(shifts[best])
 
 
 def scan_turns(recording: Recording, first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -223,15 +235,10 @@ def _scan_pairs(inputs: Controls, scans: LidarScans) -> tuple[np.ndarray, np.nda
     inside = (scans.t[first] > inputs.t[0] + LATEST) & (scans.t[second] < inputs.t[-1] - LATEST)
     inside &= scans.t[second] - scans.t[first] < 10 * SCAN_STEP
     first, second = first[inside], second[inside]
-    turn = np.abs(_turned(inputs, scans.t[second]) - _turned(inputs, scans.t[first]))
+    turn = np.abs(turned_by_gyro(inputs, scans.t[second]) - turned_by_gyro(inputs, scans.t[first]))
     small = np.flatnonzero(turn < 0.8 * WIDEST_TURN)
     strongest = np.sort(small[np.argsort(-turn[small], kind="stable")[:MOST_PAIRS]])
     return first[strongest], second[strongest]
-
-
-def _turned(inputs: Controls, t: np.ndarray) -> np.ndarray:
-    """Angle (rad) that the controls turned up to times ``t``."""
-    return np.interp(t, inputs.t, np.concatenate([[0.0], np.cumsum(inputs.omega * np.diff(inputs.t))]))
 
 
 def _stamps(recording: Recording) -> dict[str, np.ndarray]:

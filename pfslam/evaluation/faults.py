@@ -1,7 +1,9 @@
-"""Harm done to a recording on purpose: each function takes a recording and gives a changed copy.
+"""Faults on purpose: what goes wrong with real robots and in real programs, each a small pure function.
 
-Times are seconds after the odometry's first stamp. What changes the clock leaves the camera out, because images are
-known by their number in the whole recording.
+A fault of the data takes a recording and gives a changed copy; one of the camera takes its model. A fault of the filter
+is a configuration, or takes the place of one of the ``Parts`` of ``slam_step``. Studies apply faults of the data by
+name (``DISTURBANCES``). Unless a function says otherwise, times are seconds after the odometry's first stamp. What
+changes the clock leaves the camera out, because images are known by their number in the whole recording.
 """
 
 from __future__ import annotations
@@ -12,12 +14,20 @@ from typing import Any
 
 import numpy as np
 
+from pfslam.config import SlamConfig
+from pfslam.correlation import ScoreField
 from pfslam.errors import DataError
+from pfslam.evaluation.checkup import turned_by_wheels
+from pfslam.grid import GridSpec
+from pfslam.matching import Matched, match
+from pfslam.motion import Controls
+from pfslam.particles import RESAMPLERS, Particles
 from pfslam.poses import Trajectory, between, compose
 from pfslam.recording import Encoders, Imu, LidarScans, Recording
+from pfslam.sensors import RgbdModel
 
 NO_RETURN = 0.0
-"""The range of a beam that nothing comes back from: below every scanner's least range."""
+"""The range of a beam that returned nothing: below every scanner's least range."""
 
 
 def start_time(recording: Recording) -> float:
@@ -33,9 +43,9 @@ def first_seconds(recording: Recording, seconds: float) -> Recording:
 
 
 def kidnap(recording: Recording, at: float, seconds: float) -> Recording:
-    """All streams cut for ``seconds`` from ``at`` on and the clocks closed up: the robot wakes up elsewhere.
+    """A kidnapped robot: all streams cut for ``seconds`` from ``at`` on, and the clocks closed up.
 
-    The odometry knows nothing of the way in between; the truth does, and jumps.
+    The odometry misses the way in between; the truth does not, and jumps.
     """
     begin = start_time(recording) + at
     end = begin + seconds
@@ -68,7 +78,7 @@ def blind(recording: Recording, begin: float, end: float) -> Recording:
 
 
 def range_noise(recording: Recording, sigma: float, rng: np.random.Generator) -> Recording:
-    """Every measured range gets normal noise of standard deviation ``sigma`` (m) on top of its own."""
+    """Normal noise of standard deviation ``sigma`` (m) on every measured range, on top of its own."""
     ranges, valid = _ranges(recording)
     noise = sigma * rng.standard_normal(ranges.shape, dtype=np.float32)
     return _with_ranges(recording, np.where(valid, ranges + noise, ranges))
@@ -88,6 +98,75 @@ def random_ranges(recording: Recording, share: float, rng: np.random.Generator) 
     lidar = recording.robot.lidar
     anything = rng.uniform(lidar.range_min, lidar.range_max, ranges.shape).astype(ranges.dtype)
     return _with_ranges(recording, np.where(wild, anything, ranges))
+
+
+def scans_between(recording: Recording, begin: float, end: float) -> Recording:
+    """The scans from ``begin`` to ``end`` s after the first one only; all other streams are kept whole."""
+    scans = recording.scans()
+    t = scans.t - scans.t[0]
+    some = (t >= begin) & (t < end)
+    return replace(recording, lidar=LidarScans(scans.t[some], scans.ranges[some]))
+
+
+def late_scans(recording: Recording, seconds: float) -> Recording:
+    """The LiDAR's clock runs ``seconds`` ahead: every scan is stamped that much too late."""
+    scans = recording.scans()
+    return replace(recording, lidar=LidarScans(scans.t + seconds, scans.ranges))
+
+
+def clockwise(recording: Recording) -> Recording:
+    """The scan is read in the wrong sense of rotation, as with a LiDAR mounted upside down."""
+    return _with_ranges(recording, recording.scans().ranges[:, ::-1].copy())
+
+
+def glass_pane(recording: Recording, first: int, beams: int) -> Recording:
+    """No fault of a program but of the world: ``beams`` beams from number ``first`` on never return."""
+    ranges = recording.scans().ranges.copy()
+    ranges[:, first : first + beams] = np.inf
+    return _with_ranges(recording, ranges)
+
+
+def renumbered(recording: Recording) -> Recording:
+    """Invalid ranges are thrown away and the rest numbered 0, 1, 2: the bearings no longer belong to them."""
+    ranges, valid = _ranges(recording)
+    order = np.argsort(~valid, axis=1, kind="stable")
+    return _with_ranges(recording, np.take_along_axis(np.where(valid, ranges, np.inf), order, axis=1))
+
+
+def lidar_at(recording: Recording, x: float, y: float) -> Recording:
+    """The program takes the LiDAR to sit at ``(x, y)`` m on the robot, wherever it really is."""
+    lidar = recording.robot.lidar
+    lidar = replace(lidar, position_b=(x, y, lidar.position_b[2]))
+    return replace(recording, robot=replace(recording.robot, lidar=lidar))
+
+
+def silent_gyro(recording: Recording, begin: float, end: float) -> Recording:
+    """The IMU sends nothing from ``begin`` to ``end``, both included."""
+    _, imu = recording.wheels_and_gyro()
+    t = imu.t - start_time(recording)
+    kept = (t < begin) | (t > end)
+    return replace(recording, imu=Imu(imu.t[kept], imu.angular_velocity[kept], imu.acceleration_g[kept]))
+
+
+def skip_gaps(controls: Controls, longest: float = 0.1) -> Controls:
+    """ "No gyro sample, so keep the old pose": intervals longer than ``longest`` s move the robot by nothing."""
+    there = np.diff(controls.t) <= longest
+    return Controls(controls.t, controls.v * there, controls.omega * there)
+
+
+def scaled_gyro(recording: Recording, factor: float) -> Recording:
+    """The gyro in other units (180 / pi: degrees), or with the wrong sign (-1)."""
+    _, imu = recording.wheels_and_gyro()
+    return replace(recording, imu=Imu(imu.t, factor * imu.angular_velocity, imu.acceleration_g))
+
+
+def heading_from_wheels(recording: Recording) -> Recording:
+    """The yaw rate of right less left wheels over the measured track, in the place of the gyro's."""
+    _, imu = recording.wheels_and_gyro()
+    turned = turned_by_wheels(recording, imu.t, recording.robot.encoders.track)
+    rates = imu.angular_velocity.copy()
+    rates[1:, recording.robot.imu.yaw_axis] = np.diff(turned) / np.diff(imu.t)
+    return replace(recording, imu=Imu(imu.t, rates, imu.acceleration_g))
 
 
 def _ranges(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
@@ -134,7 +213,7 @@ DISTURBANCES: dict[str, tuple[Callable, bool]] = {
 
 
 def disturb(recording: Recording, what: dict[str, Any], seed: int) -> Recording:
-    """Apply disturbances by name, each with random numbers of its own that follow from ``seed``.
+    """Faults of the data by name, each with random numbers of its own that follow from ``seed``.
 
     A value is the function's argument, or a tuple of them: ``{"seconds": 60.0, "blind": (20.0, 25.0)}``.
     """
@@ -147,3 +226,51 @@ def disturb(recording: Recording, what: dict[str, Any], seed: int) -> Recording:
             rng = (np.random.default_rng([stream, seed]),) if is_random else ()
             recording = function(recording, *arguments, *rng)
     return recording
+
+
+# Faults of the filter
+
+
+def keep_weights(particles: Particles, rng: np.random.Generator, scheme: str) -> Particles:
+    """Wrong resampling: each copy keeps the weight that won it its place, and so is paid twice."""
+    rows = RESAMPLERS[scheme](particles.weights, rng)
+    return Particles(particles.poses[rows], particles.log_weights[rows])
+
+
+def torn_rows(particles: Particles, rng: np.random.Generator, scheme: str) -> Particles:
+    """Wrong resampling: positions by one draw and headings by another."""
+    rows, others = (rng.permutation(RESAMPLERS[scheme](particles.weights, rng)) for _ in range(2))
+    poses = np.column_stack([particles.poses[rows, :2], particles.poses[others, 2]])
+    return Particles(poses, np.zeros(len(rows)))
+
+
+def match_without_translation(
+    field: ScoreField, spec: GridSpec, points_b: np.ndarray, poses: np.ndarray, *rest
+) -> Matched:
+    """Wrong matching: end points are (x, y, 0, 0) and not (x, y, 0, 1), so that a pose turns and never moves them."""
+    matched = match(field, spec, points_b, poses * [0.0, 0.0, 1.0], *rest)
+    return Matched(poses, matched.log_likelihood, matched.score)
+
+
+def every_beam_a_witness(config: SlamConfig, beams: int = 1081) -> SlamConfig:
+    """Wrong weights: the softmax of the count, worth ``exp(beams)``, as if the beams of a scan were independent."""
+    return replace(config, search=replace(config.search, sharpness=float(beams)))
+
+
+# Faults of the camera
+
+
+def swapped_centre(camera: RgbdModel) -> RgbdModel:
+    """The principal point in (row, column) order where pixels are (column, row): the K that the report prints."""
+    return replace(camera, centre_u=camera.centre_v, centre_v=camera.centre_u)
+
+
+def disparity_offset_by(camera: RgbdModel, counts: float) -> RgbdModel:
+    """The program's depth law for a camera whose disparities are ``counts`` larger than it believes."""
+    return replace(camera, disparity_offset=camera.disparity_offset + counts * camera.disparity_slope)
+
+
+def pairs_by_number(count_disparity: int, count_rgb: int) -> tuple[np.ndarray, np.ndarray]:
+    """Colour image i with depth image i, as if both cameras had taken the same pictures."""
+    i = np.arange(min(count_disparity, count_rgb))
+    return i, i

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pfslam.errors import DataError
+from pfslam.evaluation.trajectory import share_of
 from pfslam.grid import GridSpec
 from pfslam.poses import apply_transform, invert_transform, pose_to_transform
 from pfslam.sensors import RgbdModel
@@ -48,8 +49,8 @@ def texture_error(
     shift = np.hypot(*pattern_shifts(texture.rgb, right, true_rgb, floor).T)
     colour = np.abs(texture.rgb[right].astype(float) - true_rgb[right])
     return TextureError(
-        coverage=_share(texture.seen & could, could),
-        beyond_floor=_share(texture.seen & ~floor, texture.seen),
+        coverage=share_of(texture.seen & could, could),
+        beyond_floor=share_of(texture.seen & ~floor, texture.seen),
         position_median_cells=float(np.median(shift)) if len(shift) else np.nan,
         position_p95_cells=float(np.quantile(shift, 0.95)) if len(shift) else np.nan,
         patches=len(shift),
@@ -173,8 +174,3 @@ def _clear_line(spec: GridSpec, eye, points_w, blocked: np.ndarray) -> np.ndarra
     hit = np.zeros(inside.shape, dtype=bool)
     hit[inside] = blocked[cells[inside][:, 1], cells[inside][:, 0]]
     return np.logical_not(hit.any(axis=0))
-
-
-def _share(part: np.ndarray, whole: np.ndarray) -> float:
-    total = np.count_nonzero(whole)
-    return float(np.count_nonzero(part) / total) if total else np.nan

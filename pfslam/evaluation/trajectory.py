@@ -44,10 +44,11 @@ def trajectory_error(estimate: Trajectory, truth: Trajectory) -> TrajectoryError
     poses, true_poses = aligned_at_first(estimate, truth)
     distance = np.hypot(*(poses - true_poses)[:, :2].T)
     heading = wrap_angle(poses[:, 2] - true_poses[:, 2])
-    return TrajectoryError(_rms(distance), float(distance.max()), _degrees(_rms(heading)), len(poses))
+    return TrajectoryError(rms(distance), float(distance.max()), _degrees(rms(heading)), len(poses))
 
 
-def _rms(values: np.ndarray) -> float:
+def rms(values: np.ndarray) -> float:
+    """Root mean square of ``values``."""
     return float(np.sqrt(np.mean(values**2)))
 
 
@@ -83,7 +84,7 @@ def relative_error(estimate: Trajectory, truth: Trajectory, delta: int = 1) -> R
         raise DataError("relative_error", "delta", delta, f"1 to {last} (the truth covers {last + 1} poses)")
     poses, true_poses = estimate.poses[known], truth.at(estimate.t[known])
     error = between(between(true_poses[:-delta], true_poses[delta:]), between(poses[:-delta], poses[delta:]))
-    return RelativeError(_rms(np.hypot(*error[:, :2].T)), _degrees(_rms(error[:, 2])), len(error))
+    return RelativeError(rms(np.hypot(*error[:, :2].T)), _degrees(rms(error[:, 2])), len(error))
 
 
 @dataclass(frozen=True)
@@ -106,13 +107,14 @@ def map_agreement(grid: OccupancyGrid, true_occupied: np.ndarray, true_free: np.
     labelled = true_occupied | true_free
     occupied, free = grid.occupied & labelled, grid.free & labelled
     return MapAgreement(
-        occupied_iou=_share(occupied & true_occupied, occupied | true_occupied),
-        free_iou=_share(free & true_free, free | true_free),
-        known=_share(occupied | free, labelled),
+        occupied_iou=share_of(occupied & true_occupied, occupied | true_occupied),
+        free_iou=share_of(free & true_free, free | true_free),
+        known=share_of(occupied | free, labelled),
     )
 
 
-def _share(part: np.ndarray, whole: np.ndarray) -> float:
+def share_of(part: np.ndarray, whole: np.ndarray) -> float:
+    """Number of cells in one mask over that in another, NaN if the other is empty."""
     return np.count_nonzero(part) / np.count_nonzero(whole) if whole.any() else float("nan")
 
 

@@ -2,9 +2,9 @@
 
 There are two ways to score the windows of many nodes. One *volume* over the box that holds them all: every heading
 adds up patches as large as the box, so that windows that overlap are scored once; but so are the gaps between them.
-Or *each window by itself*, heading by heading: nothing is scored that nobody asked for, but what windows share is
-scored again and patches are small. Both copy patches of the map and add them up; they differ in how many patches and
-how large. So three numbers, measured once, say which is cheaper, and whether cutting a box in two would pay.
+Or *each window by itself*, heading by heading: only what is needed is scored, but what windows share is scored again
+and patches are small. Both copy patches of the map and add them up; they differ in how many patches and how large. So
+three numbers, measured once, say which is cheaper, and whether cutting a box in two would pay.
 """
 
 from __future__ import annotations
@@ -48,8 +48,17 @@ def box_cost(nodes: np.ndarray, reach: np.ndarray, cells: int) -> float:
     return min(volume_cost(extent, cells), windows_cost(len(nodes), extent[2], reach, cells))
 
 
+def lie_together(nodes: np.ndarray, reach: np.ndarray) -> bool:
+    """Whether all ``nodes (U, 3)`` lie within one window, so that one volume serves them and no cost need be estimated.
+
+    Their windows' scores must also fit into memory.
+    """
+    window = 2 * reach + 1
+    return bool((np.ptp(nodes, axis=0) < window).all()) and len(nodes) * int(np.prod(window)) <= MAX_SCORES
+
+
 def cheapest_boxes(nodes: np.ndarray, reach: np.ndarray, cells: int) -> list[np.ndarray]:
-    """Index arrays that part ``nodes (U, 3)`` into boxes, each scored in one go.
+    """Index arrays that divide ``nodes (U, 3)`` into boxes, each scored in one go.
 
     ``reach (3,)`` is the half width of a window in columns, rows and headings; ``cells`` the number of different
     cells that a scan falls into. A box is cut in two at its longest side for as long as the two halves together are

@@ -41,6 +41,11 @@ class Window:
         return 2 * self.yaws + 1, 2 * self.cells + 1, 2 * self.cells + 1
 
     @property
+    def reach(self) -> np.ndarray:
+        """Half width ``(3,)`` in columns, rows and headings."""
+        return np.array([self.cells, self.cells, self.yaws])
+
+    @property
     def centre(self) -> int:
         """Flat index of the node itself in its block."""
         return int(np.ravel_multi_index((self.yaws, self.cells, self.cells), self.shape))

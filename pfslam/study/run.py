@@ -13,7 +13,7 @@ from pfslam.config import SlamConfig
 from pfslam.datasets import data_folder, load
 from pfslam.evaluation.faults import disturb
 from pfslam.evaluation.trajectory import aligned_at_first, map_agreement, relations_error, trajectory_error
-from pfslam.events import used_scans
+from pfslam.events import Drive
 from pfslam.io.formats import read_relations
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
@@ -61,8 +61,7 @@ def figures(case: Case) -> dict[str, Any]:
     recording = disturb(source.recording, case.group("disturb."), case.get("seed"))
     odometry = dead_reckoning(recording)
     if case.get("method") == "dead-reckoning":
-        scans, _ = used_scans(recording, config)
-        t = recording.scans().t[scans]
+        t = Drive.of(recording, config).t
         return {"scans": len(t)} | errors(
             Trajectory(t, odometry.at(t)), odometry, recording, source.relations
         )

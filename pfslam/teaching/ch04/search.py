@@ -10,7 +10,7 @@ import numpy as np
 
 from pfslam.config import SearchConfig
 from pfslam.correlation import (
-    MAX_FIELD_VALUE,
+    ScoreField,
     map_correlation,
     score_field,
     score_volume,
@@ -115,7 +115,7 @@ def first_index_walk(scans: int) -> np.ndarray:
 def match_on_empty_map(place: Place, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Poses before and after the package's search where the map has no wall: ``(200, 3)`` each."""
     cloud = cloud_around(place.pose, PARTICLES, rng)
-    nothing = np.zeros_like(place.grid.log_odds)
+    nothing = score_field(np.zeros(place.grid.spec.shape, dtype=bool), "occupied")
     found = match(nothing, place.grid.spec, place.points_b, cloud, (0.05, 0.01), SearchConfig(), rng)
     return cloud, found.poses
 
@@ -149,34 +149,29 @@ def trials(recording: Recording, kind: str, every: int = 20, moving_after: float
             found = LATTICE.pose(box.nodes[0] + WINDOW.steps()[best])
             tied.append(len(best))
             miss.append(np.hypot(*(found - pose)[:, :2].T).mean())
-        grid, field = _drawn(
-            grid, field, kind, pose, points, np.flatnonzero(lidar.valid(scans.ranges[i])), lidar
-        )
+        grid, field = _drawn(grid, field, pose, points, np.flatnonzero(lidar.valid(scans.ranges[i])), lidar)
     return Trials(np.array(tied), np.array(miss))
 
 
-def _drawn(
-    grid: OccupancyGrid, field, kind: str, pose, points_b, beams, lidar
-) -> tuple[OccupancyGrid, np.ndarray]:
+def _drawn(grid: OccupancyGrid, field, pose, points_b, beams, lidar) -> tuple[OccupancyGrid, ScoreField]:
     """Map and score field after one more scan."""
     points = transform_points(pose, points_b)
     sensor = transform_points(pose, np.array([lidar.position_b[:2]]))
     larger = grid.covering(np.concatenate([points, sensor]))
     drawn, part = integrate_scan(larger, points, beams, sensor[0], MapConfig())
     if larger is not grid:
-        return drawn, score_field(drawn.occupied, kind)
-    return drawn, updated_field(field, drawn.occupied, part, kind)
+        return drawn, score_field(drawn.occupied, field.kind)
+    return drawn, updated_field(field, drawn.occupied, part)
 
 
 def fine_scores(place: Place, dx: np.ndarray, kind: str) -> np.ndarray:
     """Mean score per beam, from 0 to 1, for displacements ``dx`` (m) finer than a cell."""
     field, spec = score_field(place.grid.occupied, kind), place.grid.spec
-    best = MAX_FIELD_VALUE if kind == "distance" else 1
     scores = []
     for d in dx:
         cells = spec.world_to_cell(place.moved(dx=d))
         ix, iy = cells[spec.contains(cells)].T
-        scores.append(field[iy, ix].sum() / best / len(place.points_b))
+        scores.append(field.values[iy, ix].sum() / field.top / len(place.points_b))
     return np.array(scores)
 
 

@@ -1,5 +1,6 @@
 """What the notebook of chapter 08 calls."""
 
+from pfslam.evaluation.faults import keep_weights, late_scans
 from pfslam.teaching.ch08.camera import swap_angle_deg, swap_pixels
 from pfslam.teaching.ch08.checks import check_diagnosis, check_find_shift, check_looks_broken
 from pfslam.teaching.ch08.data import Turn, body_corrections, correction_fit, lever_fit
@@ -9,7 +10,6 @@ from pfslam.teaching.ch08.exhibit import clock_explorer, faults_explorer, readin
 from pfslam.teaching.ch08.filter_exhibits import errors_over_seeds, filter_faults, filter_runs
 from pfslam.teaching.ch08.map_exhibits import camera_faults, map_faults
 from pfslam.teaching.ch08.mystery import mystery, mystery_picture, mystery_table
-from pfslam.teaching.show.faults import keep_weights, late_scans
 from pfslam.teaching.show.source import show_source
 
 __all__ = [

@@ -12,7 +12,7 @@ from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import OccupancyGrid
 from pfslam.motion import Controls, controls, dead_reckoning, integrate, wheel_distance
 from pfslam.poses import Trajectory, between, transform_points, wrap_angle
-from pfslam.recording import LidarScans, Recording
+from pfslam.recording import Recording
 from pfslam.runs import run_slam
 from pfslam.sensors import scan_points
 from pfslam.teaching.show.figures import map_along
@@ -26,14 +26,6 @@ TURNS = (36.0, 52.0)
 CELL = 0.05
 HALF = 2**16
 """Cells each way from the origin that one number can tell apart: three kilometres."""
-
-
-def cut(recording: Recording, begin: float, end: float) -> Recording:
-    """The recording with the scans from ``begin`` to ``end`` s after the first only; all else is kept."""
-    scans = recording.scans()
-    t = scans.t - scans.t[0]
-    some = (t >= begin) & (t < end)
-    return replace(recording, lidar=LidarScans(scans.t[some], scans.ranges[some]))
 
 
 # ---- what odometry alone draws

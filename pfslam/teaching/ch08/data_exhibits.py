@@ -7,6 +7,16 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.axes import Axes
 
+from pfslam.evaluation.faults import (
+    glass_pane,
+    heading_from_wheels,
+    late_scans,
+    lidar_at,
+    renumbered,
+    scans_between,
+    silent_gyro,
+    skip_gaps,
+)
 from pfslam.grid import OccupancyGrid
 from pfslam.motion import controls
 from pfslam.recording import Recording
@@ -16,7 +26,6 @@ from pfslam.teaching.ch08.data import (
     TURNS,
     Corrections,
     corrections,
-    cut,
     distance_gap,
     drawn_by_odometry,
     ends_cut,
@@ -25,15 +34,6 @@ from pfslam.teaching.ch08.data import (
     turn_ratio,
 )
 from pfslam.teaching.ch08.exhibit import COLOUR, Exhibit, by_name, few_ticks, small_map
-from pfslam.teaching.show.faults import (
-    glass_pane,
-    gyro_gap,
-    heading_from_wheels,
-    late_scans,
-    lidar_at,
-    renumbered,
-    skip_gaps,
-)
 from pfslam.teaching.show.style import COLOURS
 
 DELAY = 0.15
@@ -42,15 +42,15 @@ MIRRORED_X = -0.13323
 """Where the program takes the LiDAR to be: behind the centre instead of in front of it (m)."""
 PANE = (300, 40)
 """First beam and number of beams of the glass pane."""
-GAP = (40.5, 1.0)
-"""Begin (s after the first scan) and length (s) of the IMU's silence."""
+GAP = (40.5, 41.5)
+"""Begin and end of the IMU's silence (s after the start)."""
 
 Panel = Callable[[Axes, str], str]
 
 
 def data_faults(recording: Recording) -> dict[str, Exhibit]:
     """The five faults of the data by name, each beside the healthy recording."""
-    part = cut(recording, *BENDS)
+    part = scans_between(recording, *BENDS)
     healthy = corrections(part)
     return by_name(
         clock_exhibit(recording, part, healthy),
@@ -82,7 +82,7 @@ def map_panel(grids: dict[str, OccupancyGrid]) -> Panel:
 
 def odometry_maps(healthy: Recording, broken: Recording) -> Panel:
     """The maps of the last seconds, with the half turn in the dead end."""
-    return map_panel(pair(*(drawn_by_odometry(cut(r, *TURNS)) for r in (healthy, broken))))
+    return map_panel(pair(*(drawn_by_odometry(scans_between(r, *TURNS)) for r in (healthy, broken))))
 
 
 def line_panel(points: dict[str, tuple[np.ndarray, np.ndarray, float]], x: str, y: str, words: str) -> Panel:
@@ -170,7 +170,7 @@ def beams_exhibit(recording: Recording) -> Exhibit:
     recordings = pair(glass, renumbered(glass))
 
     def draw(axes: Axes, state: str) -> str:
-        ranges = cut(recordings[state], *TURNS).scans().ranges[::8]
+        ranges = scans_between(recordings[state], *TURNS).scans().ranges[::8]
         missing = ~recording.robot.lidar.valid(ranges)
         axes.imshow(missing, cmap="binary", aspect="auto", interpolation="nearest")
         axes.grid(False)
@@ -187,9 +187,9 @@ def beams_exhibit(recording: Recording) -> Exhibit:
 
 def gap_exhibit(recording: Recording) -> Exhibit:
     """One second without gyro."""
-    silent = gyro_gap(recording, *GAP)
+    silent = silent_gyro(recording, *GAP)
     inputs = pair(controls(silent), skip_gaps(controls(silent)))
-    maps = {state: drawn_by_odometry(cut(silent, *TURNS), i) for state, i in inputs.items()}
+    maps = {state: drawn_by_odometry(scans_between(silent, *TURNS), i) for state, i in inputs.items()}
     reading = pair(metres_lost(silent), metres_lost(silent, skip_gaps))
 
     def draw(axes: Axes, state: str) -> str:

@@ -8,13 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pfslam.config import SlamConfig
+from pfslam.evaluation.faults import (
+    clockwise,
+    heading_from_wheels,
+    late_scans,
+    lidar_at,
+    scaled_gyro,
+    scans_between,
+)
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.particles import Particles, resample, reweight
 from pfslam.recording import Recording
 from pfslam.runs import run_slam
-from pfslam.teaching.ch08.data import BENDS, LAB, corrections, cut, turn_ratio
+from pfslam.teaching.ch08.data import BENDS, LAB, corrections, turn_ratio
 from pfslam.teaching.ch08.data_exhibits import DELAY, MIRRORED_X
-from pfslam.teaching.show.faults import clockwise, gyro_flipped, heading_from_wheels, late_scans, lidar_at
 from pfslam.teaching.show.tables import Shown
 
 
@@ -29,7 +36,7 @@ class Cure:
 
 def cures(recording: Recording) -> dict[str, Cure]:
     """Clock and lever arm, cured by the numbers that the corrections gave away."""
-    part = cut(recording, *BENDS)
+    part = scans_between(recording, *BENDS)
     healthy = corrections(part).ate
     late, moved = late_scans(part, DELAY), lidar_at(part, MIRRORED_X, 0.0)
     late_found, moved_found = corrections(late), corrections(moved)
@@ -58,13 +65,13 @@ class World:
 def mirrored_worlds(recording: Recording) -> dict[str, World]:
     """The healthy recording, the scan read in the wrong sense, and the gyro turned round as well."""
     flipped = clockwise(recording)
-    worlds = {"healthy": recording, "scan flipped": flipped, "both flipped": gyro_flipped(flipped)}
+    worlds = {"healthy": recording, "scan flipped": flipped, "both flipped": scaled_gyro(flipped, -1.0)}
     return {name: _world(world) for name, world in worlds.items()}
 
 
 def _world(recording: Recording) -> World:
     config = replace(SlamConfig.refined(), particles=20, every=20, tilt=None)
-    part = cut(recording, *BENDS)
+    part = scans_between(recording, *BENDS)
     result = run_slam(part, config, rng=np.random.default_rng(0), keep_particles=False)
     score = float(np.median([info.score for info in result.infos if info.matched]))
     error = trajectory_error(result.trajectory, part.true_path()).ate_rmse_m

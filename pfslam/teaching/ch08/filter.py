@@ -8,16 +8,15 @@ import numpy as np
 
 from pfslam.config import MotionNoise, SearchConfig, SlamConfig
 from pfslam.correlation import map_correlation
-from pfslam.evaluation.trajectory import aligned_at_first
-from pfslam.events import scan_events
+from pfslam.evaluation.trajectory import aligned_at_first, rms
+from pfslam.events import Drive
 from pfslam.grid import LOG_4, GridSpec, MapConfig, OccupancyGrid, integrate_scan
 from pfslam.motion import controls
 from pfslam.particles import ControlNoise, Particles, predict
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.sensors import LidarModel, scan_points
-from pfslam.slam import SlamState, start
-from pfslam.teaching.show.faults import LabInfo, Parts, lab_step
+from pfslam.slam import PARTS, Parts, SlamState, StepInfo, match_scan, slam_step
 
 
 def plain_filter(particles: int = 100) -> SlamConfig:
@@ -49,21 +48,30 @@ def plain_filter(particles: int = 100) -> SlamConfig:
 
 @dataclass(frozen=True, eq=False)
 class LabRun:
-    """A run of ``lab_step``: its infos, its last state, and its distance ``(K,)`` m from the truth at each step."""
+    """A run after its first scan: infos, the clouds before and after each resampling, its last state, the error.
 
-    infos: tuple[LabInfo, ...]
+    ``error (K,)`` is the distance (m) from the truth at each step. Where nothing was resampled both clouds are alike.
+    """
+
+    infos: tuple[StepInfo, ...]
+    clouds: tuple[tuple[Particles, Particles], ...]
     state: SlamState
     error: np.ndarray
 
     @property
     def ate(self) -> float:
         """Root mean square of the error (m)."""
-        return float(np.sqrt(np.mean(self.error**2)))
+        return rms(self.error)
 
     @property
     def spread(self) -> np.ndarray:
         """How far off the cloud thinks it may be (m): standard deviation of its positions, at each step."""
-        return np.array([np.hypot(*i.particles.poses[:, :2].std(axis=0)) for i in self.infos])
+        return np.array([np.hypot(*before.poses[:, :2].std(axis=0)) for before, _ in self.clouds])
+
+    @property
+    def resampled(self) -> list[tuple[Particles, Particles]]:
+        """The clouds before and after each resampling."""
+        return [pair for info, pair in zip(self.infos, self.clouds, strict=True) if info.resampled]
 
     @property
     def typical_spread(self) -> float:
@@ -77,27 +85,26 @@ class LabRun:
     @property
     def n_eff_share(self) -> np.ndarray:
         """N_eff / N before resampling, at each step."""
-        return np.array([i.effective_sample_size / len(i.particles) for i in self.infos])
+        return np.array([i.effective_sample_size / len(self.state.particles) for i in self.infos])
 
     @property
     def n_eff_after(self) -> float:
         """Mean of N_eff / N straight after resampling: 1 if the weights were made equal."""
-        return float(np.mean([n_eff_of(i.resampled) for i in self.infos if i.resampled is not None]))
+        return float(np.mean([n_eff_of(after) for _, after in self.resampled]))
 
     @property
     def families(self) -> np.ndarray:
         """How many of the first particles still have a descendant, after each step."""
-        ancestor, alive = np.arange(len(self.infos[0].particles)), []
-        for info in self.infos:
-            ancestor = ancestor[info.rows]
+        ancestor, alive = np.arange(len(self.state.particles)), []
+        for before, after in self.clouds:
+            ancestor = ancestor[parents(before, after)]
             alive.append(len(np.unique(ancestor)))
         return np.array(alive)
 
     @property
     def known_rows(self) -> float:
         """Share of the resampled poses that are, as whole rows, poses of the cloud they were drawn from."""
-        pairs = [(i.resampled, i.particles) for i in self.infos if i.resampled is not None]
-        return float(np.mean([known_share(new.poses, old.poses) for new, old in pairs]))
+        return float(np.mean([known_share(new.poses, old.poses) for old, new in self.resampled]))
 
     @property
     def score(self) -> float:
@@ -115,27 +122,32 @@ def known_share(new: np.ndarray, old: np.ndarray) -> float:
     return float(np.mean((new[:, None, :] == old).all(axis=2).any(axis=1)))
 
 
-def lab_run(recording: Recording, config: SlamConfig, parts: Parts | None = None, seed: int = 0) -> LabRun:
-    """The filter over a recording, with the right parts or wrong ones."""
-    parts, rng, infos = parts or Parts(), np.random.default_rng(seed), []
-    events = scan_events(recording, config)[0]
-    state, _ = start(next(events), config, rng)
-    for event in events:
-        state, info = lab_step(state, event, config, rng, parts)
-        infos.append(info)
+def parents(before: Particles, after: Particles) -> np.ndarray:
+    """From which particle of the cloud ``before`` the position of each one ``after`` came, ``(N,)``."""
+    return (after.poses[:, None, :2] == before.poses[:, :2]).all(axis=2).argmax(axis=1)
+
+
+def lab_run(recording: Recording, config: SlamConfig, parts: Parts = PARTS, seed: int = 0) -> LabRun:
+    """The filter over a recording, with its own parts or a wrong one among them."""
+    rng, state, infos, clouds = np.random.default_rng(seed), SlamState.start(config), [], []
+    for event in Drive.of(recording, config).events():
+        state, info = slam_step(state, event, config, rng, parts)
+        if info.matched and info.particles is not None:
+            infos.append(info)
+            clouds.append((info.particles, state.particles))
     path = Trajectory(np.array([i.t for i in infos]), np.array([i.estimate for i in infos]))
     poses, true_poses = aligned_at_first(path, recording.true_path())
-    return LabRun(tuple(infos), state, np.hypot(*(poses - true_poses)[:, :2].T))
+    return LabRun(tuple(infos), tuple(clouds), state, np.hypot(*(poses - true_poses)[:, :2].T))
 
 
 def shift_test(recording: Recording, run: LabRun, config: SlamConfig, parts: Parts, metres: float = 0.5):
     """Score per beam of the last scan with the cloud where it is, and with the cloud moved aside by ``metres``."""
     rng, state = np.random.default_rng(0), run.state
-    *_, event = scan_events(recording, config)[0]
+    *_, event = Drive.of(recording, config).events()
     moved = Particles(state.particles.poses + [metres, metres, 0.0], state.particles.log_weights)
-    arguments = (np.full(2, 1e-4), config, rng)
+    arguments = (np.full(2, 1e-4), config, rng, parts)
     return tuple(
-        float(parts.match(state, event, p, *arguments).score.mean()) for p in (state.particles, moved)
+        float(match_scan(state, event, p, *arguments).score.mean()) for p in (state.particles, moved)
     )
 
 

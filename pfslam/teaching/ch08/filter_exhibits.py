@@ -6,9 +6,17 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from pfslam.config import SlamConfig
-from pfslam.particles import Particles
+from pfslam.evaluation.faults import (
+    every_beam_a_witness,
+    keep_weights,
+    match_without_translation,
+    scans_between,
+    torn_rows,
+)
+from pfslam.particles import Particles, resample
 from pfslam.recording import Recording
-from pfslam.teaching.ch08.data import BENDS, cut
+from pfslam.slam import PARTS, Parts
+from pfslam.teaching.ch08.data import BENDS
 from pfslam.teaching.ch08.data_exhibits import Panel, pair
 from pfslam.teaching.ch08.exhibit import COLOUR, STATES, Exhibit, by_name, few_ticks
 from pfslam.teaching.ch08.filter import (
@@ -21,33 +29,25 @@ from pfslam.teaching.ch08.filter import (
     plain_filter,
     shift_test,
 )
-from pfslam.teaching.show.faults import (
-    Parts,
-    every_beam_a_witness,
-    keep_weights,
-    match_without_translation,
-    tear,
-    whole_rows,
-)
 from pfslam.teaching.show.style import COLOURS
 from pfslam.teaching.show.tables import Shown
 
 
 def filter_runs(recording: Recording, seed: int = 0) -> dict[str, LabRun]:
     """One run of the plain filter for each fault of the filter, and a healthy one."""
-    lab, config = cut(recording, *BENDS), plain_filter()
+    lab, config = scans_between(recording, *BENDS), plain_filter()
     return {
         "healthy": lab_run(lab, config, seed=seed),
         "too sharp": lab_run(lab, every_beam_a_witness(config), seed=seed),
         "kept weights": lab_run(lab, config, Parts(resample=keep_weights), seed),
-        "torn rows": lab_run(lab, config, Parts(resample=tear), seed),
+        "torn rows": lab_run(lab, config, Parts(resample=torn_rows), seed),
         "w = 0": lab_run(lab, config, Parts(match=match_without_translation), seed),
     }
 
 
 def filter_faults(recording: Recording, runs: dict[str, LabRun]) -> dict[str, Exhibit]:
     """The four faults of the filter by name, each beside the healthy run."""
-    lab, config = cut(recording, *BENDS), plain_filter()
+    lab, config = scans_between(recording, *BENDS), plain_filter()
     return by_name(
         sharp_exhibit(runs),
         kept_exhibit(runs),
@@ -108,7 +108,7 @@ def kept_exhibit(runs: dict[str, LabRun]) -> Exhibit:
 
     def draw(axes: Axes, state: str) -> str:
         for s, run in both.items():
-            after = [n_eff_of(i.resampled) for i in run.infos if i.resampled is not None]
+            after = [n_eff_of(cloud) for _, cloud in run.resampled]
             axes.plot(after, color=COLOUR[s], linewidth=2.2 if s == state else 0.8)
         few_ticks(axes, xlabel="resampling", ylabel="$N_{eff}/N$ after it", ylim=(0, 1.05))
         return f"straight after resampling N_eff / N is {reading[state]:.2f} in the mean"
@@ -122,8 +122,8 @@ def torn_exhibit(recording: Recording, runs: dict[str, LabRun]) -> Exhibit:
     both = pair(runs["healthy"], runs["torn rows"])
     cloud = cloud_without_scans(recording, 23.0, 4.0)
     after: dict[str, Particles] = {
-        "healthy": whole_rows(cloud, np.random.default_rng(1))[0],
-        "broken": tear(cloud, np.random.default_rng(1))[0],
+        "healthy": resample(cloud, np.random.default_rng(1)),
+        "broken": torn_rows(cloud, np.random.default_rng(1), "systematic"),
     }
 
     def symptom(axes: Axes, state: str) -> str:
@@ -155,7 +155,7 @@ def errors_over_seeds(recording: Recording, first: dict[str, LabRun], seeds: int
 def blind_exhibit(lab: Recording, config: SlamConfig, runs: dict[str, LabRun]) -> Exhibit:
     """Points that a pose turns but never moves."""
     both = pair(runs["healthy"], runs["w = 0"])
-    parts = pair(Parts(), Parts(match=match_without_translation))
+    parts = pair(PARTS, Parts(match=match_without_translation))
     scores = {s: shift_test(lab, both[s], config, parts[s]) for s in STATES}
 
     def draw(axes: Axes, state: str) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from pfslam.errors import DataError
+from pfslam.evaluation.faults import disparity_offset_by, pairs_by_number, swapped_centre
 from pfslam.grid import LOG_4
 from pfslam.recording import Recording
 from pfslam.teaching.ch08.camera import (
@@ -22,7 +23,6 @@ from pfslam.teaching.ch08.camera import (
 from pfslam.teaching.ch08.data_exhibits import pair
 from pfslam.teaching.ch08.exhibit import COLOUR, STATES, Exhibit, by_name, few_ticks, small_map
 from pfslam.teaching.ch08.filter import best_shift, door_map, door_scans, self_match
-from pfslam.teaching.show.faults import disparity_offset_by, pairs_by_number, swapped_centre
 from pfslam.teaching.show.style import COLOURS
 
 COUNTS = 20.0

@@ -6,6 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pfslam.evaluation.faults import (
+    glass_pane,
+    heading_from_wheels,
+    late_scans,
+    lidar_at,
+    renumbered,
+    scans_between,
+    silent_gyro,
+    skip_gaps,
+)
 from pfslam.grid import OccupancyGrid
 from pfslam.motion import controls
 from pfslam.recording import Recording
@@ -14,22 +24,12 @@ from pfslam.teaching.ch08.data import (
     LAB,
     TURNS,
     corrections,
-    cut,
     drawn_by_odometry,
     ends_cut,
     metres_lost,
     turn_ratio,
 )
 from pfslam.teaching.ch08.exhibit import few_ticks, small_map
-from pfslam.teaching.show.faults import (
-    glass_pane,
-    gyro_gap,
-    heading_from_wheels,
-    late_scans,
-    lidar_at,
-    renumbered,
-    skip_gaps,
-)
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import new_figure
 from pfslam.teaching.show.tables import Shown
@@ -62,7 +62,8 @@ def with_fault(recording: Recording, fault: str, rng: np.random.Generator) -> Re
     if fault == "renumbered beams":
         return renumbered(pane)
     if fault == "lost second":
-        return gyro_gap(recording, float(rng.uniform(38.5, 41.0)), 1.0)
+        begin = float(rng.uniform(38.5, 41.0))
+        return silent_gyro(recording, begin, begin + 1.0)
     return pane  # a healthy robot may meet glass
 
 
@@ -71,11 +72,11 @@ def measured(letter: str, fault: str, recording: Recording, healthy: Recording) 
     skips = fault == "lost second"
     lost = metres_lost(recording, skip_gaps) if skips else metres_lost(recording)
     inputs = skip_gaps(controls(recording)) if skips else None
-    found = corrections(cut(recording, *BENDS))
+    found = corrections(scans_between(recording, *BENDS))
     ratio = turn_ratio(recording, healthy, *LAB)
     values = (found.delay, float(found.lever[0]), ratio, ends_cut(recording), lost)
     numbers = {name: round(value, 2) + 0.0 for name, value in zip(COLUMNS, values, strict=True)}
-    return MysteryRobot(letter, fault, numbers, drawn_by_odometry(cut(recording, *TURNS), inputs))
+    return MysteryRobot(letter, fault, numbers, drawn_by_odometry(scans_between(recording, *TURNS), inputs))
 
 
 def mystery(recording: Recording, seed: int, robots: int = 4) -> list[MysteryRobot]:

@@ -141,7 +141,7 @@ def heading_errors(tilt: float, rng: np.random.Generator) -> tuple[float, float]
         points, beams = corridor_scan(tilt, walls, rng)
         grid, _ = integrate_scan(grid, points, beams, np.zeros(2), SlamConfig.refined().map)
         moments = moments.add(points)
-    field, (points, _) = score_field(grid.occupied, "distance"), corridor_scan(tilt, walls, rng)
+    field, (points, _) = score_field(grid.occupied, "distance").values, corridor_scan(tilt, walls, rng)
     yaws = np.deg2rad(np.linspace(-1.0, 1.0, 51))
     cells = [LOCK_SPEC.world_to_cell(transform_points(np.array([0.0, 0.0, yaw]), points)) for yaw in yaws]
     best = float(yaws[np.argmax([field[c[:, 1], c[:, 0]].sum() for c in cells])])

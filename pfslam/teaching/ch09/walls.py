@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pfslam.correlation import MAX_FIELD_VALUE, score_field
+from pfslam.correlation import score_field
 from pfslam.grid import GridSpec, trace_rays
 
 SPEC = GridSpec((-4.0, -3.0), 0.05, (120, 160))
@@ -35,7 +35,8 @@ def scan_without_inner_wall() -> np.ndarray:
 def field_score(occupied: np.ndarray, points: np.ndarray) -> float:
     """Mean score per beam, from 0 to 1, in the distance field."""
     ix, iy = SPEC.world_to_cell(points).T
-    return float(np.mean(score_field(occupied, "distance")[iy, ix]) / MAX_FIELD_VALUE)
+    field = score_field(occupied, "distance")
+    return float(np.mean(field.values[iy, ix]) / field.top)
 
 
 def blocked(occupied: np.ndarray, cells: np.ndarray) -> bool:

@@ -13,13 +13,19 @@ from matplotlib.figure import Figure
 import pfslam
 from pfslam.datasets import data_folder
 from pfslam.evaluation.checkup import Finding, check_up
-from pfslam.evaluation.faults import first_seconds, missing_beams
+from pfslam.evaluation.faults import (
+    clockwise,
+    first_seconds,
+    late_scans,
+    missing_beams,
+    scaled_gyro,
+    silent_gyro,
+)
 from pfslam.motion import controls
 from pfslam.poses import Trajectory, transform_points
-from pfslam.recording import Encoders, Imu, Recording
+from pfslam.recording import Encoders, Recording
 from pfslam.runs import SlamResult
 from pfslam.sensors import scan_points
-from pfslam.teaching.show.faults import clockwise, gyro_flipped, gyro_gap, late_scans
 from pfslam.teaching.show.figures import draw_trajectory, map_along, map_figure, trajectory_figure
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, INK, metric_axes, new_figure
@@ -35,12 +41,6 @@ def with_counts(recording: Recording, counts: np.ndarray) -> Recording:
     return replace(recording, encoders=Encoders(encoders.t, counts))
 
 
-def gyro_in_degrees(recording: Recording) -> Recording:
-    """Return the recording with the gyro's degrees per second taken for radians per second."""
-    _, imu = recording.wheels_and_gyro()
-    return replace(recording, imu=Imu(imu.t, np.rad2deg(imu.angular_velocity), imu.acceleration_g))
-
-
 def wrapped(counts: np.ndarray, bits: int = 8) -> np.ndarray:
     """What careless differences make of a counter of so many bits: the increments ``(K, 4)``, jumps included."""
     readings = np.cumsum(counts, axis=0) % 2**bits
@@ -51,12 +51,12 @@ FAULTS: dict[str, Callable[[Recording], Recording]] = {
     HEALTHY: lambda r: r,
     "running totals": lambda r: with_counts(r, np.cumsum(r.wheels_and_gyro()[0].counts, axis=0)),
     "8-bit counter": lambda r: with_counts(r, wrapped(r.wheels_and_gyro()[0].counts)),
-    "gyro in degrees": gyro_in_degrees,
-    "gyro flipped": gyro_flipped,
+    "gyro in degrees": lambda r: scaled_gyro(r, float(np.rad2deg(1.0))),
+    "gyro flipped": lambda r: scaled_gyro(r, -1.0),
     "beams backwards": clockwise,
-    "both mirrored": lambda r: clockwise(gyro_flipped(r)),
+    "both mirrored": lambda r: clockwise(scaled_gyro(r, -1.0)),
     "scans 150 ms late": lambda r: late_scans(r, 0.15),
-    "gyro silent for 3 s": lambda r: gyro_gap(r, 30.0, 3.0),
+    "gyro silent for 3 s": lambda r: silent_gyro(r, 30.0, 33.0),
     "60 % of beams lost": lambda r: missing_beams(r, 0.6, np.random.default_rng(0)),
 }
 """By name: what some loader or some cable does to a recording."""
