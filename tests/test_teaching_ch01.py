@@ -1,11 +1,10 @@
-"""What chapter 01 claims about clocks, tracks and smoothing, on drives whose answers are known beforehand."""
+"""What chapter 01 claims about steps, tracks and smoothing, on drives whose answers are known beforehand."""
 
 import numpy as np
 import pytest
 
-from pfslam.motion import Controls
+from pfslam.motion import Controls, integrate, motion_model_arc
 from pfslam.recording import Encoders, Imu, LidarScans, Recording
-from pfslam.teaching.ch01 import clocks as ch01_clocks
 from pfslam.teaching.ch01 import turns as ch01_turns
 
 WIDTH, RATE = 0.7, 0.5
@@ -26,23 +25,6 @@ def circle():
         imu=Imu(t_imu, rate, np.zeros_like(rate)),
         lidar=LidarScans(t + 0.001, np.ones((len(t), 1081))),
     )
-
-
-def test_nearest_readings_lose_what_the_sum_keeps(circle):
-    every_scan, all_of_it = ch01_clocks.paired_lengths(circle, 1)
-    a_fifth, still_all = ch01_clocks.paired_lengths(circle, 5)
-    metres = SECONDS / 0.025 * 10 * 0.0022
-    assert every_scan == pytest.approx(metres, rel=0.01)
-    assert all_of_it == pytest.approx(metres, rel=0.01)
-    assert a_fifth == pytest.approx(metres / 5, rel=0.01)
-    assert still_all == pytest.approx(metres, rel=0.01)
-
-
-def test_a_silent_second_costs_the_skipping_loop_its_way(circle):
-    lost = ch01_clocks.length_if_gyro_spoke(circle) - ch01_clocks.length_if_gyro_spoke(
-        ch01_clocks.without_gyro(circle, 5.0, 1.0)
-    )
-    assert lost == pytest.approx(40 * 8 * 0.0022, abs=2 * 8 * 0.0022)  # 40 readings, give or take the edges
 
 
 def test_the_effective_track_is_found(circle):
@@ -68,3 +50,14 @@ def test_no_smoothing_changes_nothing_and_a_cut_turn_is_short():
     np.testing.assert_allclose(ch01_turns.smoothed(inputs, 0.0).omega, inputs.omega)
     degrees, _ = ch01_turns.smoothing_errors(inputs, 0.5)
     assert degrees == pytest.approx(np.rad2deg(0.25), abs=0.5)
+
+
+def test_the_corners_of_euler_steps_lie_on_a_circle_turned_by_half_a_step_and_hardly_larger():
+    v, omega, tau, n = 1.0, 0.8, 0.5, 12
+    inputs = Controls(tau * np.arange(n + 1), np.full(n, v), np.full(n, omega))
+    euler, arc = integrate(inputs).poses[:, :2], integrate(inputs, model=motion_model_arc).poses[:, :2]
+    half = omega * tau / 2
+    turned = arc @ np.array(
+        [[np.cos(half), -np.sin(half)], [np.sin(half), np.cos(half)]]
+    )  # by -half, in rows
+    np.testing.assert_allclose(euler, turned * half / np.sin(half), atol=1e-12)

@@ -149,7 +149,8 @@ def _if_near(index: np.ndarray, t, query, max_gap) -> np.ndarray:
 STAMP_MISTAKES = [
     (
         IndexError,
-        "Your function stops with an IndexError. A query may come after the last stamp, and there is no reading there: "
+        "Your function stops with an IndexError. A query may come after the last stamp, and there is no "
+        "reading there: "
         "the camera goes on after everything else has ended.",
     ),
     (
@@ -201,7 +202,7 @@ STAMP_MISTAKES = [
         lambda t, q, gap: _if_near(_apart(t, q).argmin(axis=1), t, q, 1e-3 * gap),
         "max_gap is in seconds, as the stamps are: there is nothing to convert.",
     ),
-]  # fmt: skip
+]
 
 
 def check_nearest_within(theirs: Callable) -> Check:
@@ -295,7 +296,7 @@ WORLD_MISTAKES = [
         lambda pose, p: p[:, ::-1] @ rotation(pose[2]).T + pose[:2],
         "The points' x and y are swapped: the first column is x.",
     ),
-]  # fmt: skip
+]
 
 
 def check_to_world(theirs: Callable) -> Check:
@@ -395,7 +396,7 @@ DISTANCE_MISTAKES = [
         lambda s, t, c, m: distance_at(s, t, c, 1.0),
         "Those are counts. Each count is worth metres_per_count metres.",
     ),
-]  # fmt: skip
+]
 
 
 def check_distance_at(theirs: Callable) -> Check:

@@ -2,18 +2,12 @@
 
 from pfslam.teaching.ch01.checks import (
     check_arc,
-    check_distance_between,
+    check_dead_reckon,
     check_gyro_bias,
     check_path_length,
 )
-from pfslam.teaching.ch01.clocks import (
-    counts_picture,
-    length_if_gyro_spoke,
-    paired_lengths,
-    speed_explorer,
-    without_gyro,
-)
 from pfslam.teaching.ch01.odometry import (
+    arcs_picture,
     calibrated,
     calibration_explorer,
     circle_picture,
@@ -31,34 +25,28 @@ from pfslam.teaching.ch01.turns import (
     track_picture,
 )
 from pfslam.teaching.show.drives import at_rate, length
-from pfslam.teaching.show.source import (
-    show_source,
-)
+from pfslam.teaching.show.source import show_source
 
 __all__ = [
+    "arcs_picture",
     "at_rate",
     "calibrated",
     "calibration_explorer",
     "check_arc",
-    "check_distance_between",
+    "check_dead_reckon",
     "check_gyro_bias",
     "check_path_length",
     "circle_picture",
-    "counts_picture",
     "distance",
     "effective_track",
     "hand_encoders",
     "heading_error_picture",
     "length",
-    "length_if_gyro_spoke",
     "opinion_picture",
-    "paired_lengths",
     "readings_of_equation_19",
     "show_source",
     "smoothing_explorer",
-    "speed_explorer",
     "speed_picture",
     "track_picture",
     "two_paths_picture",
-    "without_gyro",
 ]

@@ -1,184 +1,439 @@
-"""Checks of the exercises of chapter 01. Each takes the student's function and says what is wrong in words."""
+"""Checks of the exercises of chapter 01: each takes the reader's function and says in words what is wrong with it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
-from pfslam.motion import Controls, integrate
-from pfslam.teaching.show.checks import Check, attempt, hint, is_unanswered, not_a_number, passed, unanswered
+from pfslam.motion import Controls, integrate, motion_model, motion_model_arc
+from pfslam.poses import wrap_angle
+from pfslam.teaching.show.checks import Check, compare
 
-METRES_PER_COUNT = 0.0022
-TRUE_BIAS = 0.004  # rad/s, of the made-up gyro
+# ---- exercise 1: the distance in raw counts
 
 
-def check_path_length(path_length) -> Check:
-    """Whether ``path_length(counts, metres_per_count)`` is right for a drive of a few readings."""
-    counts = np.array([[0, 0, 0, 0], [10, 12, 10, 12], [20, 18, 20, 18], [16, 14, 16, 14]])
-    expected = 45 * METRES_PER_COUNT
-    answer = attempt(path_length, counts, METRES_PER_COUNT)
-    verdict = not_a_number(answer, "metres")
-    if verdict is not None:
-        return verdict
-    if np.isclose(answer, expected):
-        return passed(f"45 counts on average, {expected:.4f} m.")
-    wrong = {
-        4 * expected: "Four times too long: you added the wheels. The chassis centre travels their mean.",
-        45.0: "That is in counts. Each count is worth metres_per_count metres.",
-        15 * METRES_PER_COUNT: "You took counts for a running total, by difference or by the last reading. "
-        "Each reading is already the increment since the one before.",
-        45 * METRES_PER_COUNT / 4: "That is the mean over the readings. The distance is their sum.",
-    }
-    for value, words in wrong.items():
-        if np.isclose(answer, value):
-            return hint(words)
-    return hint(
-        f"For the counts {counts.tolist()} your function returns {answer:.4f} m, expected {expected:.4f} m."
+def _counts_case(seed: int) -> tuple:
+    """Counts of four wheels that differ, and the metres per count."""
+    rng = np.random.default_rng(seed)
+    counts = rng.integers(3, 30, 9)[:, None] + rng.integers(0, 10, (9, 4))
+    return counts, (0.0022, 0.0031, 0.0017, 0.0022)[seed]
+
+
+def path_length(counts, metres_per_count) -> float:
+    """The right answer of exercise 1."""
+    return float(np.mean(counts, axis=1).sum() * metres_per_count)
+
+
+def _wheels(one: Callable) -> Callable:
+    """A wrong length, with another way to make one number of four wheels."""
+    return lambda counts, metres: one(np.asarray(counts)).sum() * metres
+
+
+LENGTH_MISTAKES = [
+    (
+        _wheels(lambda c: c.sum(axis=1)),
+        "Four times too long: you added the wheels. The chassis centre travels their mean.",
+    ),
+    (lambda c, m: path_length(c, 1.0), "That is in counts. Each count is worth metres_per_count metres."),
+    (
+        _wheels(lambda c: c[-1:].mean(axis=1)),
+        "You take the last reading for a running total. Each reading is the increment "
+        "since the one before: add them all.",
+    ),
+    (
+        lambda c, m: (c[-1] - c[0]).mean() * m,
+        "You take counts for a running total, by difference. Each reading is already "
+        "the increment since the one before.",
+    ),
+    (
+        _wheels(lambda c: c.mean(axis=1).mean()),
+        "That is the mean over the readings. The distance is their sum.",
+    ),
+    (
+        _wheels(lambda c: c[1:].mean(axis=1)),
+        "The first reading is left out, and it belongs to the drive too.",
+    ),
+    (
+        _wheels(lambda c: c[:, :2].mean(axis=1)),
+        "You use the front wheels only; the mean of all four is asked for.",
+    ),
+    (
+        _wheels(lambda c: c[:, 2:].mean(axis=1)),
+        "You use the rear wheels only; the mean of all four is asked for.",
+    ),
+    (
+        _wheels(lambda c: c[:, ::3].mean(axis=1)),
+        "You use two wheels only; the mean of all four is asked for.",
+    ),
+    (_wheels(lambda c: c[:, 0]), "You use one wheel only; the mean of all four is asked for."),
+    (
+        _wheels(lambda c: np.median(c, axis=1)),
+        "That is the median of the wheels. The chassis centre travels their mean.",
+    ),
+    (
+        _wheels(lambda c: 0.5 * (c.min(axis=1) + c.max(axis=1))),
+        "That is the middle between the slowest and the fastest wheel. The mean of all four is asked for.",
+    ),
+    (
+        _wheels(lambda c: c.sum(axis=1) // 4),
+        "// drops the rest of a division, up to three quarters of a count in each reading. Divide with /.",
+    ),
+    (lambda c, m: c.sum() // 4 * m, "// drops the rest of a division. Divide with /."),
+]
+
+
+def check_path_length(theirs: Callable) -> Check:
+    """Whether ``path_length(counts, metres_per_count)`` adds up the mean of the four wheels."""
+    cases = [_counts_case(seed) for seed in range(4)]
+    return compare(
+        theirs, path_length, cases, mistakes=LENGTH_MISTAKES, praise="The mean of the wheels, summed."
     )
 
 
-def bias_recording() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stamps, yaw rate and speed of a made-up drive: 10 s still, 40 s of left turns, 10 s still."""
-    t = np.arange(0.0, 60.0, 0.01)
-    driving = (t >= 10.0) & (t < 50.0)
-    yaw_rate = TRUE_BIAS + 0.02 * np.exp(-t / 0.5) + np.where(driving, 0.3, 0.0)
-    return t, yaw_rate, np.where(driving, 1.0, 0.0)
+# ---- exercise 2: the bias of a gyro
+
+WARM = 3.0  # s after which the made-up gyro has warmed up
+RESTS = ((0.0, 15.0), (35.0, 41.0), (58.0, 80.0))
 
 
-def check_gyro_bias(gyro_bias) -> Check:
-    """Whether ``gyro_bias(t, yaw_rate, speed)`` finds the bias of a made-up gyro that warms up and then turns."""
-    t, yaw_rate, speed = bias_recording()
-    answer = attempt(gyro_bias, t, yaw_rate, speed)
-    verdict = not_a_number(answer, "rad/s")
-    if verdict is not None:
-        return verdict
-    warm = t > 2.0
-    if abs(answer - TRUE_BIAS) < 0.02 * TRUE_BIAS:
-        return passed(f"{answer:.4f} rad/s, from the time when the robot stood still and the gyro was warm.")
-    if abs(answer - yaw_rate.mean()) < 1e-4 or abs(answer - yaw_rate[warm].mean()) < 1e-4:
-        return hint("You average over the whole drive. Turning is in it too: here 40 s of left turns.")
-    if answer > 2 * TRUE_BIAS and answer < 0.03:
-        return hint("You trust the first second or so, when the gyro warms up. Use all the time at rest.")
-    if abs(answer - yaw_rate[speed == 0].mean()) < 0.02 * TRUE_BIAS:
-        return hint(
-            "Close: the first seconds, while the gyro warms up, are still in your mean. Leave them out."
-        )
-    if abs(answer + TRUE_BIAS) < 0.2 * TRUE_BIAS:
-        return hint("The sign: the bias is what the gyro shows at rest; it is subtracted later.")
-    return hint(
-        f"Your function finds {answer:.5f} rad/s. The robot stands still where speed is 0; look there."
+def _gyro_case(seed: int) -> tuple:
+    """Stamps, yaw rate and speed of a drive of 70 s with three rests; a gyro with bias, noise and a warm-up."""
+    rng = np.random.default_rng(seed)
+    t = 100.0 + np.cumsum(rng.uniform(0.008, 0.012, 7000))
+    since = t - t[0]
+    still = np.any([(since >= a) & (since < b) for a, b in RESTS], axis=0)
+    bias = (0.004, -0.006, 0.005, 0.0045)[seed]
+    turns = np.where(still, 0.0, 0.4 + 0.3 * np.sin(since / 3.0))
+    rate = bias + turns + 0.1 * np.exp(-since / 0.7) + rng.normal(0.0, 0.006, len(t))
+    return t, rate, np.where(still, 0.0, 0.9)
+
+
+def gyro_bias(t, yaw_rate, speed, warm: float = WARM) -> float:
+    """The right answer of exercise 2."""
+    return float(yaw_rate[(speed == 0) & (t > t[0] + warm)].mean())
+
+
+def _same_bias(found, expected) -> bool:
+    """Whether two biases agree as well as the noise of the gyro allows."""
+    return bool(abs(float(found) - float(expected)) < 0.12 * abs(float(expected)))
+
+
+BIAS_MISTAKES = [
+    (lambda t, w, v: w.mean(), "You average over the whole drive, and the turns are in it too."),
+    (
+        lambda t, w, v: w[t > t[0] + WARM].mean(),
+        "You average over the whole drive, and the turns are in it too.",
+    ),
+    (lambda t, w, v: np.median(w), "You take the median of the whole drive, and the turns are in it too."),
+    (
+        lambda t, w, v: w[v > 0].mean(),
+        "You average while the robot drives. The bias is what the gyro shows at rest.",
+    ),
+    (
+        lambda t, w, v: w[v == 0].mean(),
+        "The first seconds, while the gyro warms up, are still in your mean. Leave them out.",
+    ),
+    (
+        lambda t, w, v: w[t < t[0] + 1.0].mean(),
+        "You trust the first second, while the gyro warms up. Use all the time at rest that comes later.",
+    ),
+    (
+        lambda t, w, v: -gyro_bias(t, w, v),
+        "The sign: the bias is what the gyro shows at rest; it is subtracted later.",
+    ),
+    (
+        lambda t, w, v: w.min(),
+        "That is the least single reading. One reading is mostly noise: take the mean of many.",
+    ),
+    (
+        lambda t, w, v: w[-1],
+        "That is the last single reading. One reading is mostly noise: take the mean of many.",
+    ),
+    (
+        lambda t, w, v: w[(v == 0) & (t > t[0] + WARM)][0],
+        "That is one single reading, and mostly noise: take the mean of many.",
+    ),
+    (
+        lambda t, w, v: np.abs(w[(v == 0) & (t > t[0] + WARM)]).mean(),
+        "The mean of absolute values counts the noise as "
+        "well. Noise of both signs must be allowed to cancel.",
+    ),
+    (
+        lambda t, w, v: w[(v == 0) & (t > t[0] + WARM)].std(),
+        "That is the spread of the readings at rest, not their mean.",
+    ),
+    (
+        lambda t, w, v: w[(v == 0) & (t > t[0] + WARM)].sum(),
+        "That is the sum of the readings at rest, not their mean.",
+    ),
+]
+
+
+def check_gyro_bias(theirs: Callable) -> Check:
+    """Whether ``gyro_bias(t, yaw_rate, speed)`` averages a noisy gyro while the robot rests and the gyro is warm."""
+    cases = [_gyro_case(seed) for seed in range(4)]
+    praise = "The mean over the time when the robot stood still and the gyro was warm."
+    return compare(theirs, gyro_bias, cases, mistakes=BIAS_MISTAKES, same=_same_bias, praise=praise)
+
+
+# ---- exercise 3: one step along an arc
+
+
+def _arc(pose, v, omega, dt) -> np.ndarray:
+    """The right answer of exercise 3."""
+    return motion_model_arc(np.asarray(pose, dtype=float), v, omega, dt)
+
+
+ARC_CASES = [
+    (np.array([1.0, 2.0, 0.5]), 1.2, 0.8, 1.1),
+    (np.array([-0.4, 1.7, 2.2]), 0.9, -0.7, 1.3),
+    (np.array([0.3, -2.0, -1.1]), 1.5, 1.3, 3.9),
+    (np.array([2.0, 0.6, -2.6]), 0.7, 0.0, 1.6),
+    (np.array([1.1, 0.2, 1.9]), -0.8, 0.6, 0.9),
+]
+"""Left, right, most of a circle, straight on, and backwards."""
+
+
+def _same_arc(found, expected) -> bool:
+    """Whether two poses agree to a fifth of a millimetre, headings on the circle; NaN only with itself."""
+    apart = np.asarray(found, dtype=float) - np.asarray(expected, dtype=float)
+    apart[2] = wrap_angle(apart[2])
+    both = np.isnan(found) & np.isnan(expected)
+    return bool((both | (np.abs(apart) < 2e-4)).all())
+
+
+def _chord(length: Callable, part: float) -> Callable:
+    """A step by ``length(half) v dt`` in the direction of the old heading plus ``part`` of the turn."""
+
+    def step(pose, v, omega, dt):
+        half = 0.5 * omega * dt
+        way, direction = v * dt * length(half), pose[2] + 2 * part * half
+        return pose + np.array([way * np.cos(direction), way * np.sin(direction), 2 * half])
+
+    return step
+
+
+def _sine_over(half: float) -> float:
+    return float(np.sinc(half / np.pi))
+
+
+def _by_radius(pose, v, omega, dt, sign: float = 0.0) -> np.ndarray:
+    """The arc with its radius, which is NaN straight on; ``sign`` 1 takes the radius without its sign."""
+    radius = np.float64(v) / (abs(omega) if sign else omega)
+    old, new = pose[2], pose[2] + omega * dt
+    return np.array(
+        [pose[0] + radius * (np.sin(new) - np.sin(old)), pose[1] - radius * (np.cos(new) - np.cos(old)), new]
     )
 
 
-def wheel_recording() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stamps and counts of 200 readings with a jittering clock, and the stamps of 40 scans among them."""
-    rng = np.random.default_rng(0)
-    t = 0.025 * np.arange(200) + rng.uniform(-0.008, 0.008, 200)
-    counts = np.floor(10.0 + 4.0 * np.sin(t))[:, None] + rng.integers(0, 2, (200, 4))
-    return t, counts, 0.5 + 0.11 * np.arange(40)
+def _small_steps(pose, v, omega, dt, n: int, model=motion_model) -> np.ndarray:
+    """The end of ``n`` small steps of Eq. 5."""
+    steps = Controls(np.linspace(0.0, dt, n + 1), np.full(n, v), np.full(n, omega))
+    return integrate(steps, start=pose, model=model).poses[-1]
 
 
-def check_distance_between(distance_between) -> Check:
-    """Whether ``distance_between(t, counts, metres_per_count, t_scans)`` gives the metres between K scans."""
-    t, counts, scans = wheel_recording()
-    answer = attempt(distance_between, t.copy(), counts.copy(), METRES_PER_COUNT, scans.copy())
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    each = counts.mean(axis=1) * METRES_PER_COUNT
-    total = np.interp(scans, t, np.cumsum(each))
-    answer, expected = np.asarray(answer), np.diff(total)
-    if answer.dtype.kind not in "fiu" or answer.shape not in ((39,), (40,)):
-        return hint(f"39 distances lie between 40 scans; your function returns the shape {answer.shape}.")
-    if answer.shape == (40,) and np.allclose(np.diff(answer), expected):
-        return hint(
-            "That is the way since the start, at each scan. Asked is the way from one scan to the next."
+STRAIGHT = "In bends you may be right. But straight on, with omega = 0, you divide by zero."
+ARC_MISTAKES = [
+    (ZeroDivisionError, STRAIGHT),
+    (motion_model, "That is the straight step of Eq. 5: it drives on, then turns."),
+    (
+        _chord(lambda half: np.sinc(half), 0.5),
+        "Too short: NumPy's sinc(x) is sin(pi x) / (pi x). Divide its argument by pi.",
+    ),
+    (
+        _chord(lambda half: 1.0, 0.5),
+        "The direction is right, the length is not: v * dt is the length of the arc, and its "
+        "chord is shorter.",
+    ),
+    (
+        _chord(_sine_over, 0.0),
+        "The chord is right, its direction is not: it points half way between old and new heading.",
+    ),
+    (
+        _chord(_sine_over, 1.0),
+        "The chord is right, its direction is not: it points half way between old and new heading.",
+    ),
+    (_chord(lambda half: 1.0, 1.0), "You turn first and then drive straight. The robot does both at once."),
+    (lambda *a: np.append(_arc(*a)[:2], a[0][2]), "The position is right, but the heading did not change."),
+    (
+        lambda *a: np.append(_arc(*a)[:2], a[0][2] + 0.5 * a[2] * a[3]),
+        "The position is right, but the heading has turned by half of omega * dt only.",
+    ),
+    (_by_radius, STRAIGHT),
+    (
+        lambda p, v, w, dt: _by_radius(p, v, w, dt) if w else np.array(p),
+        "Right in bends. Straight on, with omega = 0, the "
+        "robot should come v * dt further; yours stays where it is.",
+    ),
+    (
+        partial(_by_radius, sign=1.0),
+        "Left bends are right, right bends are not: the radius v / omega has a sign, and you dropped it.",
+    ),
+    (
+        lambda p, v, w, dt: _by_radius(p, v, w, dt, 1.0) if w else _arc(p, v, w, dt),
+        "Left bends are right, right bends are not: the radius v / omega has a sign, and you dropped it.",
+    ),
+    *(
+        (
+            partial(_small_steps, n=n),
+            "Many small straight steps come close, but only close. The arc has a formula that needs "
+            "one step.",
         )
-    if answer.shape == (39,) and np.allclose(answer, expected):
-        return passed(f"{expected.sum():.2f} m in all, and the same for every other choice of scans.")
-    return _pairing_hint(answer, t, each, scans, expected)
+        for n in (10, 50, 100, 500, 1000, 10_000)
+    ),
+]
 
 
-def _pairing_hint(answer, t, each, scans, expected) -> Check:
-    """What is wrong with distances ``answer`` between scans, if each reading is worth ``each`` metres."""
-    after = np.searchsorted(t, scans)
-    near = after - (scans - t[after - 1] < t[after] - scans)
-    sums, at_scans = np.cumsum(each), np.interp(scans, t, each)
-    wrong = [
-        ((each[near], at_scans), "You took one reading for each scan. Four or five readings lie between two scans, and "
-         "the others are lost. Add up first, then look."),
-        ((np.diff(each[near]), np.diff(at_scans)), "You took differences of single readings. They are increments "
-         "already: sum them first."),
-        ((np.diff(sums[near]), np.diff(sums[after]), np.diff(sums[after - 1])), "Nearly: the sum is read off at a "
-         "reading, not at the scan, so a part of a reading goes to the wrong side. Interpolate the sum."),
-        ((4 * expected,), "Four times too long: you added the wheels. The chassis centre travels their mean."),
-        ((expected / METRES_PER_COUNT,), "That is in counts. Each count is worth metres_per_count metres."),
-    ]  # fmt: skip
-    for values, words in wrong:
-        for value in values:
-            if any(
-                np.shape(v) == answer.shape and np.allclose(answer, v) for v in (value, value[1:], value[:-1])
-            ):
-                return hint(words)
-    return hint(f"In all your distances make {answer.sum():.3f} m, expected {expected.sum():.3f} m.")
-
-
-BEND = (np.array([1.0, 2.0, 0.5]), 1.2, 0.8, 1.0)
-"""Pose, speed, yaw rate and duration of one long step."""
-
-
-def check_arc(arc_step) -> Check:
-    """Whether ``arc_step(pose, v, omega, dt)`` drives an exact arc: left, right and straight on."""
-    pose, v, omega, dt = BEND
-    answers = []
+def check_arc(theirs: Callable) -> Check:
+    """Whether ``arc_step(pose, v, omega, dt)`` drives an exact arc: left, right, far, straight on and backwards."""
+    praise = "One long arc ends where ten thousand small steps end, and straight on works too."
     with np.errstate(all="ignore"):
-        for rate in (omega, -omega, 0.0):
-            answers.append(attempt(arc_step, pose.copy(), v, rate, dt))
-    if is_unanswered(answers[0]):
-        return unanswered()
-    if isinstance(answers[0], Check):
-        return answers[0]
-    if np.shape(answers[0]) != (3,):
-        return hint(f"A pose has three numbers; your function returns the shape {np.shape(answers[0])}.")
-    for answer, rate in zip(answers[:2], (omega, -omega), strict=True):
-        if isinstance(answer, Check) or not np.allclose(answer, _many_steps(pose, v, rate, dt), atol=1e-3):
-            return _bend_hint(answers[0])
-    straight = answers[2]
-    if isinstance(straight, Check) or not np.isfinite(straight).all():
-        return hint("Right in bends. But straight on, with omega = 0, you divide by zero.")
-    if not np.allclose(straight, pose + [dt * v * np.cos(pose[2]), dt * v * np.sin(pose[2]), 0.0]):
-        return hint("Right in bends. Straight on, with omega = 0, the robot should come v * dt further.")
-    return passed("One long arc ends where ten thousand small steps end, and straight on works too.")
+        return compare(theirs, _arc, ARC_CASES, mistakes=ARC_MISTAKES, same=_same_arc, praise=praise)
 
 
-def _many_steps(pose, v: float, omega: float, dt: float, n: int = 10_000) -> np.ndarray:
-    """The end of the bend in ``n`` small steps of Eq. 5: the oracle."""
-    small = Controls(np.linspace(0.0, dt, n + 1), np.full(n, v), np.full(n, omega))
-    return integrate(small, start=pose).poses[-1]
+# ---- exercise 4: from raw readings to a path
 
 
-def _bend_hint(answer) -> Check:
-    """What is wrong with the end of the left bend."""
-    (x, y, theta), v, omega, dt = BEND
-    half, end = 0.5 * omega * dt, _many_steps(*BEND)
+def _drive_case(seed: int) -> tuple:
+    """Encoder stamps and counts, gyro stamps and rates of five seconds, and the metres per count."""
+    rng = np.random.default_rng(seed)
+    t_enc = 50.0 + np.cumsum(rng.uniform(0.004, 0.046, 220))
+    bend = rng.uniform(0.5, 1.5)
+    counts = np.rint(18.0 + 5.0 * np.sin(bend * t_enc))[:, None] + rng.integers(-2, 6, (220, 4))
+    t_gyro = t_enc[3] + np.cumsum(rng.uniform(0.006, 0.014, 430))
+    t_gyro = t_gyro[t_gyro < t_enc[-3]]
+    return (
+        t_enc,
+        counts,
+        t_gyro,
+        1.2 * np.sin(bend * t_gyro + 1.0) + 0.2,
+        (0.0022, 0.0027, 0.0022, 0.0019)[seed],
+    )
 
-    def ends_at(way: float, direction: float) -> bool:
-        return np.allclose(answer[:2], [x + way * np.cos(direction), y + way * np.sin(direction)], atol=1e-3)
 
-    chord = v * dt * np.sin(half) / half
-    if ends_at(v * dt, theta):
-        return hint("That is the straight step of Eq. 5: it drives on, then turns.")
-    if ends_at(v * dt * np.sinc(half), theta + half):
-        return hint("Too short: NumPy's sinc(x) is sin(pi x) / (pi x). Divide its argument by pi.")
-    if ends_at(v * dt, theta + half):
-        return hint(
-            "The direction is right, the length is not: v * dt is the way along the arc, its chord is shorter."
-        )
-    if ends_at(chord, theta) or ends_at(chord, theta + 2 * half):
-        return hint(
-            "The chord is right, its direction is not: it points half way between old and new heading."
-        )
-    if not np.isclose(answer[2], end[2]):
-        return hint(f"The heading should be {end[2]:.3f} after the bend; yours is {answer[2]:.3f}.")
-    return hint(f"After one left bend the robot should be at {np.round(end, 3).tolist()}; yours is at "
-                f"{np.round(answer, 3).tolist()}.")  # fmt: skip
+def _controls(t_enc, counts, t_gyro, yaw_rate, metres: float) -> Controls:
+    travelled = np.cumsum(np.asarray(counts).mean(axis=1) * metres)
+    v = np.diff(np.interp(t_gyro, t_enc, travelled)) / np.diff(t_gyro)
+    return Controls(np.asarray(t_gyro), v, np.asarray(yaw_rate)[1:])
+
+
+def dead_reckon(*case, model=motion_model) -> np.ndarray:
+    """The right answer of exercise 4, by Euler steps or along arcs."""
+    inputs = _controls(*case)
+    theta = np.concatenate([[0.0], np.cumsum(inputs.omega * np.diff(inputs.t))])
+    return np.column_stack([integrate(inputs, model=model).poses[:, :2], theta])
+
+
+def _same_path(found, expected) -> bool:
+    """Whether two paths agree to a millimetre and a milliradian, headings on the circle."""
+    apart = np.asarray(found, dtype=float) - np.asarray(expected, dtype=float)
+    apart[:, 2] = wrap_angle(apart[:, 2])
+    return bool(np.isfinite(apart).all() and np.abs(apart).max() < 1e-3)
+
+
+def _otherwise(change: Callable) -> Callable:
+    """A wrong path, made of the right controls with something changed: ``change(inputs, *case)``."""
+
+    def path(*case):
+        return integrate(change(_controls(*case), *case)).poses
+
+    return path
+
+
+def _nearest(t, query) -> np.ndarray:
+    return np.abs(np.subtract.outer(query, t)).argmin(axis=1)
+
+
+def _per_interval(inputs: Controls, t_enc, counts, *rest) -> Controls:
+    """Speed by the nearest reading, divided by its own interval."""
+    speed = np.asarray(counts).mean(axis=1)[1:] * rest[-1] / np.diff(t_enc)
+    return Controls(inputs.t, speed[_nearest(t_enc[1:], inputs.t[1:])], inputs.omega)
+
+
+PATH_MISTAKES = [
+    (
+        _otherwise(_per_interval),
+        "You give each gyro sample the nearest reading, divided by that reading's own interval. "
+        "Readings are used twice or never: add up the counts, and interpolate the sum.",
+    ),
+    (
+        _otherwise(
+            lambda u, te, c, *r: Controls(u.t, (c.mean(axis=1) * r[-1])[_nearest(te, u.t[1:])], u.omega)
+        ),
+        "You take the formula of Eq. 19 as a speed. It is a distance per reading: add it up, and divide "
+        "differences of the "
+        "sum by the time between them.",
+    ),
+    (
+        _otherwise(lambda u, te, c, tg, w, m: Controls(u.t, u.v, np.asarray(w)[:-1])),
+        "Each rate is used one interval too late: a rate belongs to the interval that ends at its stamp.",
+    ),
+    (
+        _otherwise(lambda u, *r: Controls(u.t, 4 * u.v, u.omega)),
+        "Four times too long: the chassis centre travels the mean of its wheels.",
+    ),
+    (
+        _otherwise(lambda u, *r: Controls(u.t, u.v / r[-1], u.omega)),
+        "The positions are in counts. Each count is worth metres_per_count metres.",
+    ),
+    (
+        _otherwise(lambda u, *r: Controls(u.t, u.v, 0 * u.omega)),
+        "Your robot never turns: add up the yaw rate times the time.",
+    ),
+    (
+        _otherwise(lambda u, *r: Controls(u.t, u.v, -u.omega)),
+        "Your robot turns the wrong way: a positive rate is a left turn.",
+    ),
+    (
+        lambda *case: dead_reckon(*case) * [1, 1, 180 / np.pi],
+        "The headings are in degrees; radians are asked for.",
+    ),
+    (
+        lambda te, c, tg, w, m: dead_reckon(te, c, tg, np.rad2deg(w), m),
+        "The rates are in rad/s already; there is nothing to convert.",
+    ),
+    (
+        lambda te, c, tg, w, m: dead_reckon(te, c, tg, np.deg2rad(w), m),
+        "The rates are in rad/s already; there is nothing to convert.",
+    ),
+    (
+        _otherwise(lambda u, *r: Controls(0.01 * np.arange(len(u.t)), u.v, u.omega)),
+        "You give every interval 10 ms. Use the stamps.",
+    ),
+    (
+        lambda te, c, tg, w, m: (
+            integrate(
+                Controls(
+                    0.01 * np.arange(len(tg)),
+                    np.diff(np.interp(tg, te, np.cumsum(c.mean(axis=1) * m))) / 0.01,
+                    w[1:],
+                )
+            ).poses
+        ),
+        "You give every interval 10 ms: the distances are right, the headings are not. Use the stamps.",
+    ),
+    (
+        _otherwise(
+            lambda u, te, c, *r: Controls(
+                u.t, np.diff(np.interp(u.t, te, c.mean(axis=1) * r[-1])) / np.diff(u.t), u.omega
+            )
+        ),
+        "You interpolate the increments. Add them up first, and interpolate the sum.",
+    ),
+]
+
+
+def check_dead_reckon(theirs: Callable) -> Check:
+    """Whether ``dead_reckon(t_enc, counts, t_gyro, yaw_rate, metres_per_count)`` is right, by Euler steps or arcs."""
+    cases, praise = (
+        [_drive_case(seed) for seed in range(4)],
+        "From raw readings to a path: this is dead reckoning.",
+    )
+    along_arcs = partial(dead_reckon, model=motion_model_arc)
+    verdicts = [
+        compare(theirs, right, cases, mistakes=PATH_MISTAKES, same=_same_path, praise=praise)
+        for right in (dead_reckon, along_arcs)
+    ]
+    return next((verdict for verdict in verdicts if verdict), verdicts[0])

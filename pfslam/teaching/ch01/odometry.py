@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pfslam.errors import DataError
@@ -15,7 +16,7 @@ from pfslam.poses import Trajectory, wrap_angle
 from pfslam.recording import Encoders, Recording
 from pfslam.teaching.show.drives import at_rate, length
 from pfslam.teaching.show.figures import draw_trajectory
-from pfslam.teaching.show.pictures import Picture
+from pfslam.teaching.show.pictures import Picture, steady
 from pfslam.teaching.show.style import COLOURS, LINE_STYLES, metric_axes, new_figure
 from pfslam.teaching.show.widgets import Explorer, Slider
 
@@ -73,7 +74,7 @@ def hand_encoders() -> Encoders:
 def opinion_picture(recording: Recording) -> Picture:
     """The robot's own idea of its drive, nothing else."""
     odometry = dead_reckoning(recording)
-    figure, axes = new_figure(6.0, 5.0)
+    figure, axes = new_figure(5.0, 4.4)
     draw_trajectory(axes, odometry, "odometry", "wheels and gyro")
     x, y = odometry.poses[[0, -1], :2].T
     axes.scatter(x[0], y[0], s=90, color=COLOURS["free"], zorder=4, label="start")
@@ -86,7 +87,7 @@ def opinion_picture(recording: Recording) -> Picture:
 
 def two_paths_picture(recordings: dict[str, Recording]) -> Picture:
     """Figures 1 and 2 of the report, with the truth that the report did not have."""
-    figure, grid = new_figure(6.2, 3.9, 1, 2, sharex=True, sharey=True)
+    figure, grid = new_figure(5.0, 3.4, 1, 2, sharex=True, sharey=True)
     words = []
     for axes, (name, recording) in zip(grid, recordings.items(), strict=True):
         odometry, truth = dead_reckoning(recording), recording.true_path()
@@ -96,7 +97,7 @@ def two_paths_picture(recordings: dict[str, Recording]) -> Picture:
         error = trajectory_error(odometry, truth)
         words.append(f"{name}: at most {error.ate_max_m:.1f} m from the truth")
     handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=11)
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return Picture(figure, f"True and dead-reckoned path of two drives, side by side. {'; '.join(words)}.")
 
 
@@ -105,7 +106,7 @@ def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
     readings = readings_of_equation_19(recording)
     readings["cumulated, 10 a second"] = at_rate(readings["cumulated"], 10.0)
     start = readings["own interval"].t[1 + np.argmax(readings["own interval"].v)] - seconds / 2
-    figure, axes = new_figure(6.8, 3.8)
+    figure, axes = new_figure(5.0, 3.8)
     looks = {
         "own interval": (COLOURS["odometry"], 1.2),
         "cumulated": (COLOURS["particles"], 1.6),
@@ -118,7 +119,7 @@ def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
         axes.plot(t, inputs.v[shown], color=colour, linewidth=width, label=name)
     axes.axhline(1.4, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"], label="top speed of the robot")
     axes.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0.0, None))
-    axes.legend(loc="upper left", fontsize=11)
+    axes.legend(loc="upper left", fontsize=12)
     worst = {name: readings[name].v.max() for name in looks}
     alt = f"""Speed over {seconds:.0f} seconds around the worst spike of the drive. Divided by each reading's own
     interval it reaches {worst["own interval"]:.1f} m/s; cumulated and read off at each gyro sample,
@@ -127,21 +128,82 @@ def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
     return Picture(figure, alt)
 
 
+def arcs_picture(radius: float = 1.3, track: float = 0.7, angle: float = 0.9) -> Picture:
+    """Two arcs about one centre: what the wheels on either side travel while the robot turns."""
+    figure, axes = new_figure(5.0, 4.2)
+    turn = np.linspace(0.0, angle, 60)
+    ways = (
+        ("left", radius - track / 2, "odometry"),
+        ("centre", radius, "truth"),
+        ("right", radius + track / 2, "odometry"),
+    )
+    for name, r, kind in ways:
+        axes.plot(r * np.cos(turn), r * np.sin(turn), color=COLOURS[kind])
+        middle = 0.62 * angle
+        words = {"left": "$s_L$", "centre": "$s$", "right": "$s_R$"}[name]
+        axes.annotate(
+            words, (r * np.cos(middle), r * np.sin(middle)), xytext=(5, 4), textcoords="offset points"
+        )
+    for at in (0.0, angle):
+        axes.plot(
+            [0, (radius + track) * np.cos(at)],
+            [0, (radius + track) * np.sin(at)],
+            color=COLOURS["unknown"],
+            zorder=0,
+        )
+        _draw_chassis(axes, radius, track, at)
+    axes.plot(0, 0, marker="o", color=COLOURS["highlight"], markersize=9)
+    axes.text(0.0, -0.09, "centre of the turn", ha="left", va="top")
+    axes.plot(0.32 * np.cos(turn), 0.32 * np.sin(turn), color=COLOURS["highlight"])
+    axes.text(0.36 * np.cos(angle / 2), 0.36 * np.sin(angle / 2) - 0.04, r"$\varphi$")
+    axes.annotate("", (radius, -0.28), (0, -0.28), arrowprops={"arrowstyle": "<->"})
+    axes.text(0.5 * radius, -0.3, "$R$", ha="center", va="top")
+    axes.annotate(
+        "", (radius + track / 2, -0.5), (radius - track / 2, -0.5), arrowprops={"arrowstyle": "<->"}
+    )
+    axes.text(radius, -0.52, "$W$", ha="center", va="top")
+    axes.set(aspect="equal", xlim=(-0.15, 2.15), ylim=(-0.68, 1.7))
+    axes.axis("off")
+    alt = """A robot turns left about a centre. Its left wheels run along an arc of radius R minus W/2, its right wheels
+    along one of radius R plus W/2, and its middle along the arc of radius R between them; all three arcs have the same
+    angle at the centre, by which the robot has turned."""
+    return Picture(figure, alt)
+
+
+def _draw_chassis(axes: Axes, radius: float, track: float, at: float) -> None:
+    """A robot that drives round the origin, after the angle ``at`` (rad): chassis, four wheels and heading."""
+    ahead, out = np.array([-np.sin(at), np.cos(at)]), np.array([np.cos(at), np.sin(at)])
+    corners = [(-0.2, -0.25), (-0.2, 0.25), (0.2, 0.25), (0.2, -0.25)]
+    middle = radius * out
+    axes.fill(
+        *np.transpose([middle + a * ahead + b * out for a, b in corners]), color=COLOURS["unknown"], alpha=0.6
+    )
+    for a in (-0.13, 0.13):
+        for b in (-track / 2, track / 2):
+            ends = np.array([middle + (a + c) * ahead + b * out for c in (-0.1, 0.1)])
+            axes.plot(*ends.T, color=COLOURS["truth"], linewidth=5, solid_capstyle="butt")
+    arrow = {"arrowstyle": "-|>", "color": COLOURS["truth"], "linewidth": 2}
+    axes.annotate("", middle + 0.42 * ahead, middle, arrowprops=arrow)
+
+
 def circle_picture(v: float = 1.0, omega: float = 0.8, seconds: float = 7.0) -> Picture:
-    """Euler steps of three sizes against the arc that the robot drives."""
-    figure, axes = new_figure(6.2, 3.7)
+    """Euler steps of two sizes against the arc that the robot drives."""
+    figure, axes = new_figure(5.0, 4.6)
     exact = _circle(v, omega, seconds, 0.01, motion_model_arc)
     axes.plot(*exact[:, :2].T, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"], label="exact arc")
     gaps = []
-    colours = (COLOURS["odometry"], COLOURS["highlight"], COLOURS["estimate"])
-    for tau, colour, marker in zip((1.0, 0.5, 0.1), colours, "so.", strict=True):
+    for tau, kind, marker in ((1.0, "odometry", "s"), (0.5, "estimate", "o")):
         path = _circle(v, omega, seconds, tau, motion_model)
         gaps.append(f"{np.hypot(*(path[-1] - exact[-1])[:2]):.2f} m for {tau:g} s")
         label = rf"Euler, $\tau$ = {tau:g} s"
-        axes.plot(*path[:, :2].T, color=colour, marker=marker, linewidth=1.2, markersize=5, label=label)
-    metric_axes(axes).legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=11)
-    alt = f"""A robot drives {seconds:.0f} seconds round a circle of {v / omega:.2f} m radius. Euler steps
-    leave the circle outwards; their end is off by {", ".join(gaps)}."""
+        axes.plot(
+            *path[:, :2].T, color=COLOURS[kind], marker=marker, linewidth=1.2, markersize=5, label=label
+        )
+    axes.plot(0, 0, marker="*", markersize=14, color=COLOURS["truth"], linestyle="none", label="start")
+    metric_axes(axes).legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
+    alt = f"""A robot drives {seconds:.0f} seconds round a circle of {v / omega:.2f} m radius. The corners of its Euler
+    steps lie on circles of nearly the same size, turned about the starting point: outside the true circle on the right,
+    inside on the left. Their ends are off by {", ".join(gaps)}."""
     return Picture(figure, alt)
 
 
@@ -164,7 +226,7 @@ def heading_errors(recording: Recording, calibrations: dict[str, dict]) -> dict[
 
 def heading_error_picture(recording: Recording, calibrations: dict[str, dict]) -> Picture:
     """Heading error over time: one curve for each calibration."""
-    figure, axes = new_figure(6.8, 3.6)
+    figure, axes = new_figure(5.0, 3.6)
     styles = zip(("odometry", "highlight", "estimate"), ("--", "-.", "-"), strict=True)
     words = []
     for (name, error), (colour, line) in zip(
@@ -174,21 +236,21 @@ def heading_error_picture(recording: Recording, calibrations: dict[str, dict]) -
         axes.plot(t, degrees, color=COLOURS[colour], linestyle=line, label=name)
         words.append(f"{name} between {error[:, 1].min():.1f} and {error[:, 1].max():.1f}")
     axes.set(xlabel="time [s]", ylabel="heading error [deg]")
-    axes.legend(fontsize=11)
+    axes.legend(fontsize=12)
     return Picture(figure, f"Heading error over the drive in degrees: {'; '.join(words)}.")
 
 
 def draw_calibration(recording: Recording, bias: float, scale: float, diameter: float) -> Figure:
     """The dead-reckoned path for a gyro bias (rad/s), a gyro scale and a wheel diameter (mm), over the truth."""
     odometry, truth = _sketch(recording, bias, scale, diameter), recording.true_path()
-    figure, axes = new_figure(4.8, 4.8)
+    figure, axes = new_figure(4.8, 5.2)
     draw_trajectory(axes, Trajectory(truth.t[::4], truth.poses[::4]), "truth")
     draw_trajectory(axes, odometry, "odometry", "dead reckoning")
     low, high = truth.poses[:, :2].min(axis=0) - 4.0, truth.poses[:, :2].max(axis=0) + 4.0
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     error = trajectory_error(odometry, truth)
     metric_axes(axes, f"rms error {error.ate_rmse_m:.2f} m, path {length(odometry):.1f} m")
-    axes.legend(loc="upper right", fontsize=11)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
     return figure
 
 
@@ -210,7 +272,7 @@ def _sketch(recording: Recording, bias: float, scale: float, diameter: float) ->
 def calibration_explorer(recording: Recording) -> Explorer:
     """Three sliders that bend the trajectory."""
     return Explorer(
-        partial(draw_calibration, recording),
+        steady(partial(draw_calibration, recording)),
         [
             Slider(
                 "bias",

@@ -13,7 +13,7 @@ from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.teaching.ch01.odometry import DRAW_EVERY
 from pfslam.teaching.show.figures import draw_trajectory
-from pfslam.teaching.show.pictures import Picture
+from pfslam.teaching.show.pictures import Picture, steady
 from pfslam.teaching.show.style import COLOURS, LINE_STYLES, metric_axes, new_figure
 from pfslam.teaching.show.widgets import Explorer, Slider
 
@@ -60,7 +60,7 @@ def track_picture(recording: Recording, fitted: float) -> Picture:
         f"wheels, as if {fitted:.2f} m": (turned_by_wheels(recording, t, fitted), "highlight"),
         "truth": (np.unwrap(truth.at(t)[:, 2]), "truth"),
     }
-    figure, axes = new_figure(6.8, 3.4)
+    figure, axes = new_figure(5.0, 3.6)
     words = []
     for name, (angle, kind) in curves.items():
         degrees = np.rad2deg(angle - angle[0])
@@ -68,7 +68,7 @@ def track_picture(recording: Recording, fitted: float) -> Picture:
         axes.plot(t - t[0], degrees, color=COLOURS[kind], linestyle=style, label=name)
         words.append(f"{name}: between {degrees.min():.0f} and {degrees.max():.0f}")
     axes.set(xlabel="time [s]", ylabel="heading [deg]")
-    axes.legend(fontsize=11)
+    axes.legend(fontsize=12)
     return Picture(figure, f"Heading over the drive in degrees. {'; '.join(words)}.")
 
 
@@ -89,7 +89,7 @@ def smoothing_errors(inputs: Controls, seconds: float) -> tuple[float, float]:
 def draw_smoothing(inputs: Controls, seconds: float) -> Figure:
     """The yaw rate in the sharpest turn, raw and smoothed, and the path of both."""
     soft = smoothed(inputs, seconds)
-    figure, (left, right) = new_figure(6.2, 3.7, columns=2)
+    figure, (left, right) = new_figure(5.0, 3.7, columns=2)
     middle = inputs.t[1 + np.argmax(np.abs(smoothed(inputs, 1.0).omega))] - 0.5
     shown = np.abs(inputs.t[1:] - middle) < 3.0
     for some, kind, name in ((inputs, "odometry", "raw"), (soft, "estimate", "smoothed")):
@@ -104,8 +104,8 @@ def draw_smoothing(inputs: Controls, seconds: float) -> Figure:
         path = integrate(some)
         draw_trajectory(right, Trajectory(path.t[::DRAW_EVERY], path.poses[::DRAW_EVERY]), kind, name)
     degrees, away = smoothing_errors(inputs, seconds)
-    left.set(xlabel="time [s]", ylabel="yaw rate [rad/s]")
-    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=11)
+    left.set(xlabel="time [s]", ylabel="yaw rate [rad/s]", ylim=(-1.7, 0.4), xticks=(84, 86, 88))
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=12)
     metric_axes(right).set(xlim=(-4, 27), ylim=(-4, 27))
     right.set(xticks=(0, 10, 20), yticks=(0, 10, 20))
     figure.suptitle(f"heading at the end {degrees:.2f}° apart, path {away:.2f} m at most", fontsize=12)
@@ -123,7 +123,7 @@ def smoothing_explorer(recording: Recording) -> Explorer:
     """One slider: how much the gyro is smoothed before it is added up."""
     inputs = controls(recording)
     return Explorer(
-        partial(draw_smoothing, inputs),
+        steady(partial(draw_smoothing, inputs)),
         [
             Slider(
                 "seconds",
