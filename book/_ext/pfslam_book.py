@@ -13,22 +13,27 @@ from pathlib import Path
 
 from docutils import nodes
 from myst_nb.ext.eval import EvalRoleAny
+from sphinx import addnodes
+from sphinx.transforms import SphinxTransform
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "_tools"))
 
 import copies
+import plain
 from hero import write_hero
 
 MATHJAX_PACKAGE = "sphinx-mathjax-offline"
 MATHJAX_SCRIPT = "tex-svg-full.js"  # one file, fonts and extensions inside: works from file:// too
 
-# Thebe wants a server on the network and throws without it; preloading a font is forbidden from file://.
+# Thebe wants a server on the network and throws without it; preloading a font is forbidden from file://. Font Awesome's
+# script draws the icons that its style sheet and fonts have drawn already, and weighs more than the rest of a page.
 DEAD_MARKUP = re.compile(
     r"""[ \t]*(?:
         <script>const\ THEBE_JS_URL.*?</script>
       | <script\ type="text/x-thebe-config">.*?</script>
       | <script[^>]*sphinx-thebe[^>]*></script>
       | <link[^>]*sphinx-thebe[^>]*>
+      | <script[^>]*fontawesome[^>]*></script>
       | <link\ rel="preload"\ as="font"[^>]*>
     )\n?""",
     re.VERBOSE | re.DOTALL,
@@ -49,9 +54,15 @@ BETTER_MARKUP = (
     (r"<p>✅</p>", "<p>done</p>"),  # not every machine has this letter
 )
 
+MATHJAX = re.compile(
+    r'<script[^>]*src="[^"]*mathjax/[^>]*></script>\n?|<script>window.MathJax = .*?</script>\n?'
+)
+DOUBLED_TITLE = re.compile(r"<title>(.+?) &#8212; \1</title>")
+
 MODULE_LIST = re.compile(
     r"(All modules for which code is available</h1>\s*)(<ul>.*</ul>)(?=\s*</article>)", re.DOTALL
 )
+MODULE = re.compile(r"automodule:: ([\w.]+)")
 TABLE = re.compile(r"<table.*?</table>", re.DOTALL)
 NAME = re.compile(r'(?<=<span class="(?:pre|doc)">)[^<]+')
 JOINT = re.compile(r"(?<=[._/])(?=[A-Za-z])")
@@ -77,6 +88,9 @@ def clean_page(page: str) -> str:
         page = first + (keep if found else "") + rest.replace(markup, "")
     for pattern, better in BETTER_MARKUP:
         page = re.sub(pattern, better, page)
+    page = DOUBLED_TITLE.sub(r"<title>\1</title>", page)
+    if 'class="math' not in page:
+        page = MATHJAX.sub("", page)
     page = TABLE.sub(lambda table: NAME.sub(lambda name: JOINT.sub("<wbr>", name[0]), table[0]), page)
     return MODULE_LIST.sub(one_list, page)
 
@@ -100,6 +114,8 @@ def finish_site(app, error) -> None:
     options = site / "_static" / "documentation_options.js"
     options.write_text(options.read_text(encoding="utf-8").replace(*SEARCH_SUMMARY), encoding="utf-8")
     for dead in (site / "_static").glob("*thebe*"):
+        dead.unlink()
+    for dead in (site / "_static" / "vendor" / "fontawesome").rglob("*.js*"):
         dead.unlink()
     target = site / "_static" / "mathjax"
     target.mkdir(parents=True, exist_ok=True)
@@ -133,6 +149,21 @@ class Eval(EvalRoleAny):
         numbers = env.metadata[env.docname].setdefault("numbers", [])
         numbers.append("".join(node.astext() for node in found))
         return found, messages
+
+
+class LinkToSource(SphinxTransform):
+    """A link to a module leads to the page that shows it, where the reference has one, and not to a download."""
+
+    default_priority = 500
+
+    def apply(self):
+        known = set(MODULE.findall((Path(self.env.srcdir) / "book" / "api.md").read_text(encoding="utf-8")))
+        for link in list(self.document.findall(addnodes.download_reference)):
+            path = Path(self.env.relfn2path(link["reftarget"], self.env.docname)[0])
+            module = path.parent if path.stem == "__init__" else path.with_suffix("")
+            if ".".join(module.parts) in known:
+                page = "../" * self.env.docname.count("/") + plain.address(path)
+                link.replace_self(nodes.reference("", "", *link.children, refuri=page, internal=True))
 
 
 FOLDS = {
@@ -191,6 +222,7 @@ def setup(app):
     os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
     app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
     app.add_css_file("pfslam.css")
+    app.add_transform(LinkToSource)
     app.connect("config-inited", read_in_parallel)
     app.connect("env-before-read-docs", deal_out)
     app.connect("doctree-read", number_equations)
