@@ -1,4 +1,4 @@
-"""One function that turns what a user types into a recording."""
+"""From what a user types to a recording."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from pfslam.recording import Recording, image_pairs
 
 BUILT_IN = ("hall", "ramp")
 IMAGE_EVERY = 8
-"""The built-in sets offer every so-many-th pair of images: each one has to be rendered."""
+"""The built-in sets offer every eighth pair of images, because each one has to be rendered."""
 
 
 def load(
     dataset: str | int | Path, data_dir: str | Path | None = None, *, progress: Callable | None = None
 ) -> Recording:
-    """The recording that ``dataset`` names.
+    """Load the recording that ``dataset`` names.
 
     ``"hall"`` and ``"ramp"`` are the built-in simulated sets, with truth, and with every eighth pair of
     images, rendered when it is read (``simulate`` gives all). A number is a set in the course format, whose
@@ -51,12 +51,12 @@ def load(
 
 
 def data_folder(data_dir: str | Path | None = None) -> Path:
-    """Where numbered sets lie: ``data_dir``, else ``$PFSLAM_DATA``, else ``data``."""
+    """Return the folder of numbered sets: ``data_dir``, else ``$PFSLAM_DATA``, else ``data``."""
     return Path(data_dir or os.environ.get("PFSLAM_DATA") or "data")
 
 
 def dataset_name(dataset: str | int | Path) -> str:
-    """A short name for folders and titles: built-in name, number, or the log's name without ending."""
+    """Return a short name for folders and titles: built-in name, number, or the log's name without its extension."""
     text = str(dataset)
     return text if text in BUILT_IN or text.isdigit() else Path(text).stem or "log"
 

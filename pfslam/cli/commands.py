@@ -1,4 +1,4 @@
-"""What the commands of the command line do. Each takes the parsed arguments and writes files."""
+"""The commands of the command line; each takes the parsed arguments and writes files."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ FIGURES = (
 
 
 def progress_bar(what: str) -> Callable:
-    """A bar on the error stream that shows up if the work lasts more than two seconds."""
+    """Make a progress bar on the error stream that appears if the work lasts more than two seconds."""
     often = 0.1 if sys.stderr.isatty() else 5.0
     return partial(
         tqdm, desc=what, delay=2.0, mininterval=often, leave=False, file=sys.stderr, dynamic_ncols=True
@@ -53,7 +53,7 @@ def progress_bar(what: str) -> Callable:
 
 
 class Stopwatch:
-    """Seconds by stage of a run."""
+    """Measures the seconds of each stage of a run."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -83,7 +83,7 @@ def simulate_command(arguments: argparse.Namespace) -> None:
 
 
 def run_command(arguments: argparse.Namespace) -> None:
-    """Dead reckoning, the filter and the texture of one data set; all results go to one folder."""
+    """Run dead reckoning, the filter and the texture of one data set; all results go to one folder."""
     chosen = {"particles": arguments.particles, "every": arguments.every}
     given = {name: value for name, value in chosen.items() if value is not None}
     config = changed(PRESETS[arguments.method](), given, "pfslam run")
@@ -118,12 +118,12 @@ def run_command(arguments: argparse.Namespace) -> None:
 
 
 def out_folder(arguments: argparse.Namespace) -> Path:
-    """Where results go: as asked for, else out/DATASET."""
+    """Choose where results go: as asked for, else out/DATASET."""
     return arguments.out if arguments.out is not None else Path("out") / dataset_name(arguments.dataset)
 
 
 def has_images(recording: Recording) -> bool:
-    """Whether a recording has at least one image of each kind."""
+    """Tell whether a recording has at least one image of each kind."""
     camera = recording.camera
     return camera is not None and len(camera.disparity_index) > 0 and len(camera.rgb_index) > 0
 
@@ -131,7 +131,7 @@ def has_images(recording: Recording) -> bool:
 def write_results(
     out: Path, odometry: Trajectory, result: SlamResult | None, texture: FloorTexture | None
 ) -> list[str]:
-    """Write what there is; the names of the files, the summary included."""
+    """Write what there is, and return the names of the files, the summary included."""
     write_tum(out / "odometry.tum", odometry)
     files = ["odometry.tum"]
     if result is not None:
@@ -145,7 +145,7 @@ def write_results(
 
 
 def report_command(arguments: argparse.Namespace) -> None:
-    """The report's figures as PNG files."""
+    """Draw the report's figures as PNG files."""
     try:
         from pfslam.teaching.show.figures import report_figures
     except ImportError as error:
@@ -166,14 +166,14 @@ def report_command(arguments: argparse.Namespace) -> None:
 
 
 def bench_command(arguments: argparse.Namespace) -> None:
-    """Speed and memory, measured and printed; with ``--json`` also written."""
+    """Measure and print speed and memory; with ``--json``, write them as well."""
     from pfslam.bench.command import bench
 
     bench(arguments.quick, arguments.json, arguments.data)
 
 
 def study_command(arguments: argparse.Namespace) -> None:
-    """All runs of a study that are not there yet, and its table."""
+    """Make the runs of a study that are missing, and its table."""
     study = read_study(arguments.file)
     out = arguments.out if arguments.out is not None else Path("out") / study.name
     path = run_study(study, out, jobs=arguments.jobs, progress=progress_bar("runs"))

@@ -1,4 +1,4 @@
-"""What is said of a run: its ``summary.json``, and a closing line for the user."""
+"""The summary of a run: ``summary.json``, and a closing line for the user."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pfslam.texture.mapping import FloorTexture
 def summarise(
     recording: Recording, odometry: Trajectory, result: SlamResult | None, texture: FloorTexture | None
 ) -> dict[str, Any]:
-    """The figures of a run: counts, what was dropped and why, and the errors where the truth is known."""
+    """Collect the figures of a run: counts, what was dropped and why, and the errors where the truth is known."""
     parts = [recording.dropped, result.dropped if result else {}, texture.dropped if texture else {}]
     summary: dict[str, Any] = {
         "scans_recorded": 0 if recording.lidar is None else len(recording.lidar.t),
@@ -48,7 +48,7 @@ def summarise(
 
 
 def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> str:
-    """One or two lines for the user."""
+    """Write one or two lines for the user."""
     lines = [] if recording.lidar is not None else ["no LiDAR in this data set: dead reckoning only"]
     if summary["lost"]:
         lines.append(f"the robot seems to have been lost or moved by hand {summary['lost']} times")

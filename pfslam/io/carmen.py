@@ -81,7 +81,7 @@ def load_carmen(path: str | Path) -> Recording:
 
 
 def _pose_columns(log: CarmenLog, values: array, columns: int) -> np.ndarray:
-    """Rows of odometry as an array, refused if a robot cannot have been there."""
+    """Arrange rows of odometry as an array; poses that no robot can have reached are refused."""
     table = np.array(values).reshape(-1, columns)
     if np.abs(table[:, -3:]).max() > MAX_COORDINATE:
         at = int(np.argmax(np.abs(table[:, -3:]).max(axis=1)))
@@ -91,7 +91,7 @@ def _pose_columns(log: CarmenLog, values: array, columns: int) -> np.ndarray:
 
 
 def _increasing(log: CarmenLog, t: np.ndarray, reason: str) -> np.ndarray:
-    """Indices that put stamps in strictly increasing order."""
+    """Find the indices that put stamps in strictly increasing order."""
     order = np.argsort(t, kind="stable")
     first = np.concatenate([[True], np.diff(t[order]) > 0])
     log.count(reason, int(np.count_nonzero(~first)))
@@ -99,7 +99,7 @@ def _increasing(log: CarmenLog, t: np.ndarray, reason: str) -> np.ndarray:
 
 
 def _lidar(log: CarmenLog) -> LidarModel:
-    """The laser: angles and range limit from its messages, mounting from PARAM lines or the poses."""
+    """Describe the laser: angles and range limit from its messages, mounting from PARAM lines or the poses."""
     x, y, yaw = _mounting(log)
     low, high = (float(angle + yaw) for angle in log.angles)
     position = float(x), float(y), SENSOR_HEIGHT
@@ -110,9 +110,9 @@ def _lidar(log: CarmenLog) -> LidarModel:
 
 
 def _mounting(log: CarmenLog) -> np.ndarray:
-    """Pose ``(3,)`` of the laser on the robot: as a parameter, else the logged offset if it never changes.
+    """Find the pose ``(3,)`` of the laser on the robot: a parameter, else the logged offset if it never changes.
 
-    Some logs carry corrected poses in place of the laser's: their difference changes, and says nothing.
+    Some logs carry corrected poses in place of the laser's; their offset changes, and is not used.
     """
     if log.laser_offset is not None:
         return np.array([*numbers(log.path, "PARAM", [log.laser_offset], 1), 0.0, 0.0])
@@ -173,7 +173,7 @@ def _rawlaser(log: CarmenLog, line: int, words: list[str]) -> None:
 
 
 def _laser_head(log: CarmenLog, line: int, words: list[str], tail: int) -> int:
-    """Read a new-style scan with ``tail`` words after its remissions; gives where these begin."""
+    """Read a new-style scan with ``tail`` words after its remissions, and return where these begin."""
     count = _whole(log.path, line, words, 7)
     remissions = _whole(log.path, line, words, 8 + count)
     at = 9 + count + remissions
@@ -216,7 +216,7 @@ def _odom(log: CarmenLog, line: int, words: list[str]) -> None:
 
 
 def _param(log: CarmenLog, line: int, words: list[str]) -> None:
-    """Of the parameters only where the laser sits is of use."""
+    """Only the parameter that says where the laser is mounted is used."""
     if len(words) >= 2 and words[0] == "robot_frontlaser_offset":
         log.laser_offset = words[1]
 

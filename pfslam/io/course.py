@@ -46,7 +46,7 @@ FULL_TURN = 2.0 * np.pi + 1e-3
 
 
 def set_number(number: int | str) -> str:
-    """The number of a set as it stands in file names; ``DataError`` for anything but one to six digits."""
+    """Return the number of a set as in file names; ``DataError`` for anything but one to six digits."""
     text = str(number).strip()
     if not re.fullmatch(r"[0-9]{1,6}", text):
         raise DataError("data set", "number", repr(number)[:80], "one to six digits, such as 20")
@@ -77,7 +77,7 @@ def load_course(number: int | str, data_dir: str | Path) -> Recording:
 
 
 def find_file(folder: Path, *parts: str) -> Path | None:
-    """The file or folder ``parts`` below ``folder`` or ``folder/data``; upper and lower case are the same."""
+    """Find the file or folder ``parts`` below ``folder`` or ``folder/data``, ignoring case."""
     for start in (folder, folder / "data"):
         path: Path | None = start
         for part in parts:
@@ -103,7 +103,7 @@ def _require(folder: Path, name: str) -> Path:
 
 
 def _stamps(path: Path, data: Mapping[str, np.ndarray], key: str = "time_stamps") -> np.ndarray:
-    """Stamps ``(K,)`` float64; a row or column matrix is taken as a row."""
+    """Read stamps ``(K,)`` float64; a matrix of one row or column will do."""
     t = np.asarray(data[key])
     t = t.ravel() if t.ndim == 2 and 1 in t.shape else t
     check_stamps(t, str(path), key)
@@ -112,7 +112,7 @@ def _stamps(path: Path, data: Mapping[str, np.ndarray], key: str = "time_stamps"
 
 
 def _columns(path: Path, data: Mapping[str, np.ndarray], key: str, rows: int, count: int) -> np.ndarray:
-    """Values ``(count, rows)`` from the file's ``(rows, count)``."""
+    """Read values ``(count, rows)`` from the file's ``(rows, count)``."""
     check_rows(data[key], str(path), key, (rows, count))
     _check_size(path, key, data[key])
     return np.ascontiguousarray(data[key].T)
@@ -234,7 +234,7 @@ def save_course(
 
 
 def _tables(recording: Recording, truth_extras: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
-    """The arrays of every ``.npz`` file by the file's name without its number."""
+    """List the arrays of every ``.npz`` file, by the file's name without its number."""
     encoders, imu, lidar, camera, truth = (
         getattr(recording, name) for name in ("encoders", "imu", "lidar", "camera", "truth")
     )

@@ -1,6 +1,6 @@
-"""The files of the trade: TUM trajectories, ROS map_server maps, placed floor textures, benchmark relations.
+"""Common file formats: TUM trajectories, ROS map_server maps, placed floor textures, benchmark relations.
 
-Image row 0 is y_max here, while row 0 of our grids is y_min: this module holds the only flip in the package.
+Row 0 of an image is y_max, while row 0 of our grids is y_min: this module holds the only flip in the package.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
 
 
 def write_tum(path: str | Path, trajectory: Trajectory) -> None:
-    """Write ``t x y z qx qy qz qw``, one pose a line: t in full, 9 decimals of m, 12 of q."""
+    """Write a TUM file: ``t x y z qx qy qz qw``, one pose a line, with t in full, 9 decimals of m and 12 of q."""
     half = 0.5 * trajectory.poses[:, 2]
     rows = np.column_stack([trajectory.poses[:, :2], np.sin(half), np.cos(half)])
     stamps = (np.format_float_positional(t, unique=True, min_digits=6) for t in trajectory.t)
@@ -34,7 +34,7 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> None:
 
 
 def read_tum(path: str | Path) -> Trajectory:
-    """The planar trajectory of a TUM file: x, y and the yaw of the quaternion. Comments begin with #."""
+    """Read the planar trajectory of a TUM file: x, y and the yaw of the quaternion. Comments begin with #."""
     rows = []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
@@ -54,7 +54,7 @@ def read_tum(path: str | Path) -> Trajectory:
 
 
 def numbers(path: str | Path, place: str, words: list[str], count: int) -> list[float]:
-    """``count`` finite numbers from words of a file; ``DataError`` names the place and the word."""
+    """Convert words of a file to ``count`` finite numbers; ``DataError`` names the place and the word."""
     if len(words) != count:
         raise DataError(path, place, f"{len(words)} values", f"{count} values")
     values = []
@@ -70,7 +70,7 @@ def numbers(path: str | Path, place: str, words: list[str], count: int) -> list[
 
 
 def map_pixels(grid: OccupancyGrid) -> np.ndarray:
-    """The map as an image ``(H, W)`` uint8, row 0 at y_max: 0 occupied, 254 free, 205 unknown."""
+    """Draw the map as an image ``(H, W)`` uint8, row 0 at y_max: 0 occupied, 254 free, 205 unknown."""
     probability = grid.probability
     pixels = np.full(grid.spec.shape, UNKNOWN, dtype=np.uint8)
     pixels[probability > OCCUPIED_THRESH] = OCCUPIED
@@ -96,9 +96,9 @@ def _yaml(image: str, spec: GridSpec, keys: dict[str, float]) -> str:
 
 
 def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
-    """A ROS map_server map from its ``.yaml``: the grid, and int8 ``(H, W)``: 1 occupied, -1 free, 0 unknown.
+    """Read a ROS map_server map from its ``.yaml``: the grid, and int8 ``(H, W)``, 1 occupied, -1 free, 0 unknown.
 
-    Row 0 is y_min, as in all our grids. Maps that are turned (a third origin value) are refused.
+    Row 0 is y_min, as in all our grids. Rotated maps (a third origin value) are refused.
     """
     path = Path(path)
     lines = (line.split("#")[0].partition(":") for line in read_text(path).splitlines())
@@ -112,7 +112,7 @@ def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
     )
     x, y, yaw = numbers(path, "origin", keys["origin"].strip("[]").split(","), 3)
     if yaw != 0.0:
-        raise DataError(path, "origin", f"a map turned by {yaw:g} rad", "a third value of 0")
+        raise DataError(path, "origin", f"a map rotated by {yaw:g} rad", "a third value of 0")
     pixels = _read_pgm(path.parent / keys["image"].strip("'\""))
     share = pixels[::-1] / 255.0 if negate else (255.0 - pixels[::-1]) / 255.0
     cells = (share > occupied).astype(np.int8) - (share < free).astype(np.int8)
@@ -120,7 +120,7 @@ def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
 
 
 def _read_pgm(path: Path) -> np.ndarray:
-    """Pixels ``(H, W)`` uint8 of a binary PGM image."""
+    """Read the pixels ``(H, W)`` uint8 of a binary PGM image."""
     data = read_bytes(path, MAX_CELLS + 4096)
     words: list[bytes] = []
     at = 0
@@ -158,14 +158,14 @@ class Relations:
     poses: np.ndarray
 
     def at_stamps(self, stamps: np.ndarray, tolerance: float = 1e-3) -> Relations:
-        """Those with both ends within ``tolerance`` seconds of one of ``stamps (K,)``, moved onto them."""
+        """Keep those with both ends within ``tolerance`` seconds of one of ``stamps (K,)``, moved onto them."""
         t1, t2 = (stamps[nearest_stamp(stamps, t)] for t in (self.t1, self.t2))
         near = (np.abs(t1 - self.t1) <= tolerance) & (np.abs(t2 - self.t2) <= tolerance)
         return Relations(t1[near], t2[near], self.poses[near])
 
 
 def read_relations(path: str | Path) -> Relations:
-    """A relations file: lines of t1 t2 dx dy dz roll pitch yaw, of which the planar part is kept."""
+    """Read a relations file: lines of t1 t2 dx dy dz roll pitch yaw, of which the planar part is kept."""
     words = [(i, line.split()) for i, line in enumerate(read_text(path).splitlines(), start=1)]
     rows = [numbers(path, f"line {i}", line, 8) for i, line in words if line and not line[0].startswith("#")]
     if not rows:

@@ -1,4 +1,4 @@
-"""PNG images, checked before they are decoded. RGB order on this side, whatever the library prefers."""
+"""PNG images, checked before they are decoded; colours are RGB everywhere in the package."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ CHANNELS = {0: 1, 2: 3, 6: 4}
 
 
 def read_png(path: str | Path, shape: tuple[int, int, int], dtype: np.dtype) -> np.ndarray:
-    """The image of a PNG file, ``(H, W)`` or ``(H, W, 3)`` RGB. ``shape`` is (H, W, channels) and must match.
+    """Read a PNG file, ``(H, W)`` or ``(H, W, 3)`` RGB; ``shape`` is (H, W, channels) and must match.
 
-    The decoder fills what a damaged file lacks with zeros and says nothing, so check sums are verified first.
+    The decoder silently fills what a damaged file lacks with zeros, so check sums are verified first.
     """
     data = read_bytes(path, MAX_PNG_BYTES)
     found = _png_shape(path, data)
@@ -47,7 +47,7 @@ def write_png(path: str | Path, pixels: np.ndarray) -> None:
 
 
 def _png_shape(path: str | Path, data: bytes) -> tuple[tuple[int, int, int], int]:
-    """((height, width, channels), bits per channel) from the header; raises unless every chunk is whole."""
+    """Read ((height, width, channels), bits per channel) from the header; raises unless every chunk is whole."""
     if data[:8] != PNG_MAGIC or data[12:16] != b"IHDR" or len(data) < 33:
         raise DataError(path, "image", "no PNG header", "a PNG image")
     width, height, bits, colour = struct.unpack(">IIBB", data[16:26])
@@ -64,7 +64,7 @@ def _png_shape(path: str | Path, data: bytes) -> tuple[tuple[int, int, int], int
 
 
 def numbered_images(folder: Path | None, stem: str) -> dict[int, Path]:
-    """The images ``stem_I.png`` of a folder by index I - 1."""
+    """Find the images ``stem_I.png`` of a folder, by index I - 1."""
     if folder is None or not folder.is_dir():
         return {}
     pattern = re.compile(re.escape(stem) + r"_([1-9][0-9]{0,8})\.png", re.IGNORECASE)

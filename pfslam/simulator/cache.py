@@ -1,7 +1,7 @@
-"""Simulated scans kept between runs, because casting them takes seconds and everything else a tenth of one.
+"""Simulated scans kept between runs: casting them takes seconds, everything else a tenth of one.
 
-A file is named by the configuration, the seed and the simulator's source: when one of them changes, so does
-the name, and stale scans are never read. Without a folder to write to, the scans are cast anew each time.
+A file is named by the configuration, the seed and the simulator's source, so stale scans are never read. Without a
+folder to write to, the scans are cast anew each time.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ log = logging.getLogger("pfslam")
 
 
 def cache_folder() -> Path:
-    """``$PFSLAM_CACHE``, else the user's cache folder for pfslam."""
+    """Return ``$PFSLAM_CACHE``, else the user's cache folder for pfslam."""
     return Path(os.environ.get("PFSLAM_CACHE") or platformdirs.user_cache_dir("pfslam"))
 
 
 def cached_simulation(name: str, progress: Callable | None = None) -> Simulation:
-    """The built-in data set ``name`` as the simulator makes it, its scans read from the cache or put there.
+    """Simulate the built-in data set ``name``, with its scans read from the cache or put there.
 
-    A damaged file is replaced, with a warning. Two processes may do this at once: each writes a file of its
-    own and renames it, and both files hold the same. ``progress`` wraps the casting of scans.
+    A damaged file is replaced, with a warning. Two processes may do this at once: each writes a file of its own and
+    renames it, and both files hold the same. ``progress`` wraps the casting of scans.
     """
     from pfslam.simulator import DEFAULT_SEED, PRESETS, simulate
 
@@ -74,7 +74,7 @@ def _keep(path: Path, name: str, ranges: np.ndarray) -> None:
 
 
 def _key(config: SimulatorConfig, seed: int) -> str:
-    """Twenty hexadecimal digits for the configuration, the seed and the source of the simulator."""
+    """Hash the configuration, the seed and the source of the simulator to twenty hexadecimal digits."""
     digest = hashlib.sha256(f"{config!r} {seed}".encode())
     package = Path(__file__).parents[1]
     for source in sorted(path for pattern in SOURCES for path in package.glob(pattern)):
