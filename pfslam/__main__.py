@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pfslam.errors import DataError
@@ -20,10 +20,18 @@ class UsageError(Exception):
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose complaints are one line."""
+    """A parser whose complaints are one line; ``later`` adds options to it when its command is chosen."""
+
+    later: Callable[[Parser], None] | None = None
 
     def error(self, message: str):
         raise UsageError(f"{message} (see {self.prog} --help)")
+
+    def parse_known_args(self, args=None, namespace=None):
+        if self.later is not None:
+            self.later, add = None, self.later
+            add(self)
+        return super().parse_known_args(args, namespace)
 
 
 def whole(lowest: int, highest: int):
@@ -49,7 +57,7 @@ def build_parser() -> Parser:
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_simulate(commands)
-    _add_run(commands)
+    _command(commands, "run", "trajectory, map and floor texture of a data set").later = _add_run
     _add_dataset(_command(commands, "report", "the report's figures for a data set"))
     command = _command(commands, "study", "many runs over parameters, seeds and data sets")
     command.add_argument("file", type=Path, metavar="FILE", help="what to run, in TOML")
@@ -74,10 +82,9 @@ def _add_simulate(commands) -> None:
     command.add_argument("--images", type=whole(1, 10**6), metavar="N", help=images)
 
 
-def _add_run(commands) -> None:
-    from pfslam.config import MAX_EVERY, MAX_PARTICLES, PRESETS  # what only a command needs waits for one
+def _add_run(command: Parser) -> None:
+    from pfslam.config import MAX_EVERY, MAX_PARTICLES, PRESETS
 
-    command = _command(commands, "run", "trajectory, map and floor texture of a data set")
     _add_dataset(command)
     method = "which filter (default refined)"
     command.add_argument("--method", choices=tuple(PRESETS), default="refined", help=method)
