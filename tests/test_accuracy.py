@@ -17,6 +17,7 @@ from pfslam.recording import LidarScans
 from pfslam.runs import run_slam
 
 CONFIG = replace(SlamConfig.refined(), particles=50)
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
@@ -44,6 +45,7 @@ def test_the_path_is_right_to_centimetres(recording, metres):
     assert found.heading_rmse_deg <= 0.2
 
 
+@pytest.mark.weekly
 @both
 def test_three_centimetres_of_range_noise_cost_little(recording):
     ranges = recording.lidar.ranges.copy()
@@ -53,6 +55,7 @@ def test_three_centimetres_of_range_noise_cost_little(recording):
     assert error(noisy).ate_rmse_m <= 0.05
 
 
+@pytest.mark.weekly
 @both
 def test_five_seconds_without_a_return_are_survived(recording):
     t, truth = recording.lidar.t, recording.truth
@@ -66,6 +69,7 @@ def test_five_seconds_without_a_return_are_survived(recording):
     assert result.dropped["scans with too few valid beams"] == blind > 30
 
 
+@pytest.mark.weekly
 def test_a_bare_corridor_does_not_hold_the_robot_back():
     """20 m whose ends are out of sight: only odometry knows how far it is."""
     data = pfslam.simulate(replace(pfslam.simulator.HALL, layout="corridor")).recording

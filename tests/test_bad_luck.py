@@ -20,7 +20,10 @@ from pfslam.io.files import atomic_write, write_npz
 from pfslam.io.formats import read_tum
 from pfslam.study import read_table
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals and limits of POSIX")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(os.name == "nt", reason="signals and limits of POSIX"),
+]
 RUN = "run 7 --particles 5 --out o"
 STUDY = """name = "s"
 [common]

@@ -88,6 +88,15 @@ def test_a_fresh_process_gives_its_last_line_or_its_complaint():
         measure.in_fresh_process("1 / 0")
 
 
+def test_memory_is_that_of_the_run(monkeypatch):
+    monkeypatch.setattr(
+        sections, "MEMORY", sections.MEMORY.replace("main(sys.argv[1:])", "held = b'x' * 200_000_000")
+    )
+    (row,) = sections.memory(("--no-texture",)).rows
+    assert row.what == "run hall --no-texture"
+    assert row.value is None or 200 < row.value < 500
+
+
 def test_set_20_is_measured_where_it_lies(monkeypatch, tmp_path):
     monkeypatch.setattr(command, "load", lambda name, data=None: name)
     monkeypatch.setenv("PFSLAM_DATA", str(tmp_path))

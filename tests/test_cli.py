@@ -419,7 +419,8 @@ def test_ctrl_c_is_answered_and_leaves_nothing_half_written(tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-@pytest.mark.parametrize("files", [1, 3, 6, 9])
+@pytest.mark.slow
+@pytest.mark.parametrize("files", [3, pytest.param(9, marks=pytest.mark.weekly)])
 def test_killed_at_any_moment_no_file_is_half_there(tmp_path, files):
     """Once so many files are there, the process is killed: all that is there under its final name can be read."""
     command = f"{sys.executable} -m pfslam simulate hall --seed 3 --images 100 --out d".split()
@@ -453,6 +454,7 @@ def test_output_that_nobody_reads_is_no_fault(data, tmp_path):
     process.stderr.close()
 
 
+@pytest.mark.slow
 def test_a_built_in_set_written_and_loaded_gives_the_same_results(tmp_path):
     options = ("--particles", 5, "--every", 40, "--no-texture")
     environment = {"PFSLAM_CACHE": str(tmp_path / "cache")}

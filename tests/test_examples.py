@@ -17,7 +17,7 @@ MODULES = [
 FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
 
-@pytest.mark.parametrize("name", ["pfslam", *MODULES])
+@pytest.mark.parametrize("name", [pytest.param("pfslam", marks=pytest.mark.slow), *MODULES])
 def test_examples_run(name):
     module = importlib.import_module(name)
     failed, tried = doctest.testmod(module, optionflags=FLAGS)

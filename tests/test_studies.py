@@ -19,8 +19,8 @@ from pfslam.study.run import COSTS
 from pfslam.study.table import _cell
 from pfslam.teaching.show.tables import read_provenance, stored_studies, study_file
 
-BUDGET = 40.0
-"""Processor seconds for all runs together, as the tables state them."""
+BUDGET, WEEKLY = 8.0, 40.0
+"""Processor seconds for all runs together, as the tables state them: of every test run, and once a week."""
 BAND = 3.0
 NAMES = stored_studies()
 
@@ -38,7 +38,7 @@ def stored(name):
         return list(csv.DictReader(file))
 
 
-def spot_rows(name):
+def spot_rows(name, budget):
     """Numbers of the rows that are run again: the cheapest of each variant, as far as the budget goes."""
     rows, cheapest = stored(name), {}
     for number, row in enumerate(rows):
@@ -48,7 +48,7 @@ def spot_rows(name):
     chosen, spent = [], 0.0
     for number in sorted(cheapest.values(), key=lambda n: float(rows[n]["cpu_seconds"])):
         spent += float(rows[number]["cpu_seconds"])
-        if not chosen or spent <= BUDGET / len(NAMES):
+        if not chosen or spent <= budget / len(NAMES):
             chosen.append(number)
     return chosen
 
@@ -72,7 +72,16 @@ def test_every_study_has_its_table_with_a_row_for_each_case(name):
     assert provenance["failed"] == sum(bool(row["error"]) for row in rows)
 
 
-@pytest.mark.parametrize(("name", "number"), [(name, n) for name in NAMES for n in spot_rows(name)])
+def rows_to_run():
+    """Some rows of every study; those that are run once a week are marked."""
+    for name in NAMES:
+        often = spot_rows(name, BUDGET)
+        for number in spot_rows(name, WEEKLY):
+            yield pytest.param(name, number, marks=[] if number in often else pytest.mark.weekly)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "number"), list(rows_to_run()))
 def test_a_row_comes_out_again(name, number):
     case, row = read_study(study_file(name)).cases[number], stored(name)[number]
     found = run_case(case)
