@@ -28,6 +28,8 @@ from pfslam.teaching.ch05.weights import (
     copies_table,
     sharpness_explorer,
 )
+from pfslam.teaching.ch05.whole import check_filter
+from pfslam.teaching.ch05.your_filter import Settings, my_filter
 from pfslam.teaching.show.figures import (
     map_along,
 )
@@ -41,6 +43,8 @@ from pfslam.teaching.show.tables import (
 
 __all__ = [
     "GENTLE",
+    "Settings",
+    "check_filter",
     "check_mean_pose",
     "check_resample",
     "check_update",
@@ -55,6 +59,7 @@ __all__ = [
     "film_explorer",
     "first_seconds",
     "map_along",
+    "my_filter",
     "n_eff_picture",
     "odometry_at",
     "paths_over_seeds",

@@ -284,6 +284,16 @@ def _side_by_side(cases: Sequence[tuple], answers: Sequence, expected: Sequence,
 
 
 def _arguments(case: tuple) -> str:
-    """The arguments of a case where they are short, or in words."""
-    shown = ", ".join(_short(np.round(a, 3).tolist() if isinstance(a, np.ndarray) else a) for a in case)
+    """The arguments of a case where they are few and small, or in words."""
+    if sum(np.size(a) for a in case if not callable(a)) > 12 or any(callable(a) for a in case):
+        return "one of the cases of this check"
+    plain = [np.asarray(a).tolist() if isinstance(a, np.ndarray) else a for a in case]
+    shown = ", ".join(_short(_rounded(a)) for a in plain)
     return f"({shown})" if len(shown) <= 100 else "one of the cases of this check"
+
+
+def _rounded(value: Any) -> Any:
+    """Floats to three digits after the point, in lists as well."""
+    if isinstance(value, list | tuple):
+        return type(value)(_rounded(part) for part in value)
+    return round(value, 3) if isinstance(value, float) else value
