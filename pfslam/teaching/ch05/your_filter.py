@@ -39,22 +39,26 @@ class Settings:
 
 
 def scan_points(ranges, angles, lidar_xy):
+    """End points (K, 2) of the valid beams of one scan, in the body frame."""
     good = (ranges >= 0.1) & (ranges <= 30.0)
     r, angle = ranges[good], angles[good]
     return np.column_stack([r * np.cos(angle), r * np.sin(angle)]) + lidar_xy
 
 
 def to_world(pose_wb, points_b):
+    """Points (M, 2) of the body frame in the world."""
     x, y, theta = pose_wb
     c, s = np.cos(theta), np.sin(theta)
     return points_b @ np.array([[c, -s], [s, c]]).T + [x, y]
 
 
 def cell_of(points, origin, resolution):
+    """Row and column (M, 2) of the cells in which points lie."""
     return np.floor((points - np.array(origin)) / resolution).astype(int)[:, ::-1]
 
 
 def update_log_odds(log_odds, hits, free, hit_step, free_step, clamp):
+    """The map after one scan: hits win over free cells, each cell changes once."""
     change = np.zeros_like(log_odds)
     change[free[:, 0], free[:, 1]] = -free_step  # repeated cells: written once
     change[hits[:, 0], hits[:, 1]] = hit_step  # after the free ones: hits win
@@ -62,12 +66,14 @@ def update_log_odds(log_odds, hits, free, hit_step, free_step, clamp):
 
 
 def move(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    """Every pose driven by its own noisy control: Eq. 11 of the report."""
     noisy_v = v + sigma_v * rng.standard_normal(len(poses))
     noisy_omega = omega + sigma_omega * rng.standard_normal(len(poses))
     return motion_model(poses, noisy_v, noisy_omega, dt)
 
 
 def count_on_walls(points, occupied, origin, resolution):
+    """How many points lie in occupied cells: Eq. 8 of the report."""
     ix, iy = np.floor((points - np.array(origin)) / resolution).astype(int).T
     rows, columns = occupied.shape
     inside = (ix >= 0) & (ix < columns) & (iy >= 0) & (iy < rows)
@@ -75,6 +81,7 @@ def count_on_walls(points, occupied, origin, resolution):
 
 
 def update(weights, likelihood):
+    """Weights times likelihood, normalised: Eq. 12 of the report."""
     joint = weights * likelihood
     if joint.sum() == 0:
         return weights
@@ -82,6 +89,7 @@ def update(weights, likelihood):
 
 
 def resample(poses, weights, rng):
+    """Poses drawn by weight with a comb, and equal weights."""
     n = len(poses)
     teeth = (np.arange(n) + rng.random()) / n
     ancestors = np.searchsorted(np.cumsum(weights), teeth, side="right")
@@ -89,11 +97,13 @@ def resample(poses, weights, rng):
 
 
 def mean_pose(poses, weights):
+    """The weighted mean of a cloud, its heading averaged on the circle."""
     sine, cosine = weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2])
     return np.array([*(weights @ poses[:, :2]), np.arctan2(sine, cosine)])
 
 
 def step(f, s, poses, weights, log_odds, points_b, drive, rng):
+    """One scan: predict, weigh, estimate, resample, draw."""
     for v, omega, dt in drive:  # predict; at rest the gyro's noise turns nobody
         poses = f.move(poses, v, omega, dt, s.sigma_v, s.sigma_omega * (v != 0), rng)
     walls = log_odds > 0
