@@ -28,8 +28,8 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{message} (see {self.prog} --help)")
 
     def parse_known_args(self, args=None, namespace=None):
-        if self.later is not None:
-            self.later, add = None, self.later
+        add, self.later = self.later, None
+        if add is not None:
             add(self)
         return super().parse_known_args(args, namespace)
 

@@ -97,13 +97,20 @@ def hall():
     return first_seconds(pfslam.load("hall"), 75.0)
 
 
-def test_a_robot_that_is_carried_off_is_found_lost_within_a_second(hall):
-    """Carried 6 m. The score falls from above 0.9 to less than half, and the run did nothing like it before."""
+@pytest.fixture(scope="module")
+def carried(hall):
+    """The recording of a robot that is carried 6 m off after 50 s, and the run over it."""
     taken = kidnap(hall, 50.0, 6.0)
+    return taken, run_slam(taken, CONFIG)
+
+
+@pytest.mark.slow
+def test_a_robot_that_is_carried_off_is_found_lost_within_a_second(carried):
+    """Carried 6 m. The score falls from above 0.9 to less than half, and the run did nothing like it before."""
+    taken, result = carried
     begin = taken.encoders.t[0] + 50.0
     jump = np.diff(taken.truth.at(np.array([begin - 0.1, begin + 0.1]))[:, :2], axis=0)
     assert np.hypot(*jump[0]) > 5.0
-    result = run_slam(taken, CONFIG)
     when = alarms(result.infos) - begin
     assert len(when) == 1
     assert 0.0 <= when[0] <= 1.0
@@ -112,10 +119,10 @@ def test_a_robot_that_is_carried_off_is_found_lost_within_a_second(hall):
     assert score[(t > 0.0) & (t < 1.0)].min() < 0.5 * np.median(score[(t > -20.0) & (t < 0.0)])
 
 
-def test_after_it_the_scores_look_fine_again_though_the_robot_is_metres_off(hall):
+@pytest.mark.slow
+def test_after_it_the_scores_look_fine_again_though_the_robot_is_metres_off(carried):
     """Why an alarm is needed: the filter has drawn the new place over its map, and knows nothing of its error."""
-    taken = kidnap(hall, 50.0, 6.0)
-    result = run_slam(taken, CONFIG)
+    taken, result = carried
     late = result.trajectory.t > taken.encoders.t[0] + 55.0
     known = late & taken.truth.covers(result.trajectory.t)
     off = result.trajectory.poses[known] - taken.truth.at(result.trajectory.t[known])
@@ -123,6 +130,7 @@ def test_after_it_the_scores_look_fine_again_though_the_robot_is_metres_off(hall
     assert np.nanmin(consistency(result.infos)[late]) > LOST_BELOW
 
 
+@pytest.mark.slow
 def test_over_a_map_that_is_no_longer_drawn_the_score_stays_low(hall):
     """Seven seconds after the kidnap, robot still lost, every scan says so."""
     taken = first_seconds(kidnap(hall, 50.0, 6.0), 58.0)
@@ -139,6 +147,7 @@ def test_over_a_map_that_is_no_longer_drawn_the_score_stays_low(hall):
     assert lost(run)[late].all()
 
 
+@pytest.mark.weekly
 def test_a_building_that_nobody_chose_raises_no_alarm():
     config = replace(HALL, layout="loop")
     drive = first_seconds(pfslam.simulate(config, seed=77).recording, 55.0)
@@ -147,6 +156,7 @@ def test_a_building_that_nobody_chose_raises_no_alarm():
     assert len(alarms(result.infos)) == 0
 
 
+@pytest.mark.slow
 def test_sparse_real_scans_raise_no_alarm(real_data):
     log = pfslam.load(real_data / "intel" / "intel.log")
     result = run_slam(log, CONFIG)

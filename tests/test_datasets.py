@@ -142,6 +142,7 @@ def test_a_changed_source_is_another_file_and_the_old_one_goes(casts, tmp_path, 
     assert len(list((tmp_path / "the cache").iterdir())) == 1
 
 
+@pytest.mark.slow
 def test_two_processes_at_once(tmp_path):
     code = "from pfslam import load; print(load('hall').lidar.ranges.astype(float).sum())"
     environment = {"PFSLAM_CACHE": str(tmp_path), "PATH": ""}

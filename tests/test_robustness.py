@@ -20,6 +20,7 @@ from pfslam.runs import run_slam
 
 REFINED = SlamConfig.refined()
 FEW = replace(REFINED, particles=20)
+pytestmark = pytest.mark.slow
 STILL = 9.7
 """Hall stands for so long (s) before it drives."""
 
