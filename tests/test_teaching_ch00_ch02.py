@@ -116,7 +116,7 @@ def test_rules_differ_only_where_beams_meet(scan):
     assert [ch02.walls_left(scan, rule) for rule in ch02.RULES] == [1.0, 1.0, 1.0]
 
 
-def test_a_wall_cell_that_a_later_beam_crosses_is_lost_to_the_last_word():
+def test_a_wall_cell_that_a_later_beam_crosses_is_lost_to_the_last_beam():
     # The second beam runs on through the cell that the first one hit.
     scan = ch02.Placed(
         np.array([[0.52, 0.02], [1.02, 0.02]]), np.array([0, 1]), np.array([0.02, 0.02]), np.zeros(3)
@@ -178,3 +178,22 @@ def test_glass_clears_nothing_behind_it_and_a_false_wall_is_counted(steady):
     assert wall.log_odds[cell] < 0
     assert forgotten.log_odds[cell] < 0
     assert np.count_nonzero(wall.occupied & ~right.occupied) > 50
+
+
+def test_the_exact_cells_of_a_ray_hold_those_of_bresenham():
+    # By hand: 3/7 a column from the middle of (0, 0). The line leaves row 0 at ix = 1.17, row 1 at 3.5, row 2 at 5.83.
+    assert ch02.crossed((0, 0), (7, 3)) == {
+        (0, 0), (1, 0), (1, 1), (2, 1), (3, 1), (4, 2), (5, 2), (6, 2), (6, 3), (7, 3),
+    }  # fmt: skip
+
+
+def test_more_scans_wear_more_of_a_wall_off_if_clearing_is_as_strong_as_drawing(scan):
+    one_wall = ch02_story.walls_of([scan] * 3)
+    grazing = ch02.Placed(
+        np.array([[2.02, scan.points[0, 1]]]), np.array([10]), scan.sensor, np.zeros(3)
+    )  # runs on through the cell that the first beam hit
+    worn = ch02_story.walls_of([scan] * 3 + [grazing] * 4)
+    assert worn.wall.sum() == 4
+    assert worn.worn(worn.map(1.0, 1.0, 2.0)) == pytest.approx(0.25)
+    assert worn.worn(worn.map(1.0, 0.1, 2.0)) == 0.0
+    assert one_wall.worn(one_wall.map(1.0, 1.0, 2.0)) == 0.0

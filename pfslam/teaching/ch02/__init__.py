@@ -4,23 +4,18 @@ from pfslam.teaching.ch02.checks import (
     check_cell_of,
     check_cell_story,
     check_meaning,
-    check_write_scan,
+    check_update_log_odds,
 )
 from pfslam.teaching.ch02.failures import (
-    behind_glass,
     edge_picture,
     flips_picture,
     glass_picture,
 )
 from pfslam.teaching.ch02.many_scans import (
-    COUNTS,
     dead_reckoned_maps,
     dead_reckoned_picture,
-    evidence_alt,
-    evidence_frame,
-    growth,
-    growth_alt,
-    growth_frame,
+    evidence_explorer,
+    growth_explorer,
     scans_between,
     scans_to_believe,
     walls_of,
@@ -38,37 +33,24 @@ from pfslam.teaching.ch02.one_scan import (
     scan_after,
     walls_left,
 )
-from pfslam.teaching.show.source import (
-    show_source,
-)
-from pfslam.teaching.show.widgets import (
-    Explorer,
-    Slider,
-)
+from pfslam.teaching.show.source import show_source
 
 __all__ = [
-    "COUNTS",
     "RULES",
-    "Explorer",
-    "Slider",
-    "behind_glass",
     "check_cell_of",
     "check_cell_story",
     "check_meaning",
-    "check_write_scan",
+    "check_update_log_odds",
     "cleared",
     "crossings_at",
     "crossings_picture",
     "dead_reckoned_maps",
     "dead_reckoned_picture",
     "edge_picture",
-    "evidence_alt",
-    "evidence_frame",
+    "evidence_explorer",
     "flips_picture",
     "glass_picture",
-    "growth",
-    "growth_alt",
-    "growth_frame",
+    "growth_explorer",
     "logistic_picture",
     "question_picture",
     "ray_picture",

@@ -1,4 +1,4 @@
-"""Checks of the exercises of chapter 02. Each takes the student's function and says what is wrong in words."""
+"""Checks of the exercises of chapter 02: each takes the reader's function and says in words what is wrong with it."""
 
 from __future__ import annotations
 
@@ -7,242 +7,419 @@ from collections.abc import Callable
 import numpy as np
 
 from pfslam.grid import LOG_4
-from pfslam.teaching.show.checks import Check, attempt, hint, is_unanswered, passed, unanswered
+from pfslam.teaching.show.checks import Check, attempt, compare, hint
+
+# ---- exercise 1: points and their cells
 
 
-def _shape(answer) -> tuple[int, ...] | None:
-    """The shape of an answer; None if its rows have different lengths."""
-    try:
-        return np.shape(answer)
-    except ValueError:
-        return None
+def _cell_case(seed: int) -> tuple:
+    """Points inside a grid and beside it, a corner that is no multiple of the cell, and the size of the cells."""
+    rng = np.random.default_rng(seed)
+    resolution = (0.05, 0.3, 0.07, 0.5)[seed]
+    corner = rng.uniform(-2.0, -1.0, 2)
+    cells = np.column_stack([rng.permutation(20)[:7], rng.permutation(20)[:7]]) - 4
+    cells[:2] = [[-3, 4], [6, -1]]
+    inside = rng.choice([0.2, 0.35, 0.65, 0.8], (7, 2))
+    return corner + (cells + inside) * resolution, corner, resolution
 
 
-# ---- exercise 1: a post and its cell
-
-ORIGIN, RESOLUTION = (-1.0, -2.0), 0.5
-POSTS = {(3.0, 1.0): (6, 8), (0.3, -1.2): (1, 2), (-1.4, -2.6): (-2, -1)}
-"""Posts (x, y) in metres and their (row, column)."""
+def _cells(rule: Callable, points, corner, resolution) -> np.ndarray:
+    """Cells (row, column) of points by some rule of rounding."""
+    return rule((np.asarray(points) - corner) / resolution).astype(int)[..., ::-1]
 
 
-def check_cell_of(cell_of: Callable) -> Check:
-    """Whether ``cell_of(x, y, origin, resolution)`` gives (row, column) by floor, outside the grid too."""
-    found = []
-    for x, y in POSTS:
-        answer = attempt(cell_of, x, y, ORIGIN, RESOLUTION)
-        if is_unanswered(answer):
-            return unanswered()
-        if isinstance(answer, Check):
-            return answer
-        if _shape(answer) != (2,) or np.asarray(answer).dtype.kind not in "fiu":
-            return hint(f"Two whole numbers are asked for, row and column; your function returns {answer!r}.")
-        found.append(tuple(float(part) for part in answer))
-    right = list(POSTS.values())
-    if found == right:
-        return passed(
-            "Row 6, column 8 for the post at (3, 1), and negative numbers for a post outside the grid."
-        )
-    slips = {
-        "The order: the row is y, the column is x. Your map will be transposed.": lambda p: p[::-1],
-        "Round and floor disagree for half of all points along each axis. A cell begins at its lower edge: floor.": (
-            _by(np.rint)
-        ),
-        "Ceil minus one is floor, except on a border: the post at (3, 1) stands on one and lands a cell early. "
-        "Use one rule everywhere.": _by(lambda value: np.ceil(value) - 1),
-        "int() cuts towards zero: the post outside the grid, at -0.8 cells, lands in cell 0. Use floor.": _by(
-            np.trunc
-        ),
-        "Subtract the origin before you divide: cell [0, 0] does not lie at (0, 0).": _by(
-            np.floor, (0.0, 0.0)
-        ),
-    }
-    for words, slip in slips.items():
-        made = (
-            [tuple(slip(cell)) for cell in right]
-            if words.startswith("The order")
-            else [slip(p) for p in POSTS]
-        )
-        if found == made:
-            return hint(words)
-    return hint(f"For the posts {list(POSTS)} the cells (row, column) are {right}; yours are {found}.")
+def cell_of(points, origin, resolution) -> np.ndarray:
+    """The right answer of exercise 1."""
+    return _cells(np.floor, points, origin, resolution)
 
 
-def _by(rule: Callable, origin=ORIGIN) -> Callable:
-    """(row, column) of a post by some rounding rule."""
+CELL_MISTAKES = [
+    (
+        lambda p, o, r: cell_of(p, o, r)[:, ::-1],
+        "The order: the row comes from y, the column from x, and the row stands first. Your map will be transposed.",
+    ),
+    (
+        lambda p, o, r: _cells(np.rint, p, o, r),
+        "You round to the nearest whole number. A cell begins at its lower edge and reaches to the next: floor.",
+    ),
+    (
+        lambda p, o, r: _cells(np.ceil, p, o, r),
+        "You round up. A cell begins at its lower edge and reaches to the next: floor.",
+    ),
+    (
+        lambda p, o, r: _cells(np.trunc, p, o, r),
+        "int() cuts towards zero, so points just outside the grid land in row or column 0. Use floor.",
+    ),
+    (
+        lambda p, o, r: _cells(np.floor, p, 0.0, r),
+        "Subtract the origin before you divide: cell [0, 0] does not lie at (0, 0).",
+    ),
+    (
+        lambda p, o, r: _cells(np.floor, p + np.asarray(o), 0.0, r),
+        "The origin is subtracted, not added: it is where cell [0, 0] begins.",
+    ),
+    (
+        lambda p, o, r: _cells(np.floor, p, o[::-1], r),
+        "The two coordinates of the origin have changed places.",
+    ),
+    (
+        lambda p, o, r: (np.floor(p / r) - np.floor(np.asarray(o) / r)).astype(int)[:, ::-1],
+        "You round the point and the origin separately. Subtract first, and round the difference once.",
+    ),
+    (
+        lambda p, o, r: _cells(np.floor, p, o, 1.0 / r),
+        "You multiply by the resolution. It is the size of a cell: divide by it.",
+    ),
+    (
+        lambda p, o, r: np.maximum(cell_of(p, o, r), 0),
+        "Points outside the grid get row or column 0, and draw a false wall along the border. Let them be negative.",
+    ),
+    (
+        lambda p, o, r: np.abs(cell_of(p, o, r)),
+        "Points outside the grid are mirrored into it. Let their row or column be negative.",
+    ),
+    (
+        lambda p, o, r: cell_of(p, o, r) + 1,
+        "Your cells are counted from 1. Arrays are counted from 0.",
+    ),
+]
 
-    def cell(post):
-        column, row = (float(rule((c - o) / RESOLUTION)) for c, o in zip(post, origin, strict=True))
-        return row, column
 
-    return cell
+def check_cell_of(theirs: Callable) -> Check:
+    """Whether ``cell_of(points, origin, resolution)`` gives (row, column) by floor, outside the grid too."""
+    cases = [_cell_case(seed) for seed in range(4)]
+    praise = "Floor, row first, and negative numbers for points outside the grid."
+    return compare(theirs, cell_of, cases, mistakes=CELL_MISTAKES, praise=praise)
 
 
 # ---- exercise 2: one cell's life
 
-STORY = ("hit", "hit", "hit", "free", "none")
 CLAMP = 2 * LOG_4
+STORIES = (
+    (("hit", "hit", "hit", "free", "none"), CLAMP),
+    (("free", "none", "free", "free", "hit", "hit", "hit"), CLAMP),
+    (("hit", "free", "free", "free", "none", "free", "free", "hit"), 2.5 * LOG_4),
+    (("none", "hit", "hit", "none", "hit", "hit", "free", "none", "free", "free"), 2.5 * LOG_4),
+)
 
 
-def _life(story, clamp: float = CLAMP, step: float = LOG_4) -> float:
-    level = 0.0
+def _life(story, clamp, changes=(LOG_4, -LOG_4, 0.0), low=True, high=True, start=0.0) -> float:
+    """Log-odds after a story, limited at every step on the sides that are asked for."""
+    level = start
     for word in story:
-        level += {"hit": step, "free": -step}.get(word, 0.0)
-        level = float(np.clip(level, -clamp, clamp))
+        level += dict(zip(("hit", "free", "none"), changes, strict=True))[word]
+        level = max(level, -clamp) if low else level
+        level = min(level, clamp) if high else level
     return level
 
 
-def _probability(level: float) -> float:
+def probability(level: float) -> float:
+    """Probability of log-odds."""
     return float(1 / (1 + np.exp(-level)))
 
 
-def check_cell_story(cell_story: Callable) -> Check:
+def cell_story(story, clamp) -> float:
+    """The right answer of exercise 2."""
+    return probability(_life(story, clamp))
+
+
+def _by_bayes(gamma: float, seen: str) -> float:
+    """Bayes' rule for one scan, without a limit."""
+    occupied, free = {"hit": (0.8, 0.2), "free": (0.2, 0.8), "none": (1.0, 1.0)}[seen]
+    return occupied * gamma / (occupied * gamma + free * (1 - gamma))
+
+
+def _multiplied(story, clamp) -> float:
+    """Probabilities multiplied as if they were odds."""
+    return float(np.prod([{"hit": 0.8, "free": 0.2, "none": 1.0}[word] for word in story]) * 0.5)
+
+
+STORY_MISTAKES = [
+    (
+        lambda s, c: _life(s, c),
+        "That is log-odds. The question is for the probability, 1 / (1 + exp(-log-odds)).",
+    ),
+    (
+        lambda s, c: _life(s, np.inf),
+        "That is log-odds. The question is for the probability, 1 / (1 + exp(-log-odds)).",
+    ),
+    (
+        lambda s, c: np.exp(_life(s, c)),
+        "Those are the odds. The probability is odds / (1 + odds).",
+    ),
+    (
+        lambda s, c: probability(_life(s, np.inf)),
+        "The clamp does nothing here: it must act at every step, and its result must be kept.",
+    ),
+    (
+        lambda s, c: probability(np.clip(_life(s, np.inf), -c, c)),
+        "You clamp once, at the end. By then the sum has run too far: clamp at every step.",
+    ),
+    (
+        lambda s, c: probability(_life(s, c, low=False)),
+        "The clamp works above only. A cell that was seen free many times is limited too, at -clamp.",
+    ),
+    (
+        lambda s, c: probability(_life(s, c, high=False)),
+        "The clamp works below only. A cell that was hit many times is limited too, at +clamp.",
+    ),
+    (
+        lambda s, c: probability(_life(s[::-1], c)),
+        "You read the story backwards. With a clamp the order matters.",
+    ),
+    (
+        lambda s, c: probability(_life(s, c, (LOG_4, -LOG_4, -LOG_4))),
+        "A scan that says nothing about the cell is not a free scan: leave the log-odds alone.",
+    ),
+    (
+        lambda s, c: probability(-_life(s, c)),
+        "That is the probability that the cell is free.",
+    ),
+    (
+        lambda s, c: 1 / (1 + 10.0 ** -_life(s, c)),
+        "Log-odds here are natural: e, not 10.",
+    ),
+    (
+        lambda s, c: probability(_life(s, c, (np.log10(4), -np.log10(4), 0.0))),
+        "The logarithm of 4 is the natural one, 1.386.",
+    ),
+    (
+        lambda s, c: probability(_life(s, c, (1.0, -1.0, 0.0))),
+        "A hit adds log 4, not 1.",
+    ),
+    (
+        _multiplied,
+        "You multiply probabilities. The odds are what gets multiplied.",
+    ),
+]
+
+
+def check_cell_story(theirs: Callable) -> Check:
     """Whether ``cell_story(story, clamp)`` adds log 4 for a hit, clamps at each step, and returns a probability."""
-    answer = attempt(cell_story, list(STORY), CLAMP)
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    if _shape(answer) != () or np.asarray(answer).dtype.kind not in "fiu":
-        return hint(f"One probability is asked for; your function returns {answer!r}.")
-    right = _life(STORY)
-    if np.isclose(answer, _probability(right)):
-        return passed(
-            f"{_probability(right):.2f}: two hits count, the third meets the clamp, and the free scan undoes one."
-        )
-    unclamped = _life(STORY, np.inf)
-    wrong = {
-        unclamped: "That is log-odds. The question is for the probability, 1 / (1 + exp(-log-odds)).",
-        right: "That is log-odds. The question is for the probability, 1 / (1 + exp(-log-odds)).",
-        _probability(
-            unclamped
-        ): "The clamp does nothing here: it must act after every step, and its result must be kept. A "
-        "clamp at the end comes too late: the third hit was counted already.",
-        _probability(
-            _life([w if w != "none" else "free" for w in STORY])
-        ): "A scan that says nothing about the cell is not a free scan: leave the log-odds alone.",
-        float(1 / (1 + 10.0**-right)): "Log-odds here are natural: e, not 10.",
-        float(
-            np.clip(0.5 * 0.8**3 * 0.2, 0, 1)
-        ): "You multiply probabilities. The odds are what gets multiplied.",
-    }
-    for value, words in wrong.items():
-        if np.isclose(answer, value):
-            return hint(words)
-    return hint(
-        f"The story {' '.join(STORY)} ends at {_probability(right):.3f}; yours at {float(answer):.3f}."
+    cases = [(list(story), clamp) for story, clamp in STORIES]
+    praise = (
+        "Each hit adds log 4 and each free scan takes it away, never further than the clamp on either side."
     )
+    return compare(theirs, cell_story, cases, mistakes=STORY_MISTAKES, praise=praise)
 
 
 # ---- exercise 3: one scan into the map
 
-BEFORE = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, 2 * LOG_4, 0.0, 2 * LOG_4]])
-FREE = np.array([[0, 0], [0, 1], [0, 0], [0, 1], [0, 0], [0, 2], [1, 1]])
-"""Cells (row, column) that beams cross, beam after beam: [0, 0] three times, the hit cell [0, 2] once."""
-HITS = np.array([[0, 2], [1, 3], [0, 2]])
+
+def _map_case(seed: int) -> tuple:
+    """A map, hits and free cells with repetitions, some of them in both lists, and three different amounts."""
+    rng = np.random.default_rng(seed)
+    clamp = (2.0, 3.5, 2.6, 3.0)[seed]
+    before = rng.uniform(-0.6, 0.6, (5, 6)) * clamp
+    before[0, :2] = [0.95 * clamp, -0.95 * clamp]
+    free = np.array([[1, 1], [1, 2], [1, 1], [0, 1], [2, 3], [1, 1], [3, 0], [4, 2]])
+    hits = np.array([[2, 3], [0, 0], [2, 3], [4, 5], [3, 4]])
+    rows = rng.permutation(len(free)), rng.permutation(len(hits))
+    return before, hits[rows[1]], free[rows[0]], (1.4, 0.9, 1.1, 0.8)[seed], (0.5, 0.7, 0.3, 0.4)[seed], clamp
 
 
-def _written(per_beam: bool, order: str, clamp: bool = True) -> np.ndarray:
-    """The map after the scan: each cell once or once per beam; ``order`` "hits win", "free wins" or "sum"."""
-    change, free, hit = np.zeros(BEFORE.shape), tuple(FREE.T), tuple(HITS.T)
-    cleared, struck = np.zeros(BEFORE.shape), np.zeros(BEFORE.shape)
-    np.add.at(cleared, free, 1)
-    np.add.at(struck, hit, 1)
-    if not per_beam:
-        cleared, struck = np.minimum(cleared, 1), np.minimum(struck, 1)
-    change = LOG_4 * (struck - cleared)
-    if order == "hits win":
-        change = np.where(struck > 0, LOG_4 * struck, -LOG_4 * cleared)
-    elif order == "free wins":
-        change = np.where(cleared > 0, -LOG_4 * cleared, LOG_4 * struck)
-    after = BEFORE + change
-    return np.clip(after, -CLAMP, CLAMP) if clamp else after
+def _changes(shape, hits, free, per_beam: bool) -> tuple[np.ndarray, np.ndarray]:
+    """How often each cell is hit and crossed, or whether."""
+    struck, crossed = np.zeros(shape), np.zeros(shape)
+    np.add.at(struck, tuple(np.asarray(hits).T), 1)
+    np.add.at(crossed, tuple(np.asarray(free).T), 1)
+    return (struck, crossed) if per_beam else (np.minimum(struck, 1), np.minimum(crossed, 1))
 
 
-def check_write_scan(write_scan: Callable) -> Check:
-    """Whether ``write_scan(log_odds, hits, free, step, clamp)`` writes every cell once and lets hits win."""
-    given = BEFORE.copy()
-    answer = attempt(write_scan, given, HITS.copy(), FREE.copy(), LOG_4, CLAMP)
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    if _shape(answer) != BEFORE.shape or np.asarray(answer).dtype.kind not in "fiu":
-        return hint(
-            f"The new map is asked for, of shape {BEFORE.shape}; yours has the shape {_shape(answer)}."
+def _written(
+    rule: str = "hits win", beams: tuple[bool, bool] = (False, False), clip=np.clip, first: bool = False
+):
+    """A way to write a scan: who wins, whether hits and free cells count per beam, and how the result is limited."""
+
+    def update(log_odds, hits, free, hit_step, free_step, clamp):
+        struck, crossed = (
+            _changes(log_odds.shape, hits, free, per_beam)[k] for k, per_beam in enumerate(beams)
         )
-    values = np.asarray(answer, dtype=float)
-    if np.allclose(values, _written(False, "hits win")):
-        if not np.array_equal(given, BEFORE):
-            return hint(
-                "Right numbers, but you changed the map that you were given. Who holds the old one is surprised: copy."
-            )
-        return passed("Every cell once, hits win, and the clamp holds.")
-    wrong = [
-        (_written(False, "hits win", clamp=False), "The clamp is missing, or its result was thrown away."),
-        (
-            _written(True, "hits win"),
-            "You count once per beam: cell [0, 0] was crossed by three beams of one scan. They are not three "
-            "independent proofs. Once per scan.",
-        ),
-        (
-            _written(False, "free wins"),
-            "The free cells overwrite the hits: cell [0, 2] was hit, and a neighbouring beam grazed it. Hits win.",
-        ),
-        (
-            _written(False, "sum"),
-            "Cell [0, 2] was hit and crossed, and you did both: it stays unknown. Hits win.",
-        ),
-        (
-            _written(True, "sum"),
-            "Once per beam, and hit cells are lowered as well: near the robot all is washed out.",
-        ),
-        (BEFORE, "The map is unchanged."),
-    ]
-    for value, words in wrong:
-        if np.allclose(values, value):
-            return hint(words)
-    return hint(
-        f"Expected (in units of log 4) {np.round(_written(False, 'hits win') / LOG_4, 1).tolist()}; "
-        f"yours is {np.round(values / LOG_4, 1).tolist()}."
-    )
+        up, down = hit_step * struck, free_step * crossed
+        if rule == "hits win":
+            change = np.where(struck > 0, up, -down)
+        elif rule == "free wins":
+            change = np.where(crossed > 0, -down, up)
+        else:
+            change = up - down
+        limited = (clip(log_odds, -clamp, clamp) if first else log_odds) + change
+        return limited if first else clip(limited, -clamp, clamp)
+
+    return update
+
+
+def _no_clip(values, low, high) -> np.ndarray:
+    return values
+
+
+update_log_odds = _written()
+"""The right answer of exercise 3."""
+
+
+def _swapped(log_odds, hits, free, hit_step, free_step, clamp) -> np.ndarray:
+    """The two steps exchanged."""
+    return update_log_odds(log_odds, hits, free, free_step, hit_step, clamp)
+
+
+def _twice(log_odds, hits, free, hit_step, free_step, clamp) -> np.ndarray:
+    """Free cells lowered, hit cells among them too, and then every hit raised by two steps."""
+    return _written("sum")(log_odds, hits, free, 2 * hit_step, free_step, clamp)
+
+
+WRITE_MISTAKES = [
+    (_written(clip=_no_clip), "The clamp is missing, or its result was thrown away."),
+    (_written(first=True), "You limit the map before the scan is added. Limit the result."),
+    (
+        _written(clip=lambda v, low, high: np.minimum(v, high)),
+        "The clamp works above only. A cell that was seen free many times is limited too, at -clamp.",
+    ),
+    (
+        _written(clip=lambda v, low, high: np.maximum(v, low)),
+        "The clamp works below only. A cell that was hit many times is limited too, at +clamp.",
+    ),
+    (
+        _written(clip=lambda v, low, high: np.clip(v, 0, high)),
+        "Free cells fall below zero: the lower limit is -clamp, not 0.",
+    ),
+    (
+        _written(beams=(True, True)),
+        "You count once per beam: one free cell was crossed by three beams of one scan. They are not three "
+        "independent "
+        "proofs. Once per scan.",
+    ),
+    (
+        _written(beams=(False, True)),
+        "You count free cells once per beam: one of them was crossed by three beams of one scan. They are not three "
+        "independent proofs. Once per scan.",
+    ),
+    (
+        _written(beams=(True, False)),
+        "You count hits once per beam: two beams of one scan ended in the same cell. Once per scan.",
+    ),
+    (
+        _written("free wins"),
+        "The free cells overwrite the hits: one cell was hit, and a neighbouring beam grazed it. Hits win.",
+    ),
+    (
+        _written("sum"),
+        "A cell that was hit and crossed gets both changes. Hits win: it gets the hit alone.",
+    ),
+    (
+        _written("sum", (True, True)),
+        "You count once per beam, and lower the hit cells as well: near the robot everything is washed out.",
+    ),
+    (
+        _twice,
+        "You lower the hit cells with the free ones and then raise them by two steps. That is one step only if both "
+        "steps are equal: leave hit cells out of the free ones.",
+    ),
+    (_swapped, "hit_step and free_step have changed places."),
+    (
+        lambda m, h, f, up, down, c: update_log_odds(m, h, f, up, up, c),
+        "You take hit_step for the free cells too; free_step is what a free cell loses.",
+    ),
+    (
+        lambda m, h, f, up, down, c: update_log_odds(m, h, f, up, -down, c),
+        "Free cells rise in your map. free_step is positive, and it is taken away.",
+    ),
+    (
+        lambda m, h, f, up, down, c: update_log_odds(0 * m, h, f, up, down, c),
+        "You start from an empty map. The scan is added to what the map already says.",
+    ),
+    (lambda m, *rest: m, "The map is unchanged."),
+    (
+        lambda m, h, f, up, down, c: update_log_odds(m, h[:, ::-1], f[:, ::-1], up, down, c),
+        "Rows and columns are swapped: the lists hold (row, column).",
+    ),
+]
+
+
+def check_update_log_odds(theirs: Callable) -> Check:
+    """Whether ``update_log_odds(log_odds, hits, free, hit_step, free_step, clamp)`` writes each cell once, "
+    "hits first."""
+    cases = [_map_case(seed) for seed in range(4)]
+    praise = "Every cell once, hits win, and the clamp holds on both sides."
+    return compare(theirs, update_log_odds, cases, mistakes=WRITE_MISTAKES, praise=praise)
 
 
 # ---- exercise 4: what a beam says
 
-READINGS = [np.inf, 0.0, 0.05, 29.9, np.nan, 2.0, 60.0]
-MEANINGS = ["free", "nothing", "nothing", "hit", "nothing", "hit", "free"]
+WORDS = ("hit", "free", "nothing")
+RANGES = (0.1, 30.0), (0.25, 12.0)
+READINGS = (np.inf, 0.0, 0.05, 11.4, np.nan, 2.0, 60.0, -1.0, -np.inf, 0.2)
 
 
-def check_meaning(meaning: Callable) -> Check:
+def meaning(reading, range_min, range_max) -> str:
+    """The right answer of exercise 4."""
+    if np.isnan(reading) or reading < range_min:
+        return "nothing"
+    return "hit" if reading <= range_max else "free"
+
+
+def _meaning_mistake(change: Callable) -> Callable:
+    """A wrong answer: what ``change`` says, or the right one where it says nothing."""
+    return lambda r, low, high: change(r, low, high) or meaning(r, low, high)
+
+
+MEANING_MISTAKES = [
+    (
+        _meaning_mistake(lambda r, low, high: "hit" if r > high else ""),
+        "A beam that never came back hit nothing: as a hit it draws a ring of false wall at maximum range.",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: "hit" if r == np.inf else ""),
+        "A beam that never came back hit nothing: as a hit it draws a ring of false wall at maximum range.",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: "free" if np.isnan(r) else ""),
+        "NaN is not a number, and here it says nothing. Every comparison with NaN is False: mind your last else.",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: "hit" if np.isnan(r) else ""),
+        "NaN is not a number, and here it says nothing. Every comparison with NaN is False: mind your last else.",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: "hit" if r < low else ""),
+        "Below range_min the device was blinded, or saw its own frame. That hits nothing and frees nothing.",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: "free" if r < low else ""),
+        "Below range_min the device was blinded, or saw its own frame. That hits nothing and frees nothing.",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: "hit" if 0 < r < low else ""),
+        "Below range_min the device was blinded, or saw its own frame. That hits nothing and frees nothing.",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: "free" if r == 0 else ""),
+        "0 is below range_min, like every reading that is too short: it says nothing.",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: "nothing" if r > high else ""),
+        "For this sensor a beam beyond range_max is good news: all is free up to there. (Whether to believe it in a "
+        "building with glass is another matter; the package does not.)",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: "nothing" if r == np.inf else ""),
+        "Infinity is beyond range_max, like every reading that is too long: all is free up to there.",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: "free" if r == -np.inf else ""),
+        "Minus infinity is below range_min and says nothing; np.isinf is true for both signs.",
+    ),
+]
+
+
+def _same_word(found, *words) -> bool:
+    """Whether an answer is one of these words."""
+    return isinstance(found, str) and found in words
+
+
+def check_meaning(theirs: Callable) -> Check:
     """Whether ``meaning(reading, range_min, range_max)`` tells hit, free up to the maximum, and nothing apart."""
-    found = []
-    for reading in READINGS:
-        answer = attempt(meaning, reading, 0.1, 30.0)
-        if is_unanswered(answer):
-            return unanswered()
-        if isinstance(answer, Check):
-            return answer
-        found.append(answer)
-    if not all(isinstance(word, str) and word in ("hit", "free", "nothing") for word in found):
-        return hint(f"Each answer is 'hit', 'free' or 'nothing'; yours are {found}.")
-    if found == MEANINGS:
-        return passed("Two hits, two beams that saw nothing all the way, and three that say nothing.")
-    by_reading = dict(zip(map(str, READINGS), found, strict=True))
-    if "hit" in (by_reading["inf"], by_reading["60.0"]):
-        return hint(
-            "A beam that never came back hit nothing: as a hit it draws a ring of false wall at maximum range."
-        )
-    if by_reading["nan"] != "nothing":
-        return hint(
-            "NaN is not a number: nothing can be said. Every comparison with it is False; mind your last else."
-        )
-    if by_reading["0.0"] != "nothing" or by_reading["0.05"] != "nothing":
-        return hint(
-            "Below range_min the device was blinded, or saw its own frame. That frees nothing and hits nothing."
-        )
-    if by_reading["inf"] == "nothing" or by_reading["60.0"] == "nothing":
-        return hint(
-            "For this sensor a beam beyond range_max is good news: all is free up to there. (Whether to believe it "
-            "in a building with glass is another matter; the package does not.)"
-        )
-    return hint(f"For {READINGS} the meanings are {MEANINGS}; yours are {found}.")
+    cases = [(reading, *limits) for limits in RANGES for reading in READINGS]
+    found = attempt(theirs, 2.0, 0.1, 30.0)
+    if not (found is None or found is ... or isinstance(found, Check) or _same_word(found, *WORDS)):
+        return hint(f"Each answer is 'hit', 'free' or 'nothing'; yours is {found!r}.")
+    praise = "A hit within the limits, free beyond the maximum, and nothing below the minimum or for NaN."
+    return compare(theirs, meaning, cases, mistakes=MEANING_MISTAKES, same=_same_word, praise=praise)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from textwrap import fill
 
 import numpy as np
 
@@ -12,9 +13,9 @@ from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import scan_points
 from pfslam.teaching.ch02.many_scans import drawn
 from pfslam.teaching.ch02.one_scan import CELL, Placed, draw_log_odds, placed
-from pfslam.teaching.show.figures import draw_map
+from pfslam.teaching.show.figures import draw_map, draw_robot
 from pfslam.teaching.show.pictures import Picture
-from pfslam.teaching.show.style import new_figure
+from pfslam.teaching.show.style import COLOURS, new_figure
 
 MIRROR = np.array([1.0, -1.0, -1.0])
 FLIPS = {"right": (1, 1), "scan flipped": (-1, 1), "scan and gyro flipped": (-1, -1)}
@@ -37,12 +38,14 @@ def flipped_scans(
 
 def flips_picture(recording: Recording, last: float = 45.0, every: int = 25) -> Picture:
     """Three maps of the same scans: right, beams counted clockwise, and beams and turns both reversed."""
-    figure, axes = new_figure(6.2, 3.4, 1, 3)
+    figure, axes = new_figure(5.0, 3.0, 1, 3)
     words = []
     for ax, (name, signs) in zip(axes, FLIPS.items(), strict=True):
         *_, grid = drawn(flipped_scans(recording, *signs, last=last, every=every))
         draw_map(ax, grid)
-        ax.set_title(name.replace(" and ", " and\n"), fontsize=12)
+        ax.set_title(
+            name.replace(" flipped", "\nflipped").replace("scan and gyro", "scan and\ngyro"), fontsize=12
+        )
         ax.set(xticks=(), yticks=(), xlabel="", ylabel="")
         words.append(f"{name} {np.count_nonzero(grid.occupied)}")
     alt = f"""Three maps of the same scans. With the scan flipped the corridors smear; with scan and gyro flipped the
@@ -77,23 +80,28 @@ def too_small(scan: Placed, lacking: float) -> GridSpec:
 
 
 def edge_picture(scan: Placed, lacking: float = 3.6) -> Picture:
-    """One scan on a grid that is too small, by three rules."""
+    """One scan on a grid that is large enough, and by three rules on one that is too small."""
     spec = too_small(scan, lacking)
     right = hits_on_grid(scan.points, spec, EDGE_RULES[0])
-    figure, axes = new_figure(6.2, 3.5, 1, 3, sharey=True)
+    figure, axes = new_figure(5.0, 5.6, 2, 2, sharex=True, sharey=True)
+    whole = hits_on_grid(scan.points, scan.spec(), EDGE_RULES[0])
+    draw_log_odds(axes[0, 0], whole * 1.0, scan.spec(), clamp=1.0)
+    axes[0, 0].axvline(spec.origin[0], color=COLOURS["highlight"], linewidth=2)
+    axes[0, 0].set_title("all of the scan")
     words = []
-    for ax, rule in zip(axes, EDGE_RULES, strict=True):
+    for ax, rule in zip(axes.ravel()[1:], EDGE_RULES, strict=True):
         hit = hits_on_grid(scan.points, spec, rule)
         draw_log_odds(ax, hit * 1.0, spec, clamp=1.0)
-        left, right_edge, _, top = spec.extent
-        ax.set(xlim=(left - 0.3, right_edge + 0.3), ylim=(top - 6.0, top))
-        ax.set_title(rule.replace(" to ", "\nto ").replace(" bound", "\nbound"), fontsize=12)
+        ax.set_title(rule)
         words.append(f"{rule} {np.count_nonzero(hit & ~right)}")
-    for ax in axes[1:]:
-        ax.set_ylabel("")
-    alt = f"""A scan on a grid that lacks {lacking:g} m on the left. Cells marked as wall where none is:
-    {", ".join(words)}. Clipped points form a false wall along the border; negative indices come in again on the far
-    side."""
+    left, right_edge, _, top = scan.spec().extent
+    for ax in axes.ravel():
+        ax.set(xlim=(left, right_edge), ylim=(top - 6.0, top))
+        draw_robot(ax, scan.pose, length=0.9)
+        ax.label_outer()
+    alt = f"""A scan, and the same scan on a grid that lacks {lacking:g} m on the left, by three rules. Cells marked as
+    wall where none is: {", ".join(words)}. Clipped points form a false wall along the border; negative indices come in
+    again on the far side."""
     return Picture(figure, alt)
 
 
@@ -127,18 +135,24 @@ def glass_map(recording: Recording, rule: str) -> OccupancyGrid:
     return integrate_scan(empty, scan.points, beams, scan.sensor, MapConfig(clamp=LOG_4))[0]
 
 
-def glass_picture(recording: Recording) -> Picture:
-    """A scan with a gap, by three rules."""
-    right = glass_map(recording, GLASS_RULES[2])
-    figure, axes = new_figure(6.2, 3.4, 1, 3)
+def glass_picture(recording: Recording, seconds: float = 40.0) -> Picture:
+    """A scan in which a pane of glass swallowed some beams, by three rules."""
+    index = int(np.searchsorted(recording.scans().t, recording.scans().t[0] + seconds))
+    glass, whole = behind_glass(recording, index), placed(recording, recording.true_path(), index)
+    pane = whole.points[(whole.beams >= GLASS.start) & (whole.beams < GLASS.stop)]
+    right = glass_map(glass, GLASS_RULES[2])
+    figure, axes = new_figure(5.0, 3.2, 1, 3, sharex=True, sharey=True)
     words = []
     for ax, rule in zip(axes, GLASS_RULES, strict=True):
-        grid = glass_map(recording, rule)
-        draw_map(ax, grid)
-        ax.set_title(rule.replace(" at ", "\nat "), fontsize=12)
-        ax.set(xticks=(), yticks=(), xlabel="", ylabel="")
-        false = [
-            np.count_nonzero(a & ~b) for a, b in ((grid.occupied, right.occupied), (grid.free, right.free))
-        ]
+        grid = glass_map(glass, rule)
+        draw_log_odds(ax, grid.log_odds, grid.spec, clamp=LOG_4)
+        ax.scatter(*pane.T, s=5, color=COLOURS["highlight"], linewidths=0)
+        draw_robot(ax, whole.pose, length=1.2)
+        ax.set_title(fill(rule, 9))
+        ax.label_outer()
+        pairs = ((grid.occupied, right.occupied), (grid.free, right.free))
+        false = [np.count_nonzero(a & ~b) for a, b in pairs]
         words.append(f"{rule}: {false[0]} false wall cells, {false[1]} cells cleared that no beam crossed")
-    return Picture(figure, f"One scan with a pane of glass in it. {'; '.join(words)}.")
+    low, high = whole.points.min(axis=0) - 1.0, whole.points.max(axis=0) + 1.0
+    axes[0].set(xlim=(low[0] - 1.0, high[0]), ylim=(low[1] - 1.0, high[1] + 1.0))
+    return Picture(figure, f"One scan with a pane of glass in it, marked in orange. {'; '.join(words)}.")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,6 +18,7 @@ from pfslam.teaching.ch02.one_scan import CELL, Placed, draw_log_odds, placed
 from pfslam.teaching.show.figures import draw_map, draw_robot, draw_trajectory, map_along
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, new_figure
+from pfslam.teaching.show.widgets import Explorer, Slider
 
 
 def scans_between(recording: Recording, first: float, last: float, every: int) -> list[Placed]:
@@ -95,29 +97,30 @@ def _three_cells(scans: list[Placed]) -> dict[str, tuple[int, int]]:
     return {**cells, "floor": (int(iy), int(ix))}
 
 
-def growth_frame(story: Growth) -> Callable[..., Figure]:
-    """The drawing function of the chapter's first widget: the map so far, and the diaries of three cells."""
-
-    def draw(scans: int) -> Figure:
-        figure, axes = new_figure(6.2, 4.2, 1, 2, width_ratios=[1, 1])
-        figure.set_layout_engine("none")
-        for ax, place in zip(axes, ((0.09, 0.12, 0.40, 0.80), (0.60, 0.12, 0.38, 0.80)), strict=True):
-            ax.set_position(place)
-        grid, spec = story.maps[COUNTS.index(scans)], story.maps[0].spec
-        left, right = np.clip(spec.world_to_cell([[x, 0.0] for x in SHOWN])[:, 0], 0, spec.shape[1]).tolist()
-        part = spec.grown(-left, right - spec.shape[1], 0, 0)
-        draw_log_odds(axes[0], grid.log_odds[:, left:right], part)
-        draw_robot(axes[0], story.scans[scans - 1].pose, length=1.5)
-        _draw_diaries(axes[1], story, scans)
-        for name, (iy, ix) in story.cells.items():
-            centre = spec.cell_to_world([ix, iy])
-            axes[0].plot(
-                *centre, marker="o", markersize=9, fillstyle="none", mew=2, color=COLOURS[DIARIES[name]]
-            )
-        axes[0].set(title=f"{scans} scan{'s' if scans > 1 else ''}", xlim=SHOWN)
-        return figure
-
-    return draw
+def draw_growth(story: Growth, scans: int) -> Figure:
+    """The map after so many scans, and the diaries of three cells."""
+    figure, axes = new_figure(5.0, 4.2, 1, 2)
+    figure.set_layout_engine("none")
+    for ax, place in zip(axes, ((0.11, 0.13, 0.38, 0.79), (0.63, 0.13, 0.33, 0.79)), strict=True):
+        ax.set_position(place)
+    grid, spec = story.maps[COUNTS.index(scans)], story.maps[0].spec
+    left, right = np.clip(spec.world_to_cell([[x, 0.0] for x in SHOWN])[:, 0], 0, spec.shape[1]).tolist()
+    part = spec.grown(-left, right - spec.shape[1], 0, 0)
+    draw_log_odds(axes[0], grid.log_odds[:, left:right], part)
+    draw_robot(axes[0], story.scans[scans - 1].pose, length=1.5)
+    _draw_diaries(axes[1], story, scans)
+    for name, (iy, ix) in story.cells.items():
+        centre = spec.cell_to_world([ix, iy])
+        look = {
+            "marker": "o",
+            "markersize": 9,
+            "fillstyle": "none",
+            "mew": 2,
+            "color": COLOURS[DIARIES[name]],
+        }
+        axes[0].plot(*centre, **look)
+    axes[0].set(title=f"{scans} scan{'s' if scans > 1 else ''}", xlim=SHOWN)
+    return figure
 
 
 def _draw_diaries(axes: Axes, story: Growth, scans: int) -> None:
@@ -125,26 +128,35 @@ def _draw_diaries(axes: Axes, story: Growth, scans: int) -> None:
     for shift, (name, colour) in zip((0.06, 0.0, -0.06), DIARIES.items(), strict=True):
         levels = np.concatenate([[0.0], story.diary[name][:scans]]) / LOG_4
         axes.step(n, levels + shift, where="post", color=COLOURS[colour], label=name)
-    axes.set(ylim=(-2.4, 3.4), yticks=range(-2, 3), xlabel="scans", ylabel=r"$\lambda$ in units of log 4")
-    axes.set(xlim=(0, max(scans, 5)), title="three cells")
-    axes.legend(loc="upper right", fontsize=10, ncols=1)
+    axes.set(ylim=(-2.4, 4.4), yticks=range(-2, 3), xlabel="scans", ylabel=r"$\lambda$ in units of log 4")
+    axes.set(xlim=(0, COUNTS[-1]), xticks=(0, 60, 120), title="three cells")
+    axes.legend(loc="upper right", fontsize=12, borderpad=0.2)
 
 
-def growth_alt(story: Growth) -> Callable[..., str]:
-    """The words for one frame."""
+def describe_growth(story: Growth, scans: int) -> str:
+    """The same in words."""
+    grid = story.maps[COUNTS.index(scans)]
+    area = CELL**2 * np.count_nonzero(grid.free)
+    words = ", ".join(f"{name} {story.diary[name][scans - 1] / LOG_4:+.0f}" for name in story.cells)
+    return f"""After {scans} scans: {area:.0f} square metres free, {np.count_nonzero(grid.occupied)} cells
+    occupied. The three marked cells stand at (in units of log 4): {words}."""
 
-    def alt(scans: int) -> str:
-        grid = story.maps[COUNTS.index(scans)]
-        area = CELL**2 * np.count_nonzero(grid.free)
-        words = ", ".join(f"{name} {story.diary[name][scans - 1] / LOG_4:+.0f}" for name in story.cells)
-        return f"""After {scans} scans: {area:.0f} square metres free, {np.count_nonzero(grid.occupied)} cells
-        occupied. The three marked cells stand at (in units of log 4): {words}."""
 
-    return alt
+def growth_explorer(recording: Recording) -> Explorer:
+    """One slider: how many scans are in the map."""
+    story = growth(recording)
+    return Explorer(
+        partial(draw_growth, story),
+        [Slider("scans", COUNTS, 0, "Scans", "", "g")],
+        title="A map grows",
+        alt=partial(describe_growth, story),
+        play="scans",
+    )
 
 
 # ---- hit, free and clamp
 
+CORRIDOR = (4.2, 8.2, 0.0, 15.0)  # the part of it that is shown: x_min, x_max, y_min, y_max (m)
 SEEN = 3  # so many scans must hit a wall cell for it to be well seen
 DOOR_CLOSED, DOOR_OPEN = 40, 60  # so many scans see the door closed, and so many see it open after that
 
@@ -189,44 +201,44 @@ def walls_of(scans: list[Placed]) -> Walls:
     return Walls(scans, hit_counts(scans, spec_of(scans)) >= SEEN)
 
 
-def evidence_frame(walls: Walls, window: tuple[float, float, float, float]) -> Callable[..., Figure]:
-    """The drawing function of the second widget: a corridor's walls, and the door."""
-
-    def draw(hit: float, free: float, clamp: float) -> Figure:
-        grid = walls.map(hit, free, clamp)
-        figure, axes = new_figure(6.2, 4.4, 1, 2)
-        figure.set_layout_engine("none")
-        for ax, place in zip(axes, ((0.10, 0.13, 0.30, 0.76), (0.53, 0.13, 0.45, 0.76)), strict=True):
-            ax.set_position(place)
-        draw_map(axes[0], grid, f"{100 * walls.worn(grid):.0f} % worn off")
-        axes[0].set(xlim=window[:2], ylim=window[2:])
-        levels = door(hit * LOG_4, free * LOG_4, clamp * LOG_4) / LOG_4
-        axes[1].step(np.arange(len(levels)), levels, where="post", color=COLOURS["hits"])
-        axes[1].axhline(0.0, color=COLOURS["truth"], linestyle=":")
-        axes[1].axvspan(DOOR_CLOSED, len(levels), color=COLOURS["free"], alpha=0.12)
-        needed = scans_to_believe(hit, free, clamp)
-        axes[1].set(
-            xlabel="scans",
-            ylabel=r"$\lambda$ of the door, in log 4",
-            xlim=(0, len(levels)),
-            xticks=(0, 40, 80),
-        )
-        axes[1].set_title(f"open after {needed} scans")
-        return figure
-
-    return draw
+def draw_evidence(walls: Walls, hit: float, free: float, clamp: float) -> Figure:
+    """A corridor's walls, and a door, for three numbers in units of log 4."""
+    grid = walls.map(hit, free, clamp)
+    figure, axes = new_figure(5.0, 4.4, 1, 2)
+    figure.set_layout_engine("none")
+    for ax, place in zip(axes, ((0.12, 0.13, 0.26, 0.76), (0.57, 0.13, 0.41, 0.76)), strict=True):
+        ax.set_position(place)
+    draw_map(axes[0], grid, f"{100 * walls.worn(grid):.0f} % worn off")
+    axes[0].set(xlim=CORRIDOR[:2], ylim=CORRIDOR[2:], xticks=(5, 7))
+    levels = door(hit * LOG_4, free * LOG_4, clamp * LOG_4) / LOG_4
+    axes[1].step(np.arange(len(levels)), levels, where="post", color=COLOURS["hits"])
+    axes[1].axhline(0.0, color=COLOURS["truth"], linestyle=":")
+    axes[1].axvspan(DOOR_CLOSED, len(levels), color=COLOURS["free"], alpha=0.12)
+    axes[1].set(
+        xlabel="scans", ylabel=r"$\lambda$ of the door, in log 4", xlim=(0, len(levels)), xticks=(0, 40, 80)
+    )
+    axes[1].set(ylim=(-1.1 * min(clamp, 25.0), 1.1 * min(clamp, 85.0)))
+    axes[1].set_title(f"open after {scans_to_believe(hit, free, clamp)} scans")
+    return figure
 
 
-def evidence_alt(walls: Walls) -> Callable[..., str]:
-    """The words for one choice of the three numbers, each in units of log 4."""
+def describe_evidence(walls: Walls, hit: float, free: float, clamp: float) -> str:
+    """The same in words."""
+    share, needed = walls.worn(walls.map(hit, free, clamp)), scans_to_believe(hit, free, clamp)
+    return f"""Hit {hit:g}, free {free:g}, clamp {clamp:g} (in log 4): {100 * share:.0f} % of the corridor's
+    well-seen wall cells are not occupied; after {DOOR_CLOSED} scans of a closed door it takes {needed} scans of
+    the open one to make it free."""
 
-    def alt(hit: float, free: float, clamp: float) -> str:
-        share, needed = walls.worn(walls.map(hit, free, clamp)), scans_to_believe(hit, free, clamp)
-        return f"""Hit {hit:g}, free {free:g}, clamp {clamp:g} (in log 4): {100 * share:.0f} % of the corridor's
-        well-seen wall cells are not occupied; after {DOOR_CLOSED} scans of a closed door it takes {needed} scans of
-        the open one to make it free."""
 
-    return alt
+def evidence_explorer(walls: Walls) -> Explorer:
+    """Three sliders: what a hit adds, what a free beam takes away, and how far the sum may go."""
+    sliders = [
+        Slider("hit", (0.5, 1.0, 2.0), 1, "Hit", "log 4", "g", (0.1, 3.0, 0.1)),
+        Slider("free", (0.1, 0.25, 1.0), 2, "Free", "log 4", "g", (0.05, 2.0, 0.05)),
+        Slider("clamp", (2.0, 5.0, 50.0), 0, "Clamp", "log 4", "g", (1.0, 60.0, 0.5)),
+    ]
+    title, alt = "What three numbers decide", partial(describe_evidence, walls)
+    return Explorer(partial(draw_evidence, walls), sliders, title=title, alt=alt)
 
 
 def dead_reckoned_maps(recordings: dict[str, Recording], every: int = 20) -> dict[str, tuple]:
@@ -241,12 +253,12 @@ def dead_reckoned_maps(recordings: dict[str, Recording], every: int = 20) -> dic
 
 def dead_reckoned_picture(drawn: dict[str, tuple[Trajectory, OccupancyGrid, OccupancyGrid]]) -> Picture:
     """Figures 5 and 6 of the report above, and below the maps that true poses draw of the same scans."""
-    figure, axes = new_figure(6.2, 6.6, 2, len(drawn), sharex=True, sharey=True)
+    figure, axes = new_figure(5.0, 6.0, 2, len(drawn), sharex=True, sharey=True)
     words = []
     for column, (name, (odometry, wrong, right)) in enumerate(drawn.items()):
-        draw_map(axes[0, column], wrong, f"{name}, dead reckoning")
+        draw_map(axes[0, column], wrong, f"{name},\ndead reckoning")
         draw_trajectory(axes[0, column], odometry, "odometry")
-        draw_map(axes[1, column], right, f"{name}, true poses")
+        draw_map(axes[1, column], right, f"{name},\ntrue poses")
         black = [np.count_nonzero(grid.occupied) for grid in (wrong, right)]
         words.append(f"{name}: {black[0]} occupied cells along dead reckoning, {black[1]} along true poses")
     extents = np.array([ax.images[0].get_extent() for ax in axes.ravel()])

@@ -9,6 +9,7 @@ from textwrap import fill
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
+from matplotlib.patches import Rectangle
 
 from pfslam.grid import LOG_4, GridSpec, free_cells, probability, trace_rays
 from pfslam.poses import Trajectory, transform_points
@@ -55,7 +56,7 @@ def scan_after(recording: Recording, trajectory: Trajectory, seconds: float) -> 
 
 def question_picture(scan: Placed) -> Picture:
     """A scan from above: every tenth beam as a line, every end point as a dot."""
-    figure, axes = new_figure(5.6, 4.6)
+    figure, axes = new_figure(5.0, 4.3)
     for x, y in scan.points[::10]:
         axes.plot([scan.sensor[0], x], [scan.sensor[1], y], color=COLOURS["free"], linewidth=0.7, alpha=0.7)
     axes.scatter(*scan.points.T, s=6, color=COLOURS["hits"], linewidths=0, zorder=3)
@@ -67,14 +68,26 @@ def question_picture(scan: Placed) -> Picture:
     return Picture(figure, alt)
 
 
+def crossed(start, end, samples: int = 2000) -> set[tuple[int, int]]:
+    """The cells ``(ix, iy)`` that the line between two cells' middles really runs through, by looking closely."""
+    along = np.linspace(0.0, 1.0, samples)[:, None]
+    cells = np.floor(np.array(start) + 0.5 + along * np.subtract(end, start)).astype(int)
+    return {(int(ix), int(iy)) for ix, iy in cells}
+
+
 def ray_picture(start=(0, 0), end=(7, 3)) -> Picture:
-    """The cells of one beam on squared paper: crossed, hit, and not touched."""
+    """The cells of one beam on squared paper: Bresenham's, the one that is hit, and those that he leaves out."""
     cells = trace_rays(np.array(start), np.array([end]))
-    figure, axes = new_figure(6.0, 3.2)
+    left_out = sorted(crossed(start, end) - {tuple(cell) for cell in cells.tolist()} - {end})
+    figure, axes = new_figure(5.0, 3.1)
     image = np.ones((5, 9, 3)) * to_rgb(COLOURS["unknown"])
     image[cells[:, 1], cells[:, 0]] = 1.0
     image[end[1], end[0]] = to_rgb(COLOURS["hits"])
     axes.imshow(image, origin="lower")
+    for ix, iy in left_out:
+        axes.add_patch(
+            Rectangle((ix - 0.5, iy - 0.5), 1, 1, fill=False, hatch="//", edgecolor=COLOURS["highlight"])
+        )
     axes.plot(*np.array([start, end]).T, color=COLOURS["free"], marker="o")
     axes.set(xticks=range(9), yticks=range(5), xlabel="ix", ylabel="iy")
     axes.grid(False)
@@ -82,13 +95,15 @@ def ray_picture(start=(0, 0), end=(7, 3)) -> Picture:
     axes.set_yticks(np.arange(-0.5, 5), minor=True)
     axes.grid(True, which="minor", color="white", linewidth=1.5)
     axes.tick_params(which="minor", length=0)
-    path = ", ".join(f"({ix}, {iy})" for ix, iy in cells)
-    return Picture(figure, f"A beam from cell {start} to cell {end} crosses the cells {path} and hits {end}.")
+    path, others = (", ".join(f"({ix}, {iy})" for ix, iy in group) for group in (cells, left_out))
+    alt = f"""A beam from cell {start} to cell {end}. Bresenham's line takes the cells {path}; the hit is in {end}. The
+    beam also runs through the hatched cells {others}."""
+    return Picture(figure, alt)
 
 
 def logistic_picture() -> Picture:
     """Probability against log-odds, with the five values that hits, free beams and the clamp allow."""
-    figure, axes = new_figure(6.2, 3.2)
+    figure, axes = new_figure(5.0, 3.2)
     axis = np.linspace(-6, 6, 200)
     axes.plot(axis, probability(axis), color=COLOURS["estimate"])
     marks = LOG_4 * np.arange(-2, 3)
@@ -127,7 +142,7 @@ def rays_picture(scan: Placed) -> Picture:
     image[traced] = 1.0
     image[filled & ~traced] = to_rgb(COLOURS["highlight"])
     image[tuple(scan.spec().world_to_cell(scan.points).T[::-1])] = to_rgb(COLOURS["hits"])
-    figure, axes = new_figure(5.6, 4.8)
+    figure, axes = new_figure(5.0, 4.5)
     axes.imshow(image, origin="lower", extent=scan.spec().extent)
     draw_robot(axes, scan.pose, length=0.9)
     metric_axes(axes)
@@ -163,7 +178,7 @@ def crossings_picture(
     """Beams through a cell against its distance: what "once per beam" would count."""
     distances = tuple(distances)
     mean = [crossings_at(scan, metres) for metres in distances]
-    figure, axes = new_figure(6.2, 3.1)
+    figure, axes = new_figure(5.0, 3.1)
     axes.plot(distances, mean, color=COLOURS["free"], marker="o", label="once per beam")
     axes.plot(distances, np.ones(len(mean)), color=COLOURS["estimate"], marker="s", label="once per scan")
     axes.set(xlabel="distance from the LiDAR [m]", ylabel="counted", yscale="log", xlim=(0, None))
@@ -175,7 +190,7 @@ def crossings_picture(
     )
 
 
-RULES = ("hits win, once per scan", "sum over the beams", "last beam has the word")
+RULES = ("hits win, once per scan", "sum over the beams", "the last beam wins")
 
 
 def one_scan(scan: Placed, rule: str) -> np.ndarray:
@@ -206,12 +221,12 @@ def walls_left(scan: Placed, rule: str) -> float:
 
 def rules_picture(scan: Placed, window: tuple[float, float, float, float]) -> Picture:
     """The same scan written by the three rules; ``window`` is x_min, x_max, y_min, y_max."""
-    figure, axes = new_figure(6.2, 4.4, 1, 3, sharey=True)
+    figure, axes = new_figure(5.0, 4.6, 1, 3, sharey=True)
     words = []
     for ax, rule in zip(axes, RULES, strict=True):
         share = walls_left(scan, rule)
         draw_log_odds(ax, one_scan(scan, rule), scan.spec(), clamp=LOG_4)
-        ax.set(xlim=window[:2], ylim=window[2:], title=fill(rule, 16))
+        ax.set(xlim=window[:2], ylim=window[2:], title=fill(rule, 12))
         words.append(f"{rule}: {100 * share:.0f} %")
     for ax in axes[1:]:
         ax.set_ylabel("")
