@@ -1,9 +1,12 @@
 """A study of very cheap runs, on a drive of six seconds that is written to a folder of its own."""
 
+import os
+import signal
+
 from box_recording import box_recording
 
 from pfslam import save_course
-from pfslam.study import make_study
+from pfslam.study import make_study, run_case
 
 
 def write_box(folder):
@@ -27,13 +30,13 @@ def box_study(folder, seeds=20, **common):
     )
 
 
-def deadly(case, path, owner=None):
-    """As ``run_and_keep``, but the run with seed 1 of the odometry takes its worker down, every time."""
-    import os
-    import signal
-
-    from pfslam.study.workers import run_and_keep
-
+def deadly(case):
+    """As ``run_case``, but the run with seed 1 of the odometry takes its worker down, every time."""
     if case.label == "odometry" and case.get("seed") == 1:
         os.kill(os.getpid(), signal.SIGKILL)
-    return run_and_keep(case, path, owner)
+    return run_case(case)
+
+
+def deadly_with_row(case):
+    """What joblib's workers are given."""
+    return case, deadly(case)

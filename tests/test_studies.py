@@ -14,7 +14,7 @@ import pytest
 from conftest import REAL_DATA
 
 from pfslam.study import read_study, run_case
-from pfslam.study.provenance import same_machine
+from pfslam.study.provenance import machine, versions
 from pfslam.study.run import COSTS
 from pfslam.study.table import _cell
 from pfslam.teaching.show.tables import read_provenance, stored_studies, study_file
@@ -133,6 +133,15 @@ def test_the_comparison_sees_a_changed_digit():
         close(row | {"ate_rmse_m": "0.0123457789012345"}, row, 1e-6)
     with pytest.raises(AssertionError):
         close(row | {"label": "b"}, row, 1e-6)
+
+
+def same_machine(provenance):
+    """Whether a table was made with these libraries on this kind of processor: then numbers agree to the last bit."""
+    there = {"features": machine()["features"]} | provenance["machine"]
+    libraries = ("numpy", "opencv", "python")
+    return all(there[key] == value for key, value in machine().items()) and all(
+        provenance["versions"][name] == versions()[name] for name in libraries
+    )
 
 
 def test_provenance_knows_another_machine():

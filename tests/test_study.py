@@ -1,19 +1,24 @@
-"""Studies: what a file means, what a run gives, what is kept, and what is said about bad files."""
+"""Studies: what a file means, what a run gives, what is kept, who does the work, and what is said about bad files."""
 
 import csv
 import json
 import math
+import os
+import random
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from study_cases import box_study, write_box
+from study_cases import box_study, deadly, deadly_with_row, write_box
 
 from pfslam import DataError, SlamConfig, load, run_slam, trajectory_error
 from pfslam.__main__ import main
-from pfslam.evaluation.faults import disturb
+from pfslam.evaluation.faults import DISTURBANCES, disturb
 from pfslam.particles import ControlNoise
-from pfslam.study import make_study, read_study, read_table, run_case, run_study
+from pfslam.settings import type_hints
+from pfslam.study import Case, make_study, read_study, read_table, run_case, run_study
+from pfslam.study.definition import Disturbances
 from pfslam.study.run import COSTS
 from pfslam.teaching.show.tables import select
 
@@ -58,6 +63,26 @@ def test_lists_make_a_grid_and_variants_change_it():
 def test_a_list_of_pairs_is_a_grid_of_pairs():
     study = make_study({"name": "x", "common": {"disturb.blind": [[20, 22], [20, 25]]}})
     assert [case.get("disturb.blind") for case in study.cases] == [(20.0, 22.0), (20.0, 25.0)]
+
+
+def test_what_a_file_may_do_to_a_recording_is_what_there_is():
+    assert set(type_hints(Disturbances)) == set(DISTURBANCES)
+    cases = make_study({"name": "x", "common": {"disturb.seconds": [False, 3]}}).cases
+    assert [case.parts()[Disturbances].seconds for case in cases] == [None, 3.0]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("particles", "many", "particles: found 'many', expected a whole number"),
+        ("search.yaw_step", [1.0], "search.yaw_step: found [1.0], expected a number"),
+        ("search.field", "blur", "search.field: found 'blur', expected one of occupied, distance"),
+    ],
+)
+def test_a_case_made_by_hand_names_the_setting_that_does_not_fit(key, value, expected):
+    with pytest.raises(DataError) as error:
+        Case("mine", (("method", "refined"), (key, value))).config()
+    assert str(error.value).startswith(f"mine: {expected}")
 
 
 def test_settings_reach_the_configuration():
@@ -143,15 +168,6 @@ def test_a_table_reads_back_to_the_last_bit(box, tmp_path):
     assert {"numpy", "opencv", "python", "pfslam"} <= set(about["versions"])
 
 
-def test_parquet_holds_the_same_table(box, tmp_path):
-    parquet = pytest.importorskip("pyarrow.parquet")
-    path = run_study(box_study(box, seeds=2), tmp_path, jobs=1)
-    table, columns = read_table(path), parquet.read_table(path.with_suffix(".parquet")).to_pydict()
-    assert list(columns) == list(table)
-    np.testing.assert_array_equal(np.array(columns["ate_rmse_m"], dtype=float), table["ate_rmse_m"])
-    assert columns["label"] == list(table["label"])
-
-
 def test_failures_are_rows_and_the_others_go_on(box, tmp_path):
     study = make_study(
         {
@@ -204,7 +220,14 @@ def test_a_damaged_result_is_made_anew(box, tmp_path):
     assert rows(run_study(box_study(box, seeds=1), tmp_path, jobs=1)) == before
 
 
-def test_results_of_other_code_are_not_taken(box, tmp_path, monkeypatch):
+def test_the_same_case_twice_is_two_rows_of_one_run(box, tmp_path):
+    common = {"dataset": 90, "data_dir": str(box), "method": "dead-reckoning", "seed": [0, 0]}
+    one, other = rows(run_study(make_study({"name": "x", "common": common}), tmp_path, jobs=1))
+    assert one == other
+    assert len(list((tmp_path / "runs").rglob("*.json"))) == 1
+
+
+def test_results_of_other_versions_are_not_taken(box, tmp_path, monkeypatch):
     run_study(box_study(box, seeds=1), tmp_path, jobs=1)
     number = len(list((tmp_path / "runs").rglob("*.json")))
     monkeypatch.setattr("pfslam.study.runner.version_key", lambda: "another")
@@ -249,6 +272,8 @@ BAD = {
     "[common]\nseed = { count = 0 }": "seed: found",
     "[common]\nseed = { count = 99999999999 }": "a count from 1 to",
     "[common]\n'map.free' = { count = 3 }": "a count only for a key of whole numbers",
+    "[common]\nsearch.field = ['distance', 'blur']": "search.field: found 'blur', expected one of occupied, distance",
+    "[common]\n'disturb.missing_beams' = 1.5": "disturb.missing_beams: found 1.5, expected a number from 0 to 1",
     "[common]\n'map.free' = nan": "map.free: found nan, expected a number",
     "[common]\n'disturb.blind' = 3": "disturb.blind: found 3, expected a list",
     "[common]\n'disturb.blind' = [1, 2, 3]": "disturb.blind",
@@ -303,3 +328,90 @@ def test_the_command_writes_table_and_provenance(box, tmp_path, capsys):
     assert "2 of 4 runs failed" in words
     assert "little.csv" in words
     assert {"little.csv", "little.json"} <= {p.name for p in (tmp_path / "out").iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "table: found nothing"),
+        ("\n", "table: found nothing"),
+        ("a,b\n1,2\n3\n", "line 3: found 1 cells"),
+    ],
+)
+def test_a_table_that_is_none_is_named(tmp_path, text, complaint):
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(DataError, match=complaint):
+        read_table(tmp_path / "t.csv")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux begins a peak anew")
+def test_the_peak_is_that_of_the_run_alone(box, monkeypatch):
+    case = box_study(box, seeds=1).cases[-1]
+    before = run_case(case)["peak_mb"]
+    held = np.ones(25_000_000)  # 200 MB, every page of them touched
+    del held
+    assert run_case(case)["peak_mb"] == pytest.approx(before, abs=20.0)
+    monkeypatch.setattr("pfslam.study.run.figures", lambda case: {"held": np.ones(25_000_000).sum()})
+    assert run_case(case)["peak_mb"] == pytest.approx(before + 200.0, abs=60.0)
+
+
+# ---- workers -------------------------------------------------------------------------------------
+
+SEEDS = 8
+
+
+@pytest.fixture(scope="module")
+def expected(box, tmp_path_factory):
+    """The table of a run in this very process, one case after the other."""
+    return rows(run_study(box_study(box, SEEDS), tmp_path_factory.mktemp("alone"), jobs=1))
+
+
+@pytest.fixture(scope="module")
+def client():
+    """A Dask cluster of two worker processes on this machine, its web page on any free port."""
+    distributed = pytest.importorskip("dask.distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", host="127.0.0.1"
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield client
+
+
+def test_two_processes_in_any_order_give_the_table_of_one(box, expected, tmp_path):
+    study = box_study(box, SEEDS)
+    order = list(range(len(study.cases)))
+    random.Random(5).shuffle(order)
+    mixed = replace(study, cases=tuple(study.cases[i] for i in order))
+    assert rows(run_study(mixed, tmp_path, jobs=2)) == [expected[i] for i in order]
+
+
+def test_a_dask_cluster_gives_the_same_table(box, expected, tmp_path, client):
+    assert rows(run_study(box_study(box, SEEDS), tmp_path, client=client)) == expected
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills processes the Unix way")
+def test_a_worker_that_was_killed_is_one_line_and_the_study_goes_on_later(box, tmp_path, monkeypatch):
+    study = box_study(box, 3)
+    monkeypatch.setattr("pfslam.study.runner._with_row", deadly_with_row)
+    with pytest.raises(DataError, match="worker: found a process that was killed, expected room"):
+        run_study(study, tmp_path, jobs=2)
+    monkeypatch.undo()
+    done = {path: path.read_bytes() for path in (tmp_path / "runs").rglob("*.json")}
+    assert not any(row["error"] for row in rows(run_study(study, tmp_path, jobs=1)))
+    assert all(path.read_bytes() == content for path, content in done.items())
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills processes the Unix way")
+def test_a_run_that_kills_every_dask_worker_is_a_row_that_is_tried_again(box, tmp_path, monkeypatch, client):
+    study = box_study(box, 3)
+    monkeypatch.setattr("pfslam.study.runner.run_case", deadly)
+    errors = {
+        (row["label"], row["seed"]): row["error"]
+        for row in rows(run_study(study, tmp_path, client=client))
+        if row["error"]
+    }
+    assert errors["odometry", "1"].startswith("KilledWorker: ")
+    monkeypatch.undo()
+    assert not any(row["error"] for row in rows(run_study(study, tmp_path, client=client)))

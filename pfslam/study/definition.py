@@ -11,6 +11,7 @@ import json
 import math
 import re
 import tomllib
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,11 +21,10 @@ from pfslam.config import PRESETS, SlamConfig
 from pfslam.errors import DataError
 from pfslam.io.files import read_text
 from pfslam.settings import Range, Settings, changed, depth, type_hints, type_of, value_of
+from pfslam.simulator import HALL, SimulatorConfig
 from pfslam.simulator import PRESETS as BUILDINGS
-from pfslam.simulator import SimulatorConfig
 
 MAX_CASES = 1_000_000
-DEFAULTS = {"dataset": "hall", "method": "refined", "seed": 0}
 Seed = Annotated[int, Range(0, 2**63 - 1)]
 Share = Annotated[float, Range(0.0, 1.0)]
 
@@ -61,16 +61,6 @@ class Disturbances(Settings):
     random_ranges: Share | None = None
 
 
-PREFIXES: dict[Any, str] = {
-    Basics: "",
-    SlamConfig: "",
-    Building: "simulator.",
-    SimulatorConfig: "simulator.",
-    Disturbances: "disturb.",
-}
-"""What a key begins with, by the settings that it belongs to."""
-
-
 @dataclass(frozen=True)
 class Case:
     """One run: a label for tables and the settings that make it, by their dotted names."""
@@ -88,45 +78,46 @@ class Case:
         """The value of one setting."""
         return dict(self.settings).get(key, default)
 
-    def group(self, prefix: str) -> dict[str, Any]:
-        """The settings below ``prefix``: for "disturb." what is done to the recording."""
-        return {key.removeprefix(prefix): value for key, value in self.settings if key.startswith(prefix)}
+    def parts(self) -> dict[type, Any]:
+        """The settings as objects, by their types: ``SlamConfig``, ``SimulatorConfig`` and those of this module."""
+        return _parts(dict(self.settings), self.label)
 
     def config(self) -> SlamConfig:
         """The filter's configuration."""
-        return _parts(dict(self.settings), self.label)[SlamConfig]
+        return self.parts()[SlamConfig]
 
     def drive(self) -> tuple[SimulatorConfig, int | None] | None:
-        """The drive to simulate and the seed of its building; None if it is no drive of the case's own."""
-        if not self.group("simulator."):
-            return None
-        parts = _parts(dict(self.settings), self.label)
-        return parts[SimulatorConfig], parts[Building].seed
+        """The drive to simulate and the seed of its building; None if nothing is said about them."""
+        parts = self.parts()
+        is_own = any(key.startswith("simulator.") for key, _ in self.settings)
+        return (parts[SimulatorConfig], parts[Building].seed) if is_own else None
 
 
-def _home(key: str) -> Any:
-    """The kind of settings that a key belongs to."""
-    if key in type_hints(Basics):
-        return Basics
-    if key == "simulator.seed":
-        return Building
-    first = key.partition(".")[0] + "."
-    return next(
-        (kind for kind, prefix in PREFIXES.items() if prefix == first and kind is not Building), SlamConfig
-    )
+def _place(key: str) -> tuple[Any, str]:
+    """The kind of settings that a key belongs to, and its name there."""
+    group, _, name = key.partition(".")
+    if group in ("simulator", "disturb") and name:
+        return (
+            Building if name == "seed" else SimulatorConfig
+        ) if group == "simulator" else Disturbances, name
+    return Basics if key in type_hints(Basics) else SlamConfig, key
 
 
 def _parts(settings: Mapping[str, Any], source: object) -> dict[type, Any]:
-    groups: dict[Any, dict[str, Any]] = {kind: {} for kind in PREFIXES}
+    """Settings by dotted names as objects, by their types."""
+    groups: dict[Any, dict[str, Any]] = defaultdict(dict)
     for key, value in settings.items():
-        groups[_home(key)][key.removeprefix(PREFIXES[_home(key)])] = value
-    basics = changed(Basics(), groups.pop(Basics), source)
-    starts = {
-        SlamConfig: PRESETS.get(basics.method, SlamConfig.refined)(),
-        SimulatorConfig: BUILDINGS.get(basics.dataset, BUILDINGS["hall"]),
+        kind, name = _place(key)
+        groups[kind][name] = value
+    basics = changed(Basics(), groups[Basics], source)
+    filter_, drive = PRESETS.get(basics.method, SlamConfig.refined)(), BUILDINGS.get(basics.dataset, HALL)
+    return {
+        Basics: basics,
+        SlamConfig: changed(filter_, groups[SlamConfig], source),
+        SimulatorConfig: changed(drive, groups[SimulatorConfig], source, "simulator."),
+        Building: changed(Building(), groups[Building], source, "simulator."),
+        Disturbances: changed(Disturbances(), groups[Disturbances], source, "disturb."),
     }
-    made = {k: changed(starts.get(k) or k(), own, source, PREFIXES[k]) for k, own in groups.items()}
-    return {Basics: basics} | made
 
 
 @dataclass(frozen=True)
@@ -198,11 +189,11 @@ def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 def _values(key: str, value: Any, source: object) -> list | range:
     """The values of one key: a list of values is a grid, unless one value is itself a list."""
-    hint = type_of(_home(key), key.removeprefix(PREFIXES[_home(key)]))
     if isinstance(value, dict):
         return _counted(key, value, source)
-    levels = _levels(value) if depth(hint) else int(isinstance(value, list))
-    values = value if levels > depth(hint) else [value]
+    deep = depth(type_of(*_place(key)))
+    levels = _levels(value) if deep else int(isinstance(value, list))
+    values = value if levels > deep else [value]
     if not values:
         raise DataError(source, key, "an empty list", "at least one value")
     if key == "dataset":
@@ -228,7 +219,7 @@ def _cases(label: str, grid: dict[str, Any], source: object) -> Iterator[Case]:
 
     The first of them must make a run, also with any other value of the grid in it.
     """
-    grid = {key: [value] for key, value in DEFAULTS.items()} | grid
+    grid = {key: [value] for key, value in vars(Basics()).items() if value is not None} | grid
     simulated = any(key.startswith("simulator.") for key in grid)
     strange = [name for name in grid["dataset"] if simulated and name not in BUILDINGS]
     if strange:
@@ -242,14 +233,9 @@ def _cases(label: str, grid: dict[str, Any], source: object) -> Iterator[Case]:
 def _checked(key: str, values: list | range, first: dict[str, Any], source: object) -> list | range:
     """The values of a key as their type holds them, each tried in the first case; of a range only the ends."""
 
-    def tried(value: Any) -> Any:
-        kind = _home(key)
-        return value_of(_parts(first | {key: value}, source)[kind], key.removeprefix(PREFIXES[kind]))
-
-    if isinstance(values, range):
-        if not all(isinstance(tried(end), int) for end in (values[0], values[-1])):
-            raise DataError(
-                source, key, f"a count of {len(values)}", "a count only for a key of whole numbers"
-            )
-        return values
-    return [tried(value) for value in values]
+    kind, name = _place(key)
+    ends = (values[0], values[-1]) if isinstance(values, range) else values
+    tried = [value_of(_parts(first | {key: value}, source)[kind], name) for value in ends]
+    if isinstance(values, range) and not all(isinstance(end, int) for end in tried):
+        raise DataError(source, key, f"{len(values)} counted", "a count only for a key of whole numbers")
+    return values if isinstance(values, range) else tried

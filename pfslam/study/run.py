@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -22,8 +24,7 @@ from pfslam.runs import SlamResult, run_slam
 from pfslam.simulator import PRESETS as BUILDINGS
 from pfslam.simulator import Simulation, SimulatorConfig, simulate
 from pfslam.simulator.cache import cached_simulation
-from pfslam.study.cost import Meter
-from pfslam.study.definition import Case
+from pfslam.study.definition import Case, Disturbances
 
 COSTS = ("cpu_seconds", "peak_mb")
 """Columns that say what a run cost; they differ from run to run and are never compared."""
@@ -41,24 +42,33 @@ class Source:
 def run_case(case: Case) -> dict[str, Any]:
     """One row: the case, the figures of its run, an empty ``error`` or what went wrong, and the cost.
 
-    Errors become rows so that they do not stop a study. Only what the machine refuses (memory, files) is raised,
-    because another try may do better.
+    Errors become rows so that they do not stop a study.
     """
     row: dict[str, Any] = {"label": case.label} | dict(case.settings)
-    meter = Meter()
+    with suppress(OSError):  # Linux begins a process's peak of memory anew
+        Path("/proc/self/clear_refs").write_text("5")
+    begin = time.process_time()
     try:
         row |= figures(case) | {"error": ""}
-    except (MemoryError, OSError):
-        raise
     except Exception as error:
         row["error"] = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-    return row | meter.read()
+    row |= {"cpu_seconds": round(time.process_time() - begin, 3), "peak_mb": peak_megabytes()}
+    return {key: None if value != value else value for key, value in row.items()}
+
+
+def peak_megabytes() -> float | None:
+    """The peak of this process's memory (MB) since it was begun anew; None where the system does not say."""
+    with suppress(OSError, StopIteration):
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return round(next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) * 1024 / 1e6, 1)
+    return None
 
 
 def figures(case: Case) -> dict[str, Any]:
     """The figures of one run."""
-    source, config = recording_of(case), case.config()
-    recording = disturb(source.recording, case.group("disturb."), case.get("seed"))
+    source, config = _source(*recording_key(case)), case.config()
+    faults = {name: value for name, value in vars(case.parts()[Disturbances]).items() if value is not None}
+    recording = disturb(source.recording, faults, case.get("seed"))
     odometry = dead_reckoning(recording)
     if case.get("method") == "dead-reckoning":
         t = Drive.of(recording, config).t
@@ -74,11 +84,8 @@ def figures(case: Case) -> dict[str, Any]:
 def counts(result: SlamResult, config: SlamConfig) -> dict[str, Any]:
     """What happened in a run: numbers of steps, medians of N_eff and of the mean score over matched scans."""
     matched = [info for info in result.infos if info.matched]
-    row: dict[str, Any] = {
-        "scans": len(result.trajectory),
-        "updates": result.updates,
-        "resamplings": result.resamplings,
-    }
+    row: dict[str, Any] = {"scans": len(result.trajectory), "updates": result.updates}
+    row["resamplings"] = result.resamplings
     if matched:
         share = np.median([info.effective_sample_size for info in matched]) / config.particles
         row |= {"n_eff_median": float(share), "score_median": float(np.median([i.score for i in matched]))}
@@ -96,19 +103,14 @@ def errors(
         row |= {name: error[name] for name in ("ate_rmse_m", "ate_max_m", "heading_rmse_deg")}
         odometry_there = Trajectory(estimate.t, odometry.at(estimate.t))
         row["odometry_ate_rmse_m"] = trajectory_error(odometry_there, truth).ate_rmse_m
-        row["end_error_m"] = end_error(estimate, truth)
+        poses, true_poses = aligned_at_first(estimate, truth)
+        row["end_error_m"] = float(np.hypot(*(poses[-1] - true_poses[-1])[:2]))
     if relations is not None:
         known = read_relations(relations).at_stamps(estimate.t)
         if len(known.t1):
             metres, radians = relations_error(estimate, known.t1, known.t2, known.poses)
             row |= {"relation_xy_m": float(metres.mean()), "relation_deg": float(np.rad2deg(radians.mean()))}
     return row
-
-
-def end_error(estimate: Trajectory, truth: Trajectory) -> float:
-    """Distance (m) of the last pose from the truth, both seen from the first."""
-    poses, true_poses = aligned_at_first(estimate, truth)
-    return float(np.hypot(*(poses[-1] - true_poses[-1])[:2]))
 
 
 def agreement(result: SlamResult, simulation: Simulation) -> dict[str, float]:
@@ -120,35 +122,25 @@ def agreement(result: SlamResult, simulation: Simulation) -> dict[str, float]:
 
 
 def recording_key(case: Case) -> tuple:
-    """What the recording of a case depends on, before it is disturbed: cases that agree in it share one."""
+    """What the recording of a case depends on before it is disturbed: cases that agree in it share one."""
     return case.get("dataset"), case.get("data_dir"), case.drive()
-
-
-def recording_of(case: Case) -> Source:
-    """The recording of a case. Each process keeps the last two."""
-    return _source(*recording_key(case))
 
 
 @lru_cache(maxsize=2)
 def _source(dataset: str, data_dir: str | None, drive: tuple[SimulatorConfig, int | None] | None) -> Source:
+    """The recording; each process keeps the last two."""
     if dataset not in BUILDINGS:
-        name = located(dataset, data_dir)
+        name, folder = _found(dataset, data_dir)
         relations = Path(name).with_suffix(".relations")
-        recording = load(name, found_folder(data_dir))
-        return Source(recording, relations=relations if relations.is_file() else None)
+        return Source(load(name, folder), relations=relations if relations.is_file() else None)
     simulation = simulate(*drive) if drive else cached_simulation(dataset)
     return Source(replace(simulation.recording, camera=None), simulation)
 
 
-def found_folder(data_dir: str | None) -> str | None:
-    """A relative ``data_dir`` that is not here is looked for in the data folder."""
-    if data_dir is None or Path(data_dir).is_dir():
-        return data_dir
-    inside = data_folder() / data_dir
-    return str(inside) if inside.is_dir() else data_dir
-
-
-def located(dataset: str, data_dir: str | None) -> str:
-    """The path of a log: as it is written, else in the data folder."""
-    inside = data_folder(found_folder(data_dir)) / dataset
-    return dataset if Path(dataset).is_file() or not inside.is_file() else str(inside)
+def _found(dataset: str, data_dir: str | None) -> tuple[str, str | None]:
+    """A relative folder, or the path of a log, as it is written or else within the data folder."""
+    inside = data_folder() / (data_dir or "")
+    if data_dir is not None and not Path(data_dir).is_dir() and inside.is_dir():
+        data_dir = str(inside)
+    log = data_folder(data_dir) / dataset
+    return str(log) if log.is_file() and not Path(dataset).is_file() else dataset, data_dir

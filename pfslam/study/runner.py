@@ -1,58 +1,58 @@
-"""All the runs of a study, on any number of processes or machines, each kept on disk when it is done.
+"""All the runs of a study, on the processors of this machine or on a Dask cluster.
 
-The work goes through joblib: processes on this machine by default, a Dask cluster inside
-``joblib.parallel_config("dask")``. A run is kept by the worker that made it, under a name that follows from its
-settings and the version; what is there is never run again, so that a study that was stopped goes on where it was.
-Only runs that failed are tried again.
+Each run is kept in a file when it is done, under a name that follows from its settings and the versions. What is
+there is not run again, so that a study that was stopped goes on where it was; only runs that failed are tried again.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterator
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from pfslam.errors import DataError
 from pfslam.io.files import check_writable, write_text
 from pfslam.study.definition import Case, Study, read_study
-from pfslam.study.provenance import (
-    code_fingerprint,
-    cores,
-    machine,
-    processor_features,
-    version_key,
-    versions,
-)
-from pfslam.study.run import COSTS, recording_key
+from pfslam.study.provenance import machine, version_key, versions
+from pfslam.study.run import COSTS, recording_key, run_case
 from pfslam.study.table import write_table
-from pfslam.study.workers import Task, finish, import_joblib, read_run
+
+Row = dict[str, Any]
 
 
 def run_study(
-    study: Study | str | Path, folder: str | Path, *, jobs: int = -1, progress: Callable | None = None
+    study: Study | str | Path, folder: str | Path, *, jobs: int = -1, client: Any = None, progress: Any = None
 ) -> Path:
-    """Run what has not been run yet and write the table; gives its path, ``folder/NAME.csv``.
+    """Run what has not been run yet, write the table and return its path, ``folder/NAME.csv``.
 
-    ``jobs`` counts processes, -1 is one for each core. ``progress(iterable, total=n)`` may wrap the loop, as tqdm
-    does. Finished runs lie in ``folder/runs``; what made the table is said in ``folder/NAME.json``.
+    ``jobs`` counts processes on this machine, -1 for one on each core. ``client`` is a ``dask.distributed.Client``,
+    whose cluster does the work instead. ``progress(iterable, total=n)`` may wrap the loop, as tqdm does. Finished runs
+    lie in ``folder/runs``; ``folder/NAME.json`` says what made the table.
     """
-    joblib = import_joblib()
     study = study if isinstance(study, Study) else read_study(study)
     folder = Path(folder)
     check_writable(folder)
-    tasks = [(case, str(run_path(folder, case))) for case in study.cases]
-    todo = missing(tasks)
-    results = finish(joblib, todo, jobs)
-    failed = {
-        path: row
-        for path, row in (progress(results, total=len(todo)) if progress else results)
-        if row.get("again")
-    }
-    table = [_row(case, path, failed) for case, path in tasks]
+    paths = [run_path(folder, case) for case in study.cases]
+    rows: dict[Path, Any] = {path: kept(path) for path in paths}
+    missing = {path: case for path, case in zip(paths, study.cases, strict=True) if rows[path] is None}
+    todo = sorted(missing.values(), key=_recording)
+    results = _on_this_machine(todo, jobs) if client is None else _on_a_cluster(todo, client)
+    for case, row in progress(results, total=len(todo)) if progress else results:
+        rows[path := run_path(folder, case)] = row
+        if not row["error"]:
+            write_text(path, json.dumps(row) + "\n")
+    table = [rows[path] | {"label": case.label} for path, case in zip(paths, study.cases, strict=True)]
     write_table(folder / f"{study.name}.csv", table)
     write_text(folder / f"{study.name}.json", json.dumps(provenance(study, table), indent=2) + "\n")
     return folder / f"{study.name}.csv"
+
+
+def _recording(case: Case) -> str:
+    """Sorts runs on one recording side by side, because a worker keeps the recordings that it read last."""
+    return repr(recording_key(case))
 
 
 def run_path(folder: Path, case: Case) -> Path:
@@ -60,27 +60,47 @@ def run_path(folder: Path, case: Case) -> Path:
     return folder / "runs" / case.key[:2] / f"{case.key}-{version_key()}.json"
 
 
-def missing(tasks: Iterable[Task]) -> list[Task]:
-    """Tasks without a result, each once, those of one recording side by side."""
-    found = {path: (case, path) for case, path in tasks if read_run(path) is None}
-    return sorted(found.values(), key=lambda task: repr(recording_key(task[0])))
+def kept(path: Path) -> Row | None:
+    """A finished run; None if there is none, or if the file is damaged."""
+    with suppress(OSError, ValueError):
+        row = json.loads(path.read_bytes())
+        return row if isinstance(row, dict) and "error" in row else None
+    return None
 
 
-def _row(case: Case, path: str, failed: dict[str, dict]) -> dict[str, Any]:
-    """A row of the table: the case as it is written, then what its run gave."""
-    run = failed.get(path) or read_run(path)
-    if run is None:
-        raise DataError(
-            path, "run", "nothing", "the result that was written there: is the folder shared by all?"
-        )
-    head = {"label": case.label} | dict(case.settings)
-    return head | {key: value for key, value in run.items() if key not in head and key != "again"}
+def _on_this_machine(cases: list[Case], jobs: int) -> Iterator[tuple[Case, Row]]:
+    """Cases with their rows from joblib's processes, in the order in which they come in."""
+    try:
+        import joblib
+    except ImportError as error:
+        raise DataError("pfslam study", "package", error.name, "joblib: pip install pfslam[study]") from error
+    pool = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
+    try:
+        yield from pool(joblib.delayed(_with_row)(case) for case in cases)
+    except BrokenProcessPool:
+        expected = "room for all of them: fewer --jobs, then the same command goes on where it stopped"
+        raise DataError("pfslam study", "worker", "a process that was killed", expected) from None
 
 
-def provenance(study: Study, rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _with_row(case: Case) -> tuple[Case, Row]:
+    return case, run_case(case)
+
+
+def _on_a_cluster(cases: list[Case], client: Any) -> Iterator[tuple[Case, Row]]:
+    """Cases with their rows from a Dask cluster, whose scheduler gives a task that lost its worker to another one."""
+    from dask.distributed import as_completed
+
+    futures = {client.submit(run_case, case, pure=False): case for case in cases}
+    for future in as_completed(list(futures)):
+        case, error = futures.pop(future), future.exception()
+        if error is None:
+            yield case, future.result()
+        else:
+            yield case, dict(case.settings) | {"error": f"{type(error).__name__}: {error}"}
+
+
+def provenance(study: Study, rows: list[Row]) -> dict[str, Any]:
     """What made a table."""
-    cpu = [row["cpu_seconds"] for row in rows if row.get("cpu_seconds") is not None]
-    variants = dict.fromkeys(case.label for case in study.cases)
     return {
         "study": study.name,
         "about": study.about,
@@ -88,20 +108,20 @@ def provenance(study: Study, rows: list[dict[str, Any]]) -> dict[str, Any]:
         "tolerance": study.tolerance,
         "runs": len(rows),
         "failed": sum(bool(row["error"]) for row in rows),
-        "cpu_seconds": round(sum(cpu), 1),
+        "cpu_seconds": round(sum(row.get("cpu_seconds") or 0.0 for row in rows), 1),
         "never compared": list(COSTS),
-        "variants": {label: _shared(study, label) for label in variants},
+        "variants": _variants(study),
         "versions": versions(),
-        "machine": machine() | {"features": processor_features(), "cores": cores()},
-        "code": code_fingerprint(),
+        "machine": machine(),
     }
 
 
-def _shared(study: Study, label: str) -> dict[str, Any]:
-    """The values that each setting takes in a variant."""
-    values: dict[str, dict[str, Any]] = {}
+def _variants(study: Study) -> dict[str, dict[str, list]]:
+    """The values that each setting takes in each variant."""
+    found: dict[str, dict[str, dict]] = {}
     for case in study.cases:
-        if case.label == label:
-            for key, value in case.settings:
-                values.setdefault(key, {})[json.dumps(value)] = value
-    return {key: list(found.values()) for key, found in values.items()}
+        for key, value in case.settings:
+            found.setdefault(case.label, {}).setdefault(key, {})[json.dumps(value)] = value
+    return {
+        label: {key: list(values.values()) for key, values in keys.items()} for label, keys in found.items()
+    }

@@ -1,4 +1,4 @@
-"""One tidy table: a row for each run, in the order of the cases; CSV always, Parquet where its library is there.
+"""One tidy table: a row for each run, in the order of the cases, as CSV.
 
 Numbers are written so that they read back to the last bit. A cell without a value is empty.
 """
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.io.files import atomic_write, read_text, write_text
+from pfslam.io.files import read_text, write_text
 
 TEXT_COLUMNS = ("label", "dataset", "data_dir", "method", "error")
 RESULTS = (
@@ -34,14 +34,13 @@ def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
 
 
 def write_table(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Write the rows as CSV, and beside it as Parquet if pyarrow is installed."""
+    """Write the rows as CSV."""
     columns = columns_of(rows)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows([_cell(row.get(column)) for column in columns] for row in rows)
     write_text(path, text.getvalue())
-    _write_parquet(path.with_suffix(".parquet"), {c: [_plain(row.get(c)) for row in rows] for c in columns})
 
 
 def _cell(value: Any) -> str:
@@ -49,24 +48,6 @@ def _cell(value: Any) -> str:
     if value is None or value != value:
         return ""
     return value if isinstance(value, str) else json.dumps(value)
-
-
-def _plain(value: Any) -> Any:
-    return json.dumps(value) if isinstance(value, (list, tuple)) else value
-
-
-def _write_parquet(path: Path, columns: dict[str, list]) -> None:
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError:
-        return
-    arrays = {}
-    for name, values in columns.items():
-        mixed = len({type(v) for v in values if v is not None} - {int, float}) > 0
-        arrays[name] = [None if v is None else _cell(v) for v in values] if mixed else values
-    with atomic_write(path) as file:
-        parquet.write_table(pyarrow.table(arrays), file)
 
 
 def read_table(path: str | Path) -> Table:
