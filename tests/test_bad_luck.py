@@ -1,7 +1,7 @@
 """Faults of the machine: a kill, a full disk, a folder nobody may write to, too little memory, Ctrl-C, two at once.
 
 Each ends in one line that says what happened, leaves nothing half-written under a final name, and the next run works.
-What one process can fake is in ``test_cli``, ``test_datasets`` and ``test_study_workers``; here the faults are real.
+What one process can fake is in ``test_cli``, ``test_datasets`` and ``test_study``; here the faults are real.
 """
 
 import os

@@ -387,6 +387,7 @@ def test_two_processes_in_any_order_give_the_table_of_one(box, expected, tmp_pat
     assert rows(run_study(mixed, tmp_path, jobs=2)) == [expected[i] for i in order]
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_gives_the_same_table(box, expected, tmp_path, client):
     assert rows(run_study(box_study(box, SEEDS), tmp_path, client=client)) == expected
 
@@ -403,6 +404,7 @@ def test_a_worker_that_was_killed_is_one_line_and_the_study_goes_on_later(box, t
     assert all(path.read_bytes() == content for path, content in done.items())
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="kills processes the Unix way")
 def test_a_run_that_kills_every_dask_worker_is_a_row_that_is_tried_again(box, tmp_path, monkeypatch, client):
     study = box_study(box, 3)
