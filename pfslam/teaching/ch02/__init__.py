@@ -33,6 +33,7 @@ from pfslam.teaching.ch02.one_scan import (
     scan_after,
     walls_left,
 )
+from pfslam.teaching.show.keep import keep
 from pfslam.teaching.show.source import show_source
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "flips_picture",
     "glass_picture",
     "growth_explorer",
+    "keep",
     "logistic_picture",
     "question_picture",
     "ray_picture",
