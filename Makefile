@@ -26,11 +26,11 @@ $(LOCKED): requirements.lock
 	@echo "Installing the environment into $(VENV) (about a minute)"
 	@"$(PYTHON)" -m venv --clear "$(VENV)"
 	@"$(BIN)/python" -m pip install -qq --disable-pip-version-check --require-hashes -r requirements.lock
-	@mkdir -p "$(VENV)/share/jupyter/lab/settings"
-	@cp book/_tools/jupyterlab_overrides.json "$(VENV)/share/jupyter/lab/settings/overrides.json"
 	@touch "$(LOCKED)"
 
-$(STAMP): $(LOCKED) pyproject.toml
+$(STAMP): $(LOCKED) pyproject.toml book/_tools/jupyterlab_overrides.json
+	@mkdir -p "$(VENV)/share/jupyter/lab/settings"
+	@cp book/_tools/jupyterlab_overrides.json "$(VENV)/share/jupyter/lab/settings/overrides.json"
 	@"$(BIN)/python" -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch "$(STAMP)"
 

@@ -29,6 +29,8 @@ from pfslam.sensors import EncoderModel, ImuModel, RobotModel
 from pfslam.simulator import HALL
 
 CONFIG = replace(SlamConfig.refined(), particles=1)
+TRUE_SCALE_HALL = 1.03
+TRUE_WHEELS_HALL = HALL.slip.true_metres_per_count / 0.0022 / (1.0 + HALL.slip.straight)
 
 
 def standing(seconds, bias=0.0, noise=0.004, move=(), seed=0):
@@ -228,7 +230,31 @@ def test_a_gyro_that_drifts_while_it_turns_gives_both_back():
 # ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.weekly
+@pytest.fixture(scope="module")
+def hall():
+    recording = pfslam.load("hall")
+    return recording, calibrate(recording, run_slam(recording, CONFIG, keep_particles=False))
+
+
+def test_hall_finds_what_the_simulator_was_told(hall):
+    _, found = hall
+    assert abs(found.gyro_bias - HALL.gyro.bias[2]) < 4 * found.gyro_bias_error < 0.002
+    assert abs(found.drive_bias - HALL.gyro.bias[2]) < 4 * found.drive_bias_error < 0.001
+    assert abs(found.gyro_scale - TRUE_SCALE_HALL) < 4 * found.gyro_scale_error < 0.003
+    # Beside the standard error, 0.6 % of slow changes of the slip over the drive.
+    assert found.wheel_scale == pytest.approx(TRUE_WHEELS_HALL, abs=0.002)
+    assert found.still_seconds > 8.0
+
+
+def test_dead_reckoning_of_hall_is_ten_times_better_with_it(hall):
+    recording, found = hall
+    before, after = (
+        trajectory_error(dead_reckoning(r), r.truth).ate_rmse_m
+        for r in (recording, apply_calibration(recording, found))
+    )
+    assert after < before / 10
+
+
 def test_other_errors_are_found_as_well():
     config = replace(
         HALL,
@@ -243,3 +269,20 @@ def test_other_errors_are_found_as_well():
     assert found.gyro_scale == pytest.approx(0.95, abs=0.003)
     wheels = HALL.slip.true_metres_per_count / 0.0022 / 1.04
     assert found.wheel_scale == pytest.approx(wheels, abs=0.003)
+
+
+def test_real_wheels_and_gyro(real_data):
+    """Set 20. Its gyro drifts thrice as fast while driving as at rest: only the matched motion finds that."""
+    recording = pfslam.load(20, real_data / "corridor20")
+    found = calibrate(recording, run_slam(recording, CONFIG, keep_particles=False))
+    assert found.gyro_scale == pytest.approx(1.03, abs=0.005)
+    assert abs(found.gyro_bias - 0.0005) < 3 * found.gyro_bias_error < 0.002
+    # Against the reference path: turning per second that the gyro shows too much, scale taken out.
+    t = np.arange(np.ceil(recording.truth.t[0]), recording.imu.t[-1] - 1.0, 1.0)
+    shown, true = (np.diff(np.unwrap(p.at(t)[:, 2])) for p in (dead_reckoning(recording), recording.truth))
+    assert found.drive_bias == pytest.approx(np.mean(shown - true / found.gyro_scale), abs=2e-4)
+    before, after = (
+        trajectory_error(dead_reckoning(r), r.truth) for r in (recording, apply_calibration(recording, found))
+    )
+    assert after.heading_rmse_deg < 0.5 * before.heading_rmse_deg
+    assert after.ate_rmse_m < before.ate_rmse_m

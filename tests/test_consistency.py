@@ -8,8 +8,10 @@ import pytest
 import pfslam
 from pfslam.config import SlamConfig
 from pfslam.evaluation.faults import first_seconds, kidnap
+from pfslam.evaluation.trajectory import relations_error
 from pfslam.evaluation.trust import LEAST_PAST, LOST_BELOW, alarms, consistency, lost
 from pfslam.events import Drive
+from pfslam.io.formats import read_relations
 from pfslam.runs import run_slam
 from pfslam.simulator import HALL
 from pfslam.slam import SlamState, StepInfo, slam_step
@@ -151,4 +153,13 @@ def test_a_building_that_nobody_chose_raises_no_alarm():
     drive = first_seconds(pfslam.simulate(config, seed=77).recording, 55.0)
     result = run_slam(drive, CONFIG)
     assert np.isfinite(consistency(result.infos)).sum() > 200
+    assert len(alarms(result.infos)) == 0
+
+
+@pytest.mark.slow
+def test_sparse_real_scans_raise_no_alarm(real_data):
+    log = pfslam.load(real_data / "intel" / "intel.log")
+    result = run_slam(log, CONFIG)
+    known = read_relations(real_data / "intel" / "intel.relations").at_stamps(log.lidar.t)
+    assert relations_error(result.trajectory, known.t1, known.t2, known.poses)[0].mean() < 0.03
     assert len(alarms(result.infos)) == 0

@@ -64,16 +64,22 @@ def test_stripping_keeps_text_and_tags_and_nothing_else():
 @pytest.mark.parametrize(
     ("tags", "folded"),
     [
-        (["hide-input", "setup"], {"source_hidden": True}),
-        (["listing", "remove-input"], {"source_hidden": True}),
-        (["hide-cell", "solution-1"], {"source_hidden": True, "outputs_hidden": True}),
-        (["exercise-1"], None),
+        (["hide-input", "setup"], {"jupyter": {"source_hidden": True}}),
+        (["listing", "remove-input"], {"jupyter": {"source_hidden": True}}),
+        (
+            ["hide-cell", "solution-1"],
+            {"jupyter": {"source_hidden": True, "outputs_hidden": True}},
+        ),
+        (["exercise-1"], {}),
     ],
 )
 def test_jupyterlab_folds_what_the_site_folds(tags, folded):
-    cell = {**LOUD["cells"][1], "metadata": {"tags": tags, "jupyter": {"outputs_hidden": True}}}
+    cell = {
+        **LOUD["cells"][1],
+        "metadata": {"tags": tags, "collapsed": False, "jupyter": {"outputs_hidden": True}},
+    }
     stripped = strip_notebook({**LOUD, "cells": [cell]})["cells"][0]
-    assert stripped["metadata"].get("jupyter") == folded
+    assert stripped["metadata"] == {"tags": tags, **folded}
 
 
 def test_check_finds_what_strip_would_change(tmp_path, capsys):

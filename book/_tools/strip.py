@@ -14,9 +14,9 @@ KEPT_METADATA = ("kernelspec", "language_info")
 KEPT_LANGUAGE = ("name", "pygments_lexer", "file_extension", "mimetype")
 KEPT_OF_A_CELL = ("tags", "jupyter", "mystnb")
 FOLDED = {  # what JupyterLab folds, by the tag that folds it on the site
-    "hide-input": {"source_hidden": True},
-    "remove-input": {"source_hidden": True},
-    "hide-cell": {"source_hidden": True, "outputs_hidden": True},
+    "hide-input": {"jupyter": {"source_hidden": True}},
+    "remove-input": {"jupyter": {"source_hidden": True}},
+    "hide-cell": {"jupyter": {"outputs_hidden": True, "source_hidden": True}},
 }
 
 
@@ -37,7 +37,7 @@ def folded(metadata: dict) -> dict:
     """The metadata of a cell, folded in JupyterLab if its tags fold it on the site, and open otherwise."""
     rest = {k: v for k, v in metadata.items() if k != "jupyter"}
     hidden = [FOLDED[tag] for tag in metadata.get("tags", []) if tag in FOLDED]
-    return {"jupyter": hidden[0], **rest} if hidden else rest
+    return {**hidden[0], **rest} if hidden else rest
 
 
 def _strip_cell(cell: dict, count: int) -> dict:

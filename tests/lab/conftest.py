@@ -1,17 +1,24 @@
-"""JupyterLab as `make lab` starts it, on a copy of the chapters, in a headless Chromium."""
+"""JupyterLab in a headless Chromium: as `make lab` starts it, and as a class may have it, without our extension."""
 
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from copies import expressions, write_copies
 
 ROOT = Path(__file__).resolve().parents[2]
-CHAPTERS = sorted(path.name for path in (ROOT / "notebooks").glob("*.ipynb"))
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+CHAPTERS = [path.name for path in NOTEBOOKS]
+SETTINGS = ROOT / "book" / "_tools" / "jupyterlab_overrides.json"  # what `make env` gives to JupyterLab
+MYST = "jupyterlab-myst"
 
 
 def pytest_generate_tests(metafunc):
@@ -24,12 +31,36 @@ def lab(tmp_path_factory):
     """The address of a running JupyterLab whose folder holds a copy of the chapters."""
     folder = tmp_path_factory.mktemp("lab") / "notebooks"
     shutil.copytree(ROOT / "notebooks", folder, ignore=shutil.ignore_patterns(".ipynb_checkpoints"))
+    with running_lab(folder) as address:
+        yield address
+
+
+@pytest.fixture(scope="session")
+def bare_lab(tmp_path_factory):
+    """A JupyterLab that knows no MyST, on the students' copies; "0.25" stands for every number."""
+    out = tmp_path_factory.mktemp("bare")
+    numbers = [["0.25"] * len(expressions(json.loads(p.read_text(encoding="utf-8")))) for p in NOTEBOOKS]
+    write_copies(out, NOTEBOOKS, numbers)
+    with running_lab(out / "student", disabled=(MYST,)) as address:
+        yield address
+
+
+@contextmanager
+def running_lab(folder: Path, disabled: tuple[str, ...] = ()) -> Iterator[str]:
+    """A server of our own on the folder, with settings of its own."""
     command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", "--ServerApp.ip=127.0.0.1"]
     command += ["--ServerApp.port=0", "--IdentityProvider.token=", f"--ServerApp.root_dir={folder}"]
     command += ["--LabApp.expose_app_in_browser=True", f"--LabApp.default_url=/lab/tree/{CHAPTERS[0]}"]
     environment = {key: value for key, value in os.environ.items() if key != "PFSLAM_WIDGETS"}
     environment |= {"JUPYTER_CONFIG_DIR": str(folder.parent / "config"), "PYTHONPATH": str(ROOT)}
     environment |= {"JUPYTER_DATA_DIR": str(folder.parent / "data"), "OPENBLAS_NUM_THREADS": "1"}
+    config = folder.parent / "config"
+    write_json(
+        config / "labconfig" / "page_config.json", {"disabledExtensions": dict.fromkeys(disabled, True)}
+    )
+    for plugin, settings in json.loads(SETTINGS.read_text(encoding="utf-8")).items():
+        package, name = plugin.split(":")
+        write_json(config / "lab" / "user-settings" / package / f"{name}.jupyterlab-settings", settings)
     with open(folder.parent / "server.log", "w", encoding="utf-8") as log:
         server = subprocess.Popen(command, cwd=folder, env=environment, stdout=log, stderr=log)
         try:
@@ -40,6 +71,11 @@ def lab(tmp_path_factory):
                 server.wait(20)
             except subprocess.TimeoutExpired:  # it waits for a kernel that is still starting
                 server.kill()
+
+
+def write_json(path: Path, content: dict) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content), encoding="utf-8")
 
 
 def address_in(log: Path, server: subprocess.Popen) -> str:

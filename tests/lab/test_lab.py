@@ -1,4 +1,9 @@
-"""Every chapter in JupyterLab: opens without pop-ups, runs from a fresh kernel to its last cell, moves at once."""
+"""Every chapter in JupyterLab: no pop-ups, runs from a fresh kernel to its last cell, reads right, moves at once.
+
+The copies for students are read where the extension that knows MyST is switched off.
+"""
+
+import re
 
 import pytest
 
@@ -20,6 +25,26 @@ STATE = """() => {
 DONE = (
     f"() => {{ const s = ({STATE})(); return s.errors.length || (s.kernel === 'idle' && s.waiting === 0); }}"
 )
+ALL_RENDERED = """() => window.jupyterapp.shell.currentWidget.content.widgets.every(
+  c => c.model.type !== 'markdown' || c.node.querySelector('.jp-MarkdownOutput')?.textContent)"""
+# Each sentence has the numbers that it asked the kernel for.
+ALL_NUMBERS = """() => window.jupyterapp.shell.currentWidget.content.widgets.every(c =>
+  c.model.type !== 'markdown' || c.model.sharedModel.getSource().split('{eval}`').length - 1
+    === (c.model.getMetadata('user_expressions') ?? []).length)"""
+# What the reader sees of each cell: its text without formulas, what stands folded in it, whether the cell is folded.
+PROSE = """() => window.jupyterapp.shell.currentWidget.content.widgets.map(cell => {
+  const meta = cell.model.sharedModel.getMetadata(), copy = cell.node.cloneNode(true);
+  copy.querySelectorAll('.jp-Editor, .katex, mjx-container, svg, math').forEach(e => e.remove());
+  return {
+    type: cell.model.type, tags: meta.tags ?? [], source: cell.model.sharedModel.getSource(),
+    text: cell.model.type === 'markdown' ? copy.textContent : '',
+    open: [...cell.node.querySelectorAll('details')].map(d => d.open),
+    numbers: (meta.user_expressions ?? []).map(e => e.result?.data?.['text/plain'] ?? 'no number'),
+    folded: cell.inputHidden, silent: cell.outputHidden ?? false,
+  };
+})"""
+# Markup that nothing has rendered, and the errors of a kernel that could not answer.
+RAW = re.compile(r"\{(?:eval|eq|cite|doc|ref|numref|term|glue)[^}]*\}|:::|\(eq-|\[\]\(|\w+Error:")
 # Moves the first slider of each live widget: the kernel's processor time for a move and the time until the page shows
 # the new picture, in ms. Both are printed; times on a shared machine are no test, so only a move that hangs fails.
 MOVES = """async moves => {
@@ -83,13 +108,34 @@ def restart_and_run_all(page) -> dict:
     return page.evaluate(STATE)
 
 
+def assert_it_reads_right(cells: list[dict]) -> None:
+    """No markup is left to see, and what should be folded is."""
+    for cell in cells:
+        assert not RAW.search(cell["text"]), RAW.search(cell["text"])
+        asked = cell["source"].count(":class: dropdown") + cell["source"].count("<details>")
+        assert cell["open"] == asked * [False], cell["source"]
+        folded = bool({"hide-cell", "hide-input", "remove-input"} & set(cell["tags"]))
+        assert cell["type"] != "code" or cell["folded"] == folded, cell["source"]
+    assert any(cell["open"] for cell in cells), "no answer was found"
+    assert any(cell["folded"] for cell in cells), "no cell is folded"
+
+
 def test_chapter_runs_in_jupyterlab_and_its_widgets_redraw_in_time(opened, chapter):
     page, strangers = opened
     assert pop_ups(page) == []
+    solutions = [cell for cell in page.evaluate(PROSE) if "hide-cell" in cell["tags"]]
+    assert solutions
+    assert all(cell["folded"] and cell["silent"] for cell in solutions)
     state = restart_and_run_all(page)
     assert state["errors"] == []
     assert state["cells"] > 5
     assert pop_ups(page) == []
+    page.wait_for_function(ALL_NUMBERS, timeout=MINUTE)
+    cells = page.evaluate(PROSE)
+    assert_it_reads_right(cells)
+    for cell in cells:
+        for number in cell["numbers"]:
+            assert number.strip("'\"") in cell["text"], cell["source"]
     moves = page.evaluate(MOVES, 6)
     print(chapter, moves)
     assert moves, "no live widget"
@@ -97,6 +143,20 @@ def test_chapter_runs_in_jupyterlab_and_its_widgets_redraw_in_time(opened, chapt
         assert max(move["shown"]) < 10_000, f"{name}: the slider moves, the picture does not"
         assert move["work"] < HANGS, f"{name}: {move}"
     assert strangers == []
+
+
+def test_a_students_copy_reads_right_without_the_extension(bare_lab, chromium, chapter):
+    context = chromium.new_context(viewport={"width": 1400, "height": 1000})
+    page = context.new_page()
+    page.goto(f"{bare_lab}lab/tree/{chapter}?reset", wait_until="load")
+    page.wait_for_selector(".jp-Notebook .jp-MarkdownCell .jp-MarkdownOutput", timeout=MINUTE)
+    assert page.locator(".jp-Notebook .myst").count() == 0, "the extension is on"
+    page.wait_for_function(ALL_RENDERED, timeout=MINUTE)
+    cells = page.evaluate(PROSE)
+    assert_it_reads_right(cells)
+    assert "0.25" in "".join(cell["text"] for cell in cells)
+    page.evaluate(SHUT_DOWN)
+    context.close()
 
 
 def test_it_opens_on_the_first_chapter(lab, chromium):

@@ -26,7 +26,6 @@ from pfslam.teaching.ch00.readings import (
     streams,
 )
 from pfslam.teaching.ch00.robot import robot_picture
-from pfslam.teaching.show.keep import keep
 from pfslam.teaching.show.source import show_source
 
 __all__ = [
@@ -39,7 +38,6 @@ __all__ = [
     "counts_picture",
     "depth_picture",
     "distance_by_pairing",
-    "keep",
     "late_clock",
     "late_clock_explorer",
     "nominal_error",

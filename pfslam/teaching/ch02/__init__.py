@@ -33,7 +33,6 @@ from pfslam.teaching.ch02.one_scan import (
     scan_after,
     walls_left,
 )
-from pfslam.teaching.show.keep import keep
 from pfslam.teaching.show.source import show_source
 
 __all__ = [
@@ -52,7 +51,6 @@ __all__ = [
     "flips_picture",
     "glass_picture",
     "growth_explorer",
-    "keep",
     "logistic_picture",
     "question_picture",
     "ray_picture",
