@@ -24,7 +24,7 @@ from pfslam.recording import Recording
 from pfslam.runs import slam_steps
 from pfslam.search.lattice import Lattice, Window
 from pfslam.sensors import scan_points
-from pfslam.study.cost import peak_megabytes
+from pfslam.study.run import peak_megabytes
 
 ALWAYS_DRAW = replace(SlamConfig.refined(), every=5, draw_metres=0.0, draw_radians=0.0)
 """Every update does the same work."""
