@@ -62,26 +62,95 @@ def test_looks_broken_hints():
     assert "ZeroDivisionError" in check_looks_broken(lambda resample: 1 / 0).message
 
 
+def by_loop(resample):
+    rng, counts = np.random.default_rng(3), [0] * 5
+    for _ in range(400):
+        new, new_weights = resample(POSES, WEIGHTS, rng)
+        for row in new:
+            found = [k for k in range(5) if list(row) == list(POSES[k])]
+            if not found:
+                return True
+            counts[found[0]] += 1
+        if max(abs(w - 0.2) for w in new_weights) > 1e-9:
+            return True
+    return any(abs(c / 400 - 5 * w) > 0.2 for c, w in zip(counts, WEIGHTS, strict=True))
+
+
+LOOKS_BROKEN = {
+    "a loop": by_loop,
+    "0 and 1": lambda resample: int(by_loop(resample)),
+    "NumPy's truth values": lambda resample: np.bool_(by_loop(resample)),
+    "an array": lambda resample: np.array(by_loop(resample)),
+    "a float": lambda resample: float(by_loop(resample)),
+    "asked twice": lambda resample: by_loop(resample) and by_loop(resample),
+}
+
+
+@pytest.mark.parametrize("name", LOOKS_BROKEN)
+def test_looks_broken_accepts_it_in_any_style(name):
+    assert check_looks_broken(LOOKS_BROKEN[name])
+
+
 def test_find_shift_stub_and_solution():
     assert check_find_shift(from_notebook("exercise-2", "find_shift")).verdict == "unanswered"
     assert check_find_shift(from_notebook("solution-2", "find_shift_solution"))
 
 
-def grid_search(step, low=-0.3, pick=np.argmin):
+def grid_search(step, low=-0.3, high=0.3, pick=np.argmin):
     def find_shift(cells):
-        shifts = np.arange(low, 0.3001, step)
+        shifts = np.arange(low, high + 1e-4, step)
         return shifts[pick([cells(s) for s in shifts])]
 
     return find_shift
 
 
-def test_find_shift_hints():
-    assert "other sign" in check_find_shift(lambda cells: -grid_search(0.01)(cells)).message
-    assert "most blurred" in check_find_shift(grid_search(0.01, pick=np.argmax)).message
-    assert "too coarse" in check_find_shift(grid_search(0.1)).message
-    assert "negative" in check_find_shift(grid_search(0.01, low=0.0)).message
-    assert "seconds" in check_find_shift(lambda cells: "late").message
-    assert "minimum at" in check_find_shift(lambda cells: -0.25).message
+def in_two_passes(cells):
+    best = 0.0
+    for step in (0.05, 0.005):
+        best = min((best + k * step for k in range(-7, 8)), key=cells)
+    return best
+
+
+def with_scipy(cells):
+    from scipy.optimize import minimize_scalar
+
+    return minimize_scalar(cells, bounds=(-0.3, 0.3), method="bounded").x
+
+
+FIND_SHIFT = {
+    "solution in 5 ms": grid_search(0.005),
+    "a list and min": lambda cells: min([k / 100 for k in range(-30, 31)], key=cells),
+    "float32": lambda cells: np.float32(grid_search(0.01)(cells)),
+    "an array of one": lambda cells: np.array([grid_search(0.01)(cells)]),
+    "two passes": in_two_passes,
+    "scipy": with_scipy,
+    "a dictionary": lambda cells: min((cells(s / 100), s / 100) for s in range(-30, 31))[1],
+}
+
+
+@pytest.mark.parametrize("name", FIND_SHIFT)
+def test_find_shift_accepts_it_in_any_style(name):
+    assert check_find_shift(FIND_SHIFT[name])
+
+
+WRONG_SHIFTS = {
+    "other sign": lambda cells: -grid_search(0.001)(cells),
+    "most blurred": grid_search(0.01, pick=np.argmax),
+    "too coarse": grid_search(0.1),
+    "negative shifts": grid_search(0.01, low=0.0),
+    "positive shifts": grid_search(0.01, high=0.0),
+    "-0.1 to 0.1": grid_search(0.01, low=-0.1, high=0.1),
+    "place of the shift": lambda cells: int(np.argmin([cells(s) for s in np.arange(-0.3, 0.3001, 0.01)])),
+    "number of cells": lambda cells: min(cells(s) for s in np.arange(-0.3, 0.3001, 0.01)),
+    "milliseconds": lambda cells: 1000 * grid_search(0.001)(cells),
+    "One number": lambda cells: "late",
+    "returns -0.25": lambda cells: -0.25,
+}
+
+
+@pytest.mark.parametrize("words", WRONG_SHIFTS)
+def test_find_shift_names_the_mistake(words):
+    assert words in check_find_shift(WRONG_SHIFTS[words]).message
 
 
 def test_diagnosis_stub_and_solution(robots):

@@ -8,7 +8,7 @@ import numpy as np
 
 from pfslam.particles import multinomial_resample, stratified_resample, systematic_resample
 from pfslam.teaching.ch08.mystery import FAULTS, MysteryRobot
-from pfslam.teaching.show.checks import Check, attempt, hint, is_unanswered, not_a_number, passed, unanswered
+from pfslam.teaching.show.checks import Check, attempt, compare, hint, is_unanswered, passed, unanswered
 
 Resampler = Callable[[np.ndarray, np.ndarray, np.random.Generator], tuple[np.ndarray, np.ndarray]]
 
@@ -67,7 +67,7 @@ def check_looks_broken(looks_broken) -> Check:
             return unanswered()
         if isinstance(answer, Check):
             return answer
-        if not isinstance(answer, bool | np.bool_):
+        if isinstance(answer, str) or np.ndim(answer) != 0 or answer not in (0, 1):
             return hint(f"Return True or False; your function returns {answer!r}.")
         if answer:
             return hint(
@@ -83,41 +83,57 @@ def check_looks_broken(looks_broken) -> Check:
     return passed("Three right resamplers pass, five broken ones are caught.")
 
 
-def blur_curve(best: float) -> Callable[[float], float]:
-    """A made-up curve of cells over clock shift with its minimum at ``best`` s."""
-    return lambda shift: 4400.0 + 30000.0 * abs(shift - best) / (1.0 + 2.0 * abs(shift - best))
+class Curve:
+    """A made-up count of cells over the clock's shift (s), with its least value at ``best``."""
+
+    def __init__(self, best: float):
+        self.best = best
+
+    def __call__(self, shift: float) -> float:
+        away = np.abs(np.asarray(shift, dtype=float) - self.best)
+        return 4400.0 + 30000.0 * away / (1.0 + 2.0 * away)
 
 
-BEST = (-0.137, 0.063)
+SHIFTS = np.arange(-0.3, 0.3001, 0.01)
+CURVES = [(Curve(best),) for best in (-0.137, 0.063, 0.241, -0.268)]
+
+
+def _least(shifts, pick=np.argmin):
+    def rule(cells):
+        return shifts[pick([float(cells(s)) for s in shifts])]
+
+    return rule
+
+
+SHIFT_MISTAKES = [
+    (lambda cells: -cells.best, "That is by how much the clock is wrong. Asked is the shift that you handed to cells, "
+     "which puts it right: the other sign."),
+    (_least(SHIFTS, np.argmax), "You take the largest number of cells, so the most blurred map. Sharp walls need few "
+     "cells."),
+    (lambda cells: float(np.argmin([cells(s) for s in SHIFTS])), "That is the place of the shift in your list. Return "
+     "the shift itself."),
+    (lambda cells: float(min(cells(s) for s in SHIFTS)), "That is the number of cells. Return the shift that needs so "
+     "few."),
+    (_least(np.arange(0.0, 0.3001, 0.01)), "You never try negative shifts. A clock may be late or early."),
+    (_least(np.arange(-0.3, 0.0001, 0.01)), "You never try positive shifts. A clock may be late or early."),
+    (_least(np.arange(-0.1, 0.1001, 0.01)), "You look from -0.1 to 0.1 s only. The best shift may be as far as 0.3 s."),
+    (_least(np.arange(-0.2, 0.2001, 0.01)), "You look from -0.2 to 0.2 s only. The best shift may be as far as 0.3 s."),
+    (_least(np.arange(-0.3, 0.3001, 0.1)), "The right valley, but your steps are too coarse: 10 ms at 1 rad/s is half "
+     "a degree."),
+    (_least(np.arange(-0.3, 0.3001, 0.05)), "The right valley, but your steps are too coarse: 10 ms at 1 rad/s is half "
+     "a degree."),
+]  # fmt: skip
 
 
 def check_find_shift(find_shift) -> Check:
     """Whether ``find_shift(cells)`` finds the shift of the stamps (s) that needs the fewest cells."""
-    answers = [attempt(find_shift, blur_curve(best)) for best in BEST]
-    for answer in answers:
-        verdict = not_a_number(answer, "seconds")
-        if verdict is not None:
-            return verdict
-    found, best = np.array(answers, dtype=float), np.array(BEST)
-    if np.allclose(found, best, atol=0.011):
-        return passed("Within a hundredth of a second.")
-    if np.allclose(found, -best, atol=0.011):
-        return hint(
-            "That is by how much the clock is wrong. Asked is the shift that you handed to cells, which puts it right: "
-            "the other sign."
-        )
-    if (np.abs(found) > 0.29).all():
-        return hint(
-            "You take the largest number of cells, so the most blurred map. Sharp walls need few cells."
-        )
-    if (found >= 0).all():
-        return hint("You never try negative shifts. A clock may be late or early.")
-    if np.allclose(found, best, atol=0.06):
-        return hint(
-            "The right valley, but your steps are too coarse. 10 ms at 1 rad/s is half a degree: go finer."
-        )
-    return hint(
-        f"For curves with their minimum at {BEST} s your function returns {np.round(found, 3).tolist()}."
+    return compare(
+        find_shift,
+        lambda cells: cells.best,
+        CURVES,
+        mistakes=SHIFT_MISTAKES,
+        praise="Within a hundredth of a second.",
+        same=lambda found, expected: bool(np.abs(np.asarray(found, dtype=float) - expected) < 0.0101),
     )
 
 
