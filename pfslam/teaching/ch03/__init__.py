@@ -1,5 +1,13 @@
 """What the notebook of chapter 03 calls."""
 
+from pfslam.teaching.ch03.cells import (
+    fates,
+    importance_picture,
+    particle_walk,
+    particles_explorer,
+    predict_cells,
+    weigh_cells,
+)
 from pfslam.teaching.ch03.checks import (
     check_heading_spread,
     check_predict,
@@ -20,9 +28,7 @@ from pfslam.teaching.ch03.corridor import (
     predict_belief,
     update_belief,
 )
-from pfslam.teaching.ch03.mean import (
-    means_picture,
-)
+from pfslam.teaching.ch03.mean import means_picture
 from pfslam.teaching.ch03.models import (
     MODELS,
     TRUE_BIAS,
@@ -31,9 +37,8 @@ from pfslam.teaching.ch03.models import (
     path,
     widths,
 )
-from pfslam.teaching.show.source import (
-    show_source,
-)
+from pfslam.teaching.show.keep import keep
+from pfslam.teaching.show.source import show_source
 
 __all__ = [
     "MODELS",
@@ -47,15 +52,22 @@ __all__ = [
     "door_likelihood",
     "end_spreads",
     "fans_picture",
+    "fates",
     "honesty",
     "honesty_picture",
+    "importance_picture",
+    "keep",
     "means_picture",
     "model_cloud",
     "models_explorer",
+    "particle_walk",
+    "particles_explorer",
     "path",
     "predict_belief",
+    "predict_cells",
     "rates_picture",
     "show_source",
     "update_belief",
+    "weigh_cells",
     "widths",
 ]

@@ -14,7 +14,7 @@ from pfslam.poses import wrap_angle
 from pfslam.recording import Recording
 from pfslam.teaching.show.drives import at_rate
 from pfslam.teaching.show.figures import draw_trajectory
-from pfslam.teaching.show.pictures import Picture
+from pfslam.teaching.show.pictures import Picture, steady
 from pfslam.teaching.show.style import COLOURS, LINE_STYLES, metric_axes, new_figure
 from pfslam.teaching.show.widgets import Explorer, Slider
 
@@ -60,7 +60,7 @@ def end_spreads(recording: Recording, noise: ControlNoise, seeds: range, n: int 
 def fans_picture(recordings: dict[str, tuple[Recording, ControlNoise]], n: int = 5, seed: int = 0) -> Picture:
     """Paths of a few particles for each named recording with its noise: figures 3 and 4 of the report."""
     height = 4.6 if len(recordings) == 1 else 3.9
-    figure, grid = new_figure(6.2, height, 1, len(recordings), squeeze=False, sharex=True, sharey=True)
+    figure, grid = new_figure(5.2, height, 1, len(recordings), squeeze=False, sharex=True, sharey=True)
     words = []
     for axes, (name, (recording, noise)) in zip(grid[0], recordings.items(), strict=True):
         paths = fan(controls(recording), noise, n, np.random.default_rng(seed))
@@ -72,7 +72,7 @@ def fans_picture(recordings: dict[str, tuple[Recording, ControlNoise]], n: int =
         metric_axes(axes, name).set_xticks([0, 10, 20])
         words.append(f"{name}: they end {spread(paths[-1]):.1f} m (rms) from their middle")
     handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=11)
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return Picture(
         figure, f"Paths of {n} particles that leave the same start and fan out. {'; '.join(words)}."
     )
@@ -98,7 +98,7 @@ def rates_picture(
     """Heading spread over time at several rates: noise per sample on the left, per root second on the right."""
     root = np.sqrt(1.0 / rates[0])
     density = ControlNoise(noise.sigma_v * root, noise.sigma_omega * root, per_root_second=True)
-    figure, grid = new_figure(6.2, 3.6, 1, 2, sharey=True)
+    figure, grid = new_figure(5.2, 3.6, 1, 2, sharey=True)
     looks = zip(rates, ("estimate", "highlight", "odometry"), ("-", "-.", "--"), strict=True)
     styles = {rate: {"color": COLOURS[colour], "linestyle": line} for rate, colour, line in looks}
     words = []
@@ -134,16 +134,16 @@ def honesty_picture(recording: Recording, sigmas: tuple[float, ...]) -> Picture:
     poses, true_poses = aligned_at_first(odometry, recording.true_path())
     t = (odometry.t - odometry.t[0])[::20]
     error = np.rad2deg(wrap_angle(poses[:, 2] - true_poses[:, 2]))[::20]
-    figure, axes = new_figure(6.8, 3.8)
+    figure, axes = new_figure(5.2, 3.8)
     looks = zip(sigmas, ("odometry", "highlight", "estimate"), ("--", "-.", "-"), strict=True)
     for sigma, colour, line in looks:
         band = np.rad2deg(sigma * np.sqrt(IMU_INTERVAL * t))
         for sign in (1, -1):
-            label = rf"$\pm$ spread, $\sigma_\omega$ = {sigma:.3g} rad/s" if sign == 1 else None
+            label = rf"$\sigma_\omega$ = {sigma:.2g} rad/s" if sign == 1 else None
             axes.plot(t, sign * band, color=COLOURS[colour], linestyle=line, label=label)
-    axes.plot(t, error, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"], label="true heading error")
+    axes.plot(t, error, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"], label="true error")
     axes.set(xlabel="time [s]", ylabel="heading [deg]", ylim=(-20, 20), yticks=(-10, 0, 10))
-    axes.legend(fontsize=11, loc="upper left", ncols=2)
+    axes.legend(loc="upper center", ncols=2)
     ends = ", ".join(
         f"{np.rad2deg(s * np.sqrt(IMU_INTERVAL * t[-1])):.1f} deg for {s:.3g} rad/s" for s in sigmas
     )
@@ -152,54 +152,46 @@ def honesty_picture(recording: Recording, sigmas: tuple[float, ...]) -> Picture:
     return Picture(figure, alt)
 
 
-def draw_cloud(inputs: Controls, n: int, sigma_v: float, sigma_omega: float) -> Figure:
-    """The cloud of ``n`` particles at eight times of the drive, over the path without noise."""
-    paths, stops = _cloud(inputs, n, sigma_v, sigma_omega)
-    straight = fan(inputs, ControlNoise(0.0, 0.0), 1, np.random.default_rng(0))[:, 0]
+def draw_cloud(inputs: Controls, part: int, sigma_v: float, sigma_omega: float) -> Figure:
+    """The cloud after a part of the drive (percent), over the path without noise."""
+    cloud, straight = _cloud(inputs, part, sigma_v, sigma_omega)
     figure, axes = new_figure(4.7, 4.8)
     axes.plot(*straight[:, :2].T, color=COLOURS["odometry"], linestyle=LINE_STYLES["odometry"], linewidth=1.2)
-    for stop in stops[:-1]:
-        axes.scatter(*paths[stop, :, :2].T, s=12, color=COLOURS["particles"], linewidths=0, zorder=3)
-    axes.scatter(*paths[-1, :, :2].T, s=12, color=COLOURS["estimate"], linewidths=0, zorder=4)
+    axes.scatter(*cloud[:, :2].T, s=10, color=COLOURS["particles"], alpha=0.7, linewidths=0, zorder=3)
     axes.set(xlim=(-9, 27), ylim=(-12, 27), xticks=(0, 10, 20), yticks=(-10, 0, 10, 20))
-    at_end = f"{spread(paths[-1]):.1f} m, {heading_spread(paths[-1]):.0f}°"
-    metric_axes(axes, f"spread at the end (dark): {at_end}")
+    metric_axes(axes, f"spread {spread(cloud):.1f} m, {heading_spread(cloud):.0f}°")
     return figure
 
 
-def describe_cloud(inputs: Controls, n: int, sigma_v: float, sigma_omega: float) -> str:
+def describe_cloud(inputs: Controls, part: int, sigma_v: float, sigma_omega: float) -> str:
     """The same in words."""
-    paths, stops = _cloud(inputs, n, sigma_v, sigma_omega)
-    middle = stops[len(stops) // 2 - 1]
-    return f"""{n} particles with sigma_v {sigma_v:.2g} m/s and sigma_omega {sigma_omega:.2g} rad/s: half way they
-    are {spread(paths[middle]):.1f} m (rms) apart from their middle, at the end {spread(paths[-1]):.1f} m, and their
-    headings differ by {heading_spread(paths[-1]):.0f} degrees."""
+    cloud, _ = _cloud(inputs, part, sigma_v, sigma_omega)
+    return f"""After {part} % of the drive, {len(cloud)} particles with sigma_v {sigma_v:.2g} m/s and sigma_omega
+    {sigma_omega:.2g} rad/s are {spread(cloud):.1f} m (rms) away from their middle, and their headings differ by
+    {heading_spread(cloud):.0f} degrees."""
 
 
-def _cloud(inputs: Controls, n: int, sigma_v: float, sigma_omega: float) -> tuple[np.ndarray, list[int]]:
+def _cloud(
+    inputs: Controls, part: int, sigma_v: float, sigma_omega: float, n: int = 250
+) -> tuple[np.ndarray, np.ndarray]:
+    """Poses ``(n, 3)`` after a part of the drive, and the path ``(K, 3)`` without noise."""
     root = np.sqrt(IMU_INTERVAL)
     noise = ControlNoise(sigma_v * root, sigma_omega * root, per_root_second=True)
-    paths = fan(inputs, noise, int(n), np.random.default_rng(0))
-    return paths, [int(part * (len(paths) - 1)) for part in np.arange(1, 9) / 8]
+    paths = fan(inputs, noise, n, np.random.default_rng(0))
+    straight = fan(inputs, ControlNoise(0.0, 0.0), 1, np.random.default_rng(0))[:, 0]
+    return paths[part * (len(paths) - 1) // 100], straight
 
 
 def cloud_explorer(recording: Recording) -> Explorer:
-    """Three sliders: how many particles, and how much noise on speed and yaw rate."""
+    """Three sliders: how far along the drive, and how much noise on speed and yaw rate."""
     inputs = at_rate(controls(recording), SKETCH_RATE)
+    speeds, turns = (0.0, 0.316, 2.0), (0.0, 0.02, 0.141, 0.5)
     return Explorer(
-        partial(draw_cloud, inputs),
+        steady(partial(draw_cloud, inputs)),
         [
-            Slider("n", (5, 20, 60), 1, "Particles"),
-            Slider("sigma_v", (0.0, 0.316, 2.0), 1, "Speed noise", "m/s", ".2f", (0.0, 4.0, 0.05)),
-            Slider(
-                "sigma_omega",
-                (0.0, 0.02, 0.141, 0.224, 0.5),
-                2,
-                "Yaw rate noise",
-                "rad/s",
-                ".3f",
-                (0.0, 0.6, 0.01),
-            ),
+            Slider("part", (15, 30, 70, 100), 1, "Driven", "%"),
+            Slider("sigma_v", speeds, 1, "Speed noise", "m/s", ".2f", (0.0, 4.0, 0.05)),
+            Slider("sigma_omega", turns, 2, "Yaw rate noise", "rad/s", ".3f", (0.0, 0.6, 0.01)),
         ],
         alt=partial(describe_cloud, inputs),
         title="The cloud along the drive, for the noise you choose",

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pfslam.teaching.show.pictures import steady
 from pfslam.teaching.show.style import COLOURS, new_figure
 from pfslam.teaching.show.widgets import Explorer, Slider
 
@@ -69,19 +71,34 @@ def corridor_walk() -> list[Moment]:
     return moments
 
 
-def draw_moment(moments: list[Moment], k: int) -> Figure:
-    """The corridor with its doors, the belief as bars, and the robot."""
-    moment = moments[k]
-    figure, axes = new_figure(6.0, 3.6)
+def bar_row(axes: Axes, values: np.ndarray, colour: str, title: str) -> None:
+    """One row of fifteen bars over the corridor, its doors shaded."""
     for door in DOORS:
         axes.axvspan(door - 0.5, door + 0.5, color=COLOURS["unknown"], alpha=0.5, linewidth=0)
-    axes.bar(np.arange(CELLS), moment.belief, color=COLOURS["particles"], width=0.8, label="belief")
-    axes.scatter(moment.true_cell, 0.92, marker="v", s=110, color=COLOURS["truth"], label="robot", zorder=3)
-    axes.scatter([], [], marker="s", s=110, color=COLOURS["unknown"], alpha=0.5, label="door")
-    axes.set(xlabel="cell of the corridor", ylabel="probability", ylim=(0.0, 1.0), xlim=(-0.6, CELLS - 0.4))
-    axes.set(xticks=range(0, CELLS, 2), yticks=(0.0, 0.5, 1.0))
-    axes.set_title(f"the robot {moment.what}")
-    figure.legend(loc="outside lower center", fontsize=11, ncols=3)
+    axes.bar(np.arange(CELLS), values, color=COLOURS[colour], width=0.8)
+    axes.set(ylim=(0.0, 1.0), yticks=(0.0, 0.5, 1.0), xlim=(-0.6, CELLS - 0.4), xticks=range(0, CELLS, 2))
+    axes.set_title(title, loc="left", fontsize=12)
+
+
+def draw_moment(moments: list[Moment], k: int) -> Figure:
+    """Belief before, the likelihood of what is seen, and belief after, one above the other."""
+    moment, before = moments[k], moments[max(k - 1, 0)]
+    figure, rows = new_figure(5.2, 5.0, rows=3, sharex=True)
+    looks = moment.what.startswith("sees")
+    sees_door = moment.what == "sees a door"
+    bar_row(rows[0], before.belief, "particles", "prior: the belief before")
+    nothing = "no look: the robot moves one cell"
+    bar_row(
+        rows[1],
+        door_likelihood(sees_door) if looks else np.zeros(CELLS),
+        "highlight",
+        f"× likelihood: it {moment.what}" if looks else nothing if k else "it has not looked yet",
+    )
+    ending = "posterior: their product, made to sum to 1" if looks else "the belief after the move"
+    bar_row(rows[2], moment.belief, "estimate", f"= {ending}" if k else "all cells alike")
+    for row, at in ((rows[0], before.true_cell), (rows[2], moment.true_cell)):
+        row.scatter(at, 0.9, marker="v", s=90, color=COLOURS["truth"], zorder=3)
+    rows[2].set_xlabel("cell (grey: doors; triangle: the robot)")
     return figure
 
 
@@ -94,13 +111,13 @@ def describe_moment(moments: list[Moment], k: int) -> str:
 
 
 def corridor_explorer() -> Explorer:
-    """Step through the walk: each move blurs the belief, each look sharpens it."""
+    """Step through the walk: each move blurs the belief, each look multiplies it by a likelihood."""
     moments = corridor_walk()
     return Explorer(
-        partial(draw_moment, moments),
-        [Slider("k", range(len(moments)), 0, "Half steps", "")],
+        steady(partial(draw_moment, moments)),
+        [Slider("k", range(len(moments)), 1, "Look, move, look, ...", "")],
         alt=partial(describe_moment, moments),
-        title="A Bayes filter finds itself in a corridor",
+        title="Prior times likelihood is posterior, in a corridor of fifteen cells",
         play="k",
         pause=900,
     )

@@ -89,7 +89,7 @@ def draw_model(drive: str, model: str) -> Figure:
     axes.set(xlim=limits[drive][0], ylim=limits[drive][1])
     w = widths(clouds[-1], truth[-1])
     metric_axes(axes, f"heading: spread {w['heading']:.1f}°, truth off by {w['off']:.1f}°")
-    axes.legend(loc="upper left", fontsize=11)
+    axes.legend(loc="upper left")
     return figure
 
 
