@@ -241,6 +241,5 @@ def integrate_scan(
     ix, iy = grid.spec.world_to_cell(points_w).T
     change[iy - rectangle[0].start, ix - rectangle[1].start] = config.hit
     log_odds = grid.log_odds.copy()
-    told = log_odds[rectangle] + change
-    log_odds[rectangle] = np.clip(told, -config.clamp, config.clamp)
+    log_odds[rectangle] = np.clip(log_odds[rectangle] + change, -config.clamp, config.clamp)
     return OccupancyGrid(grid.spec, log_odds), rectangle

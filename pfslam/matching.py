@@ -1,6 +1,6 @@
 """Moving each particle to the best pose around it: the report's way, and with a motion prior.
 
-The scores come from ``correlation.search``. The choice among them is made here: the report's jump to the greatest
+The scores come from ``search.volume``. The choice among them is made here: the report's jump to the greatest
 count, or the maximum of the scan's likelihood times the motion model's density (Olson's correlative scan matching).
 """
 
@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pfslam.config import SearchConfig
-from pfslam.correlation import BoxScores, ScoreField, search
+from pfslam.correlation import ScoreField
 from pfslam.grid import GridSpec
 from pfslam.poses import wrap_angle
-from pfslam.search.lattice import Lattice, Window
+from pfslam.search.lattice import Lattice, Window, parabola_peak
+from pfslam.search.volume import BoxScores, search
 
 CHUNK = 2**19
 """Scores looked at together, so that twenty thousand particles need no more memory than seven hundred."""
@@ -130,7 +131,7 @@ def _climb(box: BoxScores, poses, lattice: Lattice, window: Window, sigmas, conf
     choice = candidates[np.argmax(objective(rows[:, None], candidates), axis=1)]
     step = window.steps()[choice].astype(float)
     if config.sub_cell:
-        step += _parabola_peak(lambda steps: objective(rows, steps), choice, window)
+        step += _peaks(lambda steps: objective(rows, steps), choice, window)
     best = box.scores[node, choice]
     if config.weight == "likelihood":
         gain = objective(rows, choice) - 0.5 * np.sum(offset.T**2, axis=1)
@@ -160,7 +161,7 @@ def _candidates(at_node: np.ndarray, delta: np.ndarray, half_step: np.ndarray) -
     return np.flatnonzero((at_node + margin + round_off >= certain).any(axis=0))
 
 
-def _parabola_peak(J: Callable, choice: np.ndarray, window: Window) -> np.ndarray:
+def _peaks(J: Callable, choice: np.ndarray, window: Window) -> np.ndarray:
     """Peak ``(n, 3)`` (x, y, heading), in steps from the best node, of a parabola through it and its neighbours.
 
     ``J`` gives the objective at one perturbation per particle. Half a step each way at most, because no neighbour is
@@ -174,8 +175,5 @@ def _parabola_peak(J: Callable, choice: np.ndarray, window: Window) -> np.ndarra
             continue
         inner = (index[axis] > 0) & (index[axis] < size - 1)
         at = np.where(inner, choice, stride)  # any place with two neighbours; not used
-        before, after = J(at - stride), J(at + stride)
-        curvature = before - 2.0 * here + after
-        curved = inner & (curvature < 0)
-        peak[curved, 2 - axis] = 0.5 * (before - after)[curved] / curvature[curved]
+        peak[:, 2 - axis] = np.where(inner, parabola_peak(J(at - stride), here, J(at + stride)), 0.0)
     return peak

@@ -20,7 +20,7 @@ from pfslam.slam import SlamState, StepInfo, slam_step
 
 
 class State(Protocol):
-    """What every filter's state shows: its particles, and the map that speaks for them."""
+    """What the states of all filters have in common: particles, and a map."""
 
     @property
     def particles(self) -> Particles: ...

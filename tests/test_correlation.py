@@ -6,19 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pfslam import correlation
-from pfslam.correlation import (
-    ScoreField,
-    map_correlation,
-    score_field,
-    search,
-    updated_field,
-)
+from pfslam.correlation import ScoreField, map_correlation, score_field, updated_field
 from pfslam.grid import GridSpec
 from pfslam.poses import transform_points
-from pfslam.search import boxes
+from pfslam.search import boxes, volume
 from pfslam.search.boxes import cheapest_boxes
 from pfslam.search.lattice import Lattice, Window, distinct_nodes
+from pfslam.search.volume import search
 
 SPEC = GridSpec((-1.0, -2.0), 0.5, (8, 6))
 
@@ -121,11 +115,11 @@ def test_boxes_are_cut_where_memory_runs_out(monkeypatch):
     assert_search_is_the_definition(occupied, spec, points, rng.normal(0, 0.05, (12, 3)), LATTICE, WINDOW)
 
 
-@pytest.mark.parametrize("volume", [True, False])
-def test_one_volume_and_a_window_for_each_node_give_the_integers_of_the_definition(monkeypatch, volume):
+@pytest.mark.parametrize("in_one", [True, False])
+def test_one_volume_and_a_window_for_each_node_give_the_integers_of_the_definition(monkeypatch, in_one):
     rng, occupied, spec, points = random_case(14)
-    monkeypatch.setattr(correlation, "volume_is_cheaper", lambda *_: volume)
-    monkeypatch.setattr(correlation, "CACHE", 40)
+    monkeypatch.setattr(volume, "volume_is_cheaper", lambda *_: in_one)
+    monkeypatch.setattr(volume, "CACHE", 40)
     poses = rng.normal(0.0, [0.3, 0.3, 0.05], (9, 3))
     poses[5:] = poses[4]
     assert_search_is_the_definition(occupied, spec, points, poses, LATTICE, Window(2, 1))

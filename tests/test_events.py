@@ -1,16 +1,19 @@
 """Scans of a scanner that takes its time: beams measured one after the other, from where the robot was by then."""
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from rooms import ENCODER_STEP, LIDAR, ROOM, SQUARE, arcs, drive, ray_cast, sensor_position
 
+from pfslam import events, motion, tilt
 from pfslam.config import SlamConfig
 from pfslam.events import Drive, deskewed, level_scan
 from pfslam.motion import dead_reckoning
 from pfslam.poses import between, rotation_matrix, transform_points
 from pfslam.recording import LidarScans
+from pfslam.runs import run_slam
 
 LEGS = [(1.0, 12, 0.0), (2.0, 0, 1.2), (1.0, 12, 0.0), (2.0, 6, -0.9)]
 SWEEP = 0.08
@@ -85,12 +88,46 @@ def test_motions_asked_for_at_once_are_those_of_the_events(config):
     np.testing.assert_allclose(Drive.of(recording, config).motion, one_by_one, atol=1e-12)
 
 
+@pytest.mark.parametrize("config", [CONFIG, SlamConfig.report()], ids=["refined", "report"])
+def test_odometry_controls_and_tilt_are_computed_once_a_run(monkeypatch, config):
+    calls = Counter()
+
+    def counted(name, function):
+        def call(*args, **kwargs):
+            calls[name] += 1
+            return function(*args, **kwargs)
+
+        return call
+
+    for module, name in (
+        (events, "controls"),
+        (motion, "controls"),
+        (tilt, "controls"),
+        (events, "dead_reckoning"),
+    ):
+        monkeypatch.setattr(module, name, counted(name, getattr(module, name)))
+    monkeypatch.setattr(events, "estimate_tilt", counted("tilt", events.estimate_tilt))
+    run_slam(drive(LEGS), replace(config, every=10, particles=2))
+    assert calls == Counter(controls=1, dead_reckoning=1, tilt=config.tilt is not None)
+
+
+def test_a_run_begins_at_its_first_scan_or_for_the_report_at_the_first_stamp_of_the_odometry():
+    recording, late = drive(LEGS), drive(LEGS).lidar
+    recording = replace(recording, lidar=LidarScans(late.t[10:], late.ranges[10:]))
+    first, report = (next(Drive.of(recording, c).events()) for c in (CONFIG, SlamConfig.report()))
+    np.testing.assert_array_equal(first.motion, np.zeros(3))
+    assert first.controls[2].sum() == 0.0
+    odometry = dead_reckoning(recording)
+    np.testing.assert_allclose(report.motion, odometry.at(report.t), atol=1e-12)
+    assert report.controls[2].sum() == pytest.approx(report.t - odometry.t[0])
+
+
 def test_before_its_first_and_after_its_last_moment_the_robot_stands():
     """Half of the first scan was measured before the odometry begins, half of the last after it ends."""
     recording, odometry = told(drive(LEGS), SWEEP), dead_reckoning(drive(LEGS))
-    events = list(Drive.of(recording, CONFIG).events())
+    used = list(Drive.of(recording, CONFIG).events())
     t0, t1 = odometry.t[[0, -1]]
-    for event, (begin, end) in ((events[0], (t0, t0 + SWEEP / 2)), (events[-1], (t1 - SWEEP / 2, t1))):
+    for event, (begin, end) in ((used[0], (t0, t0 + SWEEP / 2)), (used[-1], (t1 - SWEEP / 2, t1))):
         points, beams, _, _ = level_scan(
             recording.lidar.ranges[recording.lidar.t == event.t][0],
             recording.robot.lidar,

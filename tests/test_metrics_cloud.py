@@ -9,7 +9,7 @@ from pfslam.evaluation.cloud import (
     CLAIMS,
     chi_square,
     chi_square_quantile,
-    cloud_calibration,
+    cloud_consistency,
     cloud_moments,
     squared_mahalanobis,
 )
@@ -78,7 +78,7 @@ def binomial(share):
 @pytest.mark.parametrize("dof", [2, 3])
 @pytest.mark.parametrize("weighted", [False, True])
 def test_honest_clouds_hold_the_truth_as_often_as_they_claim(dof, weighted):
-    found = cloud_calibration(*made_run(1.0, weighted=weighted), dof=dof)
+    found = cloud_consistency(*made_run(1.0, weighted=weighted), dof=dof)
     assert len(found.nees) == CLOUDS
     assert found.certain == 0
     for share in CLAIMS:
@@ -90,7 +90,7 @@ def test_honest_clouds_hold_the_truth_as_often_as_they_claim(dof, weighted):
 
 
 def test_clouds_half_as_wide_as_they_should_be_are_found_out():
-    found = cloud_calibration(*made_run(0.5))
+    found = cloud_consistency(*made_run(0.5))
     for share in CLAIMS:
         expected = stats.chi2.cdf(0.25 * stats.chi2.ppf(share, 3), 3)
         assert found.inside[share] == pytest.approx(expected, abs=binomial(expected))
@@ -100,12 +100,12 @@ def test_clouds_half_as_wide_as_they_should_be_are_found_out():
 def test_the_run_may_start_anywhere():
     infos, truth = made_run(1.0)
     moved = Trajectory(truth.t, compose([5.0, -3.0, 2.0], truth.poses))
-    np.testing.assert_allclose(cloud_calibration(infos, moved).nees, cloud_calibration(infos, truth).nees)
+    np.testing.assert_allclose(cloud_consistency(infos, moved).nees, cloud_consistency(infos, truth).nees)
 
 
 def test_one_particle_claims_to_be_certain():
     infos, truth = made_run(1.0, particles=1)
-    found = cloud_calibration(infos, truth)
+    found = cloud_consistency(infos, truth)
     assert found.certain == CLOUDS
     assert found.inside == dict.fromkeys(CLAIMS, 0.0)
     assert found.claimed_m == 0.0
@@ -113,5 +113,5 @@ def test_one_particle_claims_to_be_certain():
 
 def test_without_clouds_or_truth_there_is_nothing_to_say():
     infos, truth = made_run(1.0)
-    with pytest.raises(DataError, match="cloud_calibration"):
-        cloud_calibration(infos, Trajectory(truth.t + 1e6, truth.poses))
+    with pytest.raises(DataError, match="cloud_consistency"):
+        cloud_consistency(infos, Trajectory(truth.t + 1e6, truth.poses))

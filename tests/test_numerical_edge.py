@@ -12,7 +12,7 @@ import pytest
 from rooms import CURVES, LIDAR, ROOM, SQUARE, arcs, box, drive, scan
 
 from pfslam.config import PolishConfig, SlamConfig
-from pfslam.correlation import map_correlation, search
+from pfslam.correlation import map_correlation
 from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
@@ -23,6 +23,7 @@ from pfslam.recording import Encoders, Imu, LidarScans, Recording
 from pfslam.refinement import HitMoments, polish
 from pfslam.runs import run_slam
 from pfslam.search.lattice import Lattice, Window
+from pfslam.search.volume import search
 from pfslam.sensors import scan_points
 
 FEW = replace(SlamConfig.refined(), particles=10)

@@ -17,12 +17,13 @@ import numpy as np
 import pfslam
 from pfslam.bench.measure import Row, Section, in_fresh_process, interleaved
 from pfslam.config import PRESETS, SlamConfig
-from pfslam.correlation import map_correlation, score_field, search
+from pfslam.correlation import map_correlation, score_field
 from pfslam.grid import GridSpec
 from pfslam.poses import transform_points
 from pfslam.recording import Recording
 from pfslam.runs import slam_steps
 from pfslam.search.lattice import Lattice, Window
+from pfslam.search.volume import search
 from pfslam.sensors import scan_points
 from pfslam.study.run import peak_megabytes
 

@@ -1,8 +1,8 @@
-"""Self-calibration: what the instruments' errors are, from the drive itself.
+"""Self-calibration: bias and scale errors of the instruments, estimated from the drive itself.
 
-A gyro that turns while the robot stands shows its bias. Afterwards the matched motion, which the walls hold to
-centimetres, tells what a metre of the wheels and a radian of the gyro are worth: straight stretches give the scale of
-the wheels, all turning together scale and drift of the gyro. Nothing is applied unless ``apply_calibration`` is called.
+The yaw rate that a gyro shows while the robot stands is its bias. Afterwards the matched motion, which is right to
+centimetres thanks to the walls, is compared with the odometry: straight stretches give the scale of the wheels, all
+turns together scale and drift of the gyro. Nothing is applied unless ``apply_calibration`` is called.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ WARM_UP = 1.0
 LEAST_WINDOWS = 3
 LEAST_SAMPLES = 10
 LARGEST_BIAS = 0.05
-"""A steady rate above this (rad/s) is somebody turning the robot, not a gyro's bias."""
+"""A steady rate above this (rad/s) means that the robot is being turned: no gyro has such a bias."""
 SHAKEN = 3.0
 """A piece counts as shaken if the gyro spreads this many times more than in the quietest piece."""
 SPREAD_FLOOR = 1e-4
@@ -158,10 +158,10 @@ def matched_motion(recording: Recording, result: SlamResult) -> tuple[np.ndarray
         raise DataError(
             "calibrate", "result", f"{len(infos)} scans", f"the run of this recording: {len(motions)}"
         )
-    told = np.array([info.matched and info.free_direction is None for info in infos])
+    usable = np.array([info.matched and info.free_direction is None for info in infos])
     odometry, matched, seconds = [], [], []
     for i, j in _whole_pieces(trajectory.t, BLOCK):
-        if told[i + 1 : j + 1].all():
+        if usable[i + 1 : j + 1].all():
             pose = np.zeros(3)
             for motion in motions[i + 1 : j + 1]:
                 pose = compose(pose, motion)
@@ -187,7 +187,7 @@ def drift_and_scale(
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Rate (rad/s) and factor with ``true = rate * seconds + factor * shown``, each with its standard error.
 
-    (0, inf) and (1, inf) for a drive that turns all the time at one rate: there, nobody can tell drift from scale.
+    (0, inf) and (1, inf) for a drive that turns all the time at one rate, where drift and scale cannot be separated.
     """
     A = np.column_stack([seconds, shown])
     if len(true) < LEAST_BLOCKS or np.linalg.cond(A / np.linalg.norm(A, axis=0)) > INSEPARABLE:

@@ -1,6 +1,6 @@
 """Questions to ask of a recording before a filter runs: each takes a second, and each finds a fault that costs days.
 
-A check compares two instruments that must agree, or one with what is possible. It proves nothing; it tells where to
+A check compares two instruments that must agree, or one with what is possible. It proves nothing, but it shows where to
 look.
 """
 
@@ -103,7 +103,7 @@ def check_rest(recording: Recording) -> Finding:
 
 
 def check_track(recording: Recording) -> Finding:
-    """Whether left and right wheels tell the same turns as the gyro, whatever the effective track."""
+    """Whether left and right wheels measure the same turns as the gyro, with some effective track."""
     question, expected = "Do wheels and gyro turn the same way?", "a track of 0.2 to 2 m"
     if recording.encoders is None or recording.imu is None:
         return Finding(question, None, "no encoders and gyro", expected)

@@ -1,8 +1,9 @@
-"""Does the truth lie inside the cloud as often as the cloud claims?
+"""Consistency of the cloud: whether the truth lies inside it as often as its spread says.
 
-A cloud is a claim: here is the robot, and so unsure am I. Its mean and covariance draw ellipsoids that should hold the
-truth half of the time, nine times out of ten, and so on. If the truth lies outside more often, the cloud is
-overconfident, and whoever plans with it will be surprised.
+The mean and covariance of a cloud define ellipsoids that should hold the truth half of the time, nine times out of ten,
+and so on. If the truth lies outside more often, the cloud is overconfident, and a planner that relies on it takes risks
+that it does not know of. The measure is the normalised estimation error squared, NEES (Bar-Shalom, Li and Kirubarajan,
+"Estimation with Applications to Tracking and Navigation", 2001, 5.4).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from math import erf, exp, log, pi, sqrt
 import numpy as np
 
 from pfslam.errors import DataError
+from pfslam.evaluation.trajectory import rms
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory, average_pose, compose, invert, wrap_angle
 from pfslam.slam import StepInfo
@@ -21,17 +23,18 @@ from pfslam.slam import StepInfo
 CLAIMS = (0.5, 0.9, 0.99)
 """Probabilities whose ellipsoids are checked."""
 LEAST_SPREAD = 1e-9
-"""A cloud that spreads by less (m, or rad) along some direction claims to be certain there."""
+"""A cloud that spreads by less (m, or rad) along some direction counts as certain there."""
 
 
 @dataclass(frozen=True, eq=False)
-class CloudCalibration:
-    """How honest the clouds of a run are.
+class CloudConsistency:
+    """How well the spread of a run's clouds agrees with their errors.
 
-    ``nees (K,)`` is the squared Mahalanobis distance of the truth from each cloud (infinite if the cloud is certain
-    and wrong); ``inside`` maps each probability of ``CLAIMS`` to the share of clouds whose ellipsoid holds the truth.
-    ``claimed_m`` and ``actual_m``, ``claimed_deg`` and ``actual_deg`` are root mean squares of the clouds' spread and
-    of the truth's distance from their means; ``certain`` counts clouds without spread in some direction.
+    ``nees (K,)`` is the normalised estimation error squared: the squared Mahalanobis distance of the truth from each
+    cloud (infinite if the cloud is certain and wrong), 2 or 3 on average if the clouds are consistent. ``inside`` maps
+    each probability of ``CLAIMS`` to the share of clouds whose ellipsoid holds the truth. ``claimed_m`` and
+    ``actual_m``, ``claimed_deg`` and ``actual_deg`` are root mean squares of the clouds' spread and of the truth's
+    distance from their means; ``certain`` counts clouds without spread in some direction.
     """
 
     nees: np.ndarray
@@ -44,7 +47,7 @@ class CloudCalibration:
 
     @property
     def ratio(self) -> float:
-        """Claimed over actual spread of the position: 1 is honest, less is overconfident, more is timid."""
+        """Claimed over actual spread of the position: 1 is consistent, less is overconfident, more is too cautious."""
         return self.claimed_m / self.actual_m if self.actual_m > 0 else float("inf")
 
 
@@ -76,7 +79,7 @@ def chi_square_quantile(share: float, dof: int) -> float:
 def cloud_moments(particles: Particles) -> tuple[np.ndarray, np.ndarray]:
     """Weighted mean pose ``(3,)`` and covariance ``(3, 3)`` (m, m, rad) of a cloud, headings on the circle."""
     mean = average_pose(particles.poses, particles.weights)
-    away = _less(particles.poses, mean)
+    away = _difference(particles.poses, mean)
     return mean, away.T @ (particles.weights[:, None] * away)
 
 
@@ -87,39 +90,35 @@ def squared_mahalanobis(error: np.ndarray, covariance: np.ndarray) -> float:
     return float(error @ np.linalg.solve(covariance, error))
 
 
-def cloud_calibration(infos: Iterable[StepInfo], truth: Trajectory, dof: int = 3) -> CloudCalibration:
+def cloud_consistency(infos: Iterable[StepInfo], truth: Trajectory, dof: int = 3) -> CloudConsistency:
     """The clouds of a run against the truth; ``dof`` 2 asks for the position alone, 3 for the heading too.
 
     The run is moved as a whole so that its first estimate is true, as for the trajectory error; that first cloud,
     which knows its place by definition, is not counted. Clouds count as they gave the estimate, before resampling.
     """
-    told = [(info, info.particles) for info in infos if info.particles is not None and truth.covers(info.t)]
-    if len(told) < 2:
-        raise DataError("cloud_calibration", "infos", f"{len(told)} clouds with known truth", "2 or more")
-    first = compose(told[0][0].estimate, invert(truth.at(told[0][0].t)))
-    true_poses = compose(first, truth.at(np.array([info.t for info, _ in told[1:]])))
-    moments = [cloud_moments(particles) for _, particles in told[1:]]
-    error = _less(true_poses, np.array([mean for mean, _ in moments]))
+    known = [(info, info.particles) for info in infos if info.particles is not None and truth.covers(info.t)]
+    if len(known) < 2:
+        raise DataError("cloud_consistency", "infos", f"{len(known)} clouds with known truth", "2 or more")
+    first = compose(known[0][0].estimate, invert(truth.at(known[0][0].t)))
+    true_poses = compose(first, truth.at(np.array([info.t for info, _ in known[1:]])))
+    moments = [cloud_moments(particles) for _, particles in known[1:]]
+    error = _difference(true_poses, np.array([mean for mean, _ in moments]))
     nees = np.array(
         [squared_mahalanobis(e[:dof], P[:dof, :dof]) for e, (_, P) in zip(error, moments, strict=True)]
     )
     variance = np.array([np.diag(P) for _, P in moments])
-    return CloudCalibration(
+    return CloudConsistency(
         nees=nees,
         inside={share: float(np.mean(nees <= chi_square_quantile(share, dof))) for share in CLAIMS},
-        claimed_m=_root(variance[:, 0] + variance[:, 1]),
-        actual_m=_root(error[:, 0] ** 2 + error[:, 1] ** 2),
-        claimed_deg=float(np.rad2deg(_root(variance[:, 2]))),
-        actual_deg=float(np.rad2deg(_root(error[:, 2] ** 2))),
+        claimed_m=rms(np.sqrt(variance[:, 0] + variance[:, 1])),
+        actual_m=rms(np.hypot(error[:, 0], error[:, 1])),
+        claimed_deg=float(np.rad2deg(rms(np.sqrt(variance[:, 2])))),
+        actual_deg=float(np.rad2deg(rms(error[:, 2]))),
         certain=int(np.count_nonzero(np.isinf(nees))),
     )
 
 
-def _less(poses: np.ndarray, reference: np.ndarray) -> np.ndarray:
+def _difference(poses: np.ndarray, reference: np.ndarray) -> np.ndarray:
     away = poses - reference
     away[..., 2] = wrap_angle(away[..., 2])
     return away
-
-
-def _root(squares: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(squares)))

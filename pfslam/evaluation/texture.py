@@ -10,6 +10,7 @@ from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import share_of
 from pfslam.grid import GridSpec
 from pfslam.poses import apply_transform, invert_transform, pose_to_transform
+from pfslam.search.lattice import parabola_peak
 from pfslam.sensors import RgbdModel
 from pfslam.texture.floor import associate_rgb, disparity_from_depth
 from pfslam.texture.mapping import FloorTexture
@@ -116,15 +117,8 @@ def _best_shift(cost: np.ndarray) -> tuple[float, float]:
     y, x = np.unravel_index(int(np.argmin(cost)), cost.shape)
     if not (0 < y < 2 * search and 0 < x < 2 * search):
         return float(x - search), float(y - search)
-    return x - search + _vertex(cost[y, x - 1 : x + 2]), y - search + _vertex(cost[y - 1 : y + 2, x])
-
-
-def _vertex(three: np.ndarray) -> float:
-    """Where the parabola through three costs is smallest, in steps from the middle: at most half a step."""
-    curvature = three[0] - 2 * three[1] + three[2]
-    if not np.isfinite(curvature) or curvature <= 0:
-        return 0.0
-    return float(np.clip(0.5 * (three[0] - three[2]) / curvature, -0.5, 0.5))
+    peaks = parabola_peak(*-cost[y, x - 1 : x + 2]), parabola_peak(*-cost[y - 1 : y + 2, x])
+    return float(x - search + peaks[0]), float(y - search + peaks[1])
 
 
 def visible_floor(

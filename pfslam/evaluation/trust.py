@@ -1,12 +1,12 @@
-"""Is the robot where it thinks it is? The score of a run against the run's own past.
+"""Detection of a lost or kidnapped robot from the scores of its run.
 
-The mean score per beam says how well a scan fits the map. A robot that has been carried off sees walls where its map
-has none, and the score falls at once, far below anything the run has seen. How far is far follows from the run itself:
-every LiDAR and every building has its own ordinary scores.
+The mean score per beam says how well a scan fits the map. A robot that has been carried off, the "kidnapped robot" of
+the literature, sees walls where its map has none, and the score falls at once, far below all earlier scores of the run.
+The run itself sets the scale: every LiDAR and every building has its own ordinary scores.
 
 The fall is short. A filter that draws every scan soon has the new place in its map, at the wrong spot, and its scores
-look fine again. So an alarm says when the robot was lost, not whether it still is. Over a map that is no longer
-drawn the score stays low for as long as the robot is lost.
+look fine again. So an alarm says when the robot was lost, not whether it still is. Over a map that is no longer drawn
+the score stays low for as long as the robot is lost.
 """
 
 from __future__ import annotations
@@ -22,9 +22,11 @@ LEAST_PAST = 50
 PAST = 400
 """So many of them are remembered."""
 LOST_BELOW = -8.0
-"""Ordinary runs were measured down to -6.3, people and moving doors included; 46 kidnaps of the course's robot from
--8.9 down. Where ordinary scores vary widely, as in a log of 180 beams and a scan every few metres, a kidnap may stay
-within them: two of three did. There the alarm is silent, not wrong.
+"""Score deviation below which a robot counts as lost.
+
+Ordinary runs were measured down to -6.3, people and moving doors included; 46 kidnaps of the course's robot from -8.9
+down. Where ordinary scores vary widely, as in a log of 180 beams and a scan every few metres, a kidnap may stay within
+them: two of three did, without an alarm.
 """
 ONE_ALARM = 5.0
 """Falls less than so many seconds apart belong to one alarm."""
@@ -32,7 +34,7 @@ LEAST_SPREAD = 0.005
 """A run whose scores hardly differ is not judged more finely than this."""
 
 
-def consistency(infos: Sequence[StepInfo]) -> np.ndarray:
+def score_deviation(infos: Sequence[StepInfo]) -> np.ndarray:
     """How far each scan's score lies from the median of the scores before it, ``(K,)``, in spreads; below 0 is worse.
 
     One spread is the distance from the median down to the 5th percentile, divided by 1.645: one standard deviation if
@@ -59,7 +61,7 @@ def consistency(infos: Sequence[StepInfo]) -> np.ndarray:
 
 def lost(infos: Sequence[StepInfo]) -> np.ndarray:
     """Which scans ``(K,)`` bool fit the map so badly that the robot cannot be where it thinks it is."""
-    return consistency(infos) < LOST_BELOW
+    return score_deviation(infos) < LOST_BELOW
 
 
 def alarms(infos: Sequence[StepInfo]) -> np.ndarray:

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
+from pfslam.evaluation.checkup import turned_by_gyro, turned_by_wheels
 from pfslam.motion import Controls, controls, integrate
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
@@ -16,19 +17,6 @@ from pfslam.teaching.show.figures import draw_trajectory
 from pfslam.teaching.show.pictures import Picture, steady
 from pfslam.teaching.show.style import COLOURS, LINE_STYLES, metric_axes, new_figure
 from pfslam.teaching.show.widgets import Explorer, Slider
-
-
-def turned_by_wheels(recording: Recording, t: np.ndarray, track: float) -> np.ndarray:
-    """Heading (rad) at times ``t (K,)`` from right wheels against left ones that stand ``track`` metres apart."""
-    encoders, _ = recording.wheels_and_gyro()
-    right, left = encoders.counts[:, [0, 2]].mean(axis=1), encoders.counts[:, [1, 3]].mean(axis=1)
-    angle = np.cumsum(right - left) * recording.robot.encoders.metres_per_count / track
-    return np.interp(t, encoders.t, angle - angle[0])
-
-
-def turned_by_gyro(inputs: Controls) -> np.ndarray:
-    """Heading (rad) at the controls' times, from the yaw rate alone."""
-    return np.concatenate([[0.0], np.cumsum(inputs.omega * np.diff(inputs.t))])
 
 
 def effective_track(recording: Recording, seconds: float = 1.0) -> dict[str, float]:
@@ -40,7 +28,7 @@ def effective_track(recording: Recording, seconds: float = 1.0) -> dict[str, flo
     inputs = controls(recording)
     t = np.arange(inputs.t[0], inputs.t[-1], seconds)
     wheels = np.diff(turned_by_wheels(recording, t, 1.0))  # right minus left, in metres
-    gyro = np.diff(np.interp(t, inputs.t, turned_by_gyro(inputs)))
+    gyro = np.diff(turned_by_gyro(inputs, t))
     metres = np.diff(np.interp(t, inputs.t[1:], np.cumsum(inputs.v * np.diff(inputs.t))))
     turning = np.abs(gyro) > 0.1
     slow = metres <= np.median(metres[turning])

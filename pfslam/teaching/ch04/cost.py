@@ -8,9 +8,10 @@ import numpy as np
 
 from pfslam.bench.measure import interleaved
 from pfslam.bench.sections import update_parts as profiled_parts
-from pfslam.correlation import score_field, score_volume, search, window_scores
+from pfslam.correlation import score_field
 from pfslam.recording import Recording
 from pfslam.search.lattice import distinct_nodes
+from pfslam.search.volume import score_volume, search, window_scores
 from pfslam.teaching.ch04.scores import LATTICE
 from pfslam.teaching.ch04.search import PARTICLES, WINDOW
 from pfslam.teaching.show.drives import Place

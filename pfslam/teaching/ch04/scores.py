@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pfslam.correlation import map_correlation, score_field, score_volume
+from pfslam.correlation import map_correlation, score_field
 from pfslam.search.lattice import Lattice
+from pfslam.search.volume import score_volume
 from pfslam.teaching.show.drives import Place
 from pfslam.teaching.show.figures import draw_map
 from pfslam.teaching.show.pictures import Picture, steady

@@ -9,19 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pfslam.config import SearchConfig
-from pfslam.correlation import (
-    ScoreField,
-    map_correlation,
-    score_field,
-    score_volume,
-    search,
-    updated_field,
-)
+from pfslam.correlation import ScoreField, map_correlation, score_field, updated_field
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
 from pfslam.matching import match
 from pfslam.poses import transform_points
 from pfslam.recording import Recording
 from pfslam.search.lattice import Window
+from pfslam.search.volume import score_volume, search
 from pfslam.sensors import scan_points
 from pfslam.teaching.ch04.scores import LATTICE
 from pfslam.teaching.show.drives import Place

@@ -7,10 +7,11 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from pfslam.correlation import map_correlation, score_field, search
+from pfslam.correlation import map_correlation, score_field
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.particles import effective_sample_size
 from pfslam.poses import transform_points
+from pfslam.search.volume import search
 from pfslam.sensors import LidarModel, scan_points
 from pfslam.teaching.ch04.scores import LATTICE
 from pfslam.teaching.ch04.search import WINDOW, fine_scores

@@ -1,5 +1,6 @@
 """What the notebook of chapter 05 calls."""
 
+from pfslam.evaluation.faults import first_seconds
 from pfslam.teaching.ch05.checks import (
     check_mean_pose,
     check_resample,
@@ -12,7 +13,6 @@ from pfslam.teaching.ch05.measurements import (
     erosion,
     erosion_picture,
     errors_picture,
-    first_seconds,
     paths_over_seeds,
     slip_picture,
 )

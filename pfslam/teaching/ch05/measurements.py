@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import SlamCost, slam_cost
 from pfslam.grid import LOG_4, MapConfig, OccupancyGrid
 from pfslam.poses import Trajectory, transform_points
-from pfslam.recording import LidarScans, Recording
+from pfslam.recording import Recording
 from pfslam.runs import run_slam
 from pfslam.sensors import scan_points
 from pfslam.teaching.show.figures import draw_map, map_along
@@ -19,13 +17,6 @@ from pfslam.teaching.show.style import COLOURS, new_figure
 
 GENTLE = 0.25 * LOG_4
 """Log-odds that a free cell loses in the cure for erosion: a quarter of what a hit gains."""
-
-
-def first_seconds(recording: Recording, seconds: float) -> Recording:
-    """The recording with the scans of its first seconds only."""
-    lidar = recording.scans()
-    k = int(np.searchsorted(lidar.t, lidar.t[0] + seconds))
-    return replace(recording, lidar=LidarScans(lidar.t[:k], lidar.ranges[:k]))
 
 
 def paths_over_seeds(recording: Recording, config: SlamConfig, seeds: int) -> list[Trajectory]:

@@ -1,5 +1,6 @@
 """What the notebook of chapter 06 calls."""
 
+from pfslam.evaluation.faults import swapped_centre
 from pfslam.teaching.ch06.checks import (
     check_best_view,
     check_blind_ring,
@@ -20,7 +21,6 @@ from pfslam.teaching.ch06.pairs import (
     pitched,
     score_table,
     shots_along,
-    swapped,
     take_shot,
 )
 from pfslam.teaching.ch06.pictures import (
@@ -57,7 +57,7 @@ __all__ = [
     "score_table",
     "shots_along",
     "show_source",
-    "swapped",
+    "swapped_centre",
     "swapped_picture",
     "take_shot",
     "texture_pair_picture",

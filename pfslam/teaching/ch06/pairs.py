@@ -151,11 +151,6 @@ def pitch_sweep(shots: list[Shot], errors_deg, tolerance: float, per_metre: floa
     return np.array(table)
 
 
-def swapped(camera: RgbdModel) -> RgbdModel:
-    """The camera with the K that the report prints: 242.94 in the first row, 315.84 in the second."""
-    return replace(camera, centre_u=camera.centre_v, centre_v=camera.centre_u)
-
-
 def registered_colours(shot: Shot, points: Points, camera: RgbdModel | None = None) -> np.ndarray:
     """Step 1: the colour ``(M, 3)`` of each pixel, taken where Eq. 16 says."""
     u, v = associate_rgb(points.u, points.v, shot.disparity[points.v, points.u], camera or shot.camera)

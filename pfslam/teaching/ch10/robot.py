@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 import pfslam
 from pfslam.datasets import data_folder
-from pfslam.evaluation.checkup import Finding, check_up
+from pfslam.evaluation.checkup import Finding, check_up, turned_by_gyro, turned_by_wheels
 from pfslam.evaluation.faults import (
     clockwise,
     first_seconds,
@@ -106,19 +106,10 @@ def faults_explorer(recording: Recording) -> Explorer:
     )
 
 
-def heading_from_wheels(recording: Recording, track: float, t: np.ndarray) -> np.ndarray:
-    """Heading ``(T,)`` (rad) that left and right wheels tell if they stood ``track`` m apart."""
-    encoders, _ = recording.wheels_and_gyro()
-    right, left = encoders.counts[:, [0, 2]].mean(axis=1), encoders.counts[:, [1, 3]].mean(axis=1)
-    apart = np.cumsum(right - left) * recording.robot.encoders.metres_per_count / track
-    heading = np.interp(t, encoders.t, apart)
-    return heading - heading[0]
-
-
 def heading_from_gyro(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     """Times ``(T,)`` (s) and the gyro's heading there (rad)."""
     inputs = controls(recording)
-    return inputs.t, np.concatenate([[0.0], np.cumsum(inputs.omega * np.diff(inputs.t))])
+    return inputs.t, turned_by_gyro(inputs, inputs.t)
 
 
 def track_explorer(recording: Recording) -> Explorer:
@@ -129,7 +120,7 @@ def track_explorer(recording: Recording) -> Explorer:
 
     @cache
     def wheels(track: float) -> np.ndarray:
-        return heading_from_wheels(recording, track, t)
+        return turned_by_wheels(recording, t, track)
 
     def apart(track: float) -> float:
         return float(np.rad2deg(np.sqrt(np.mean((wheels(track) - gyro) ** 2))))

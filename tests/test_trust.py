@@ -9,7 +9,7 @@ import pfslam
 from pfslam.config import SlamConfig
 from pfslam.evaluation.faults import first_seconds, kidnap
 from pfslam.evaluation.trajectory import relations_error
-from pfslam.evaluation.trust import LEAST_PAST, LOST_BELOW, alarms, consistency, lost
+from pfslam.evaluation.trust import LEAST_PAST, LOST_BELOW, alarms, lost, score_deviation
 from pfslam.events import Drive
 from pfslam.io.formats import read_relations
 from pfslam.runs import run_slam
@@ -33,13 +33,13 @@ def ordinary(count, seed=0):
     return 0.95 - 0.02 * np.abs(np.random.default_rng(seed).standard_normal(count))
 
 
-def test_consistency_is_a_count_of_standard_deviations_of_a_normal_past():
+def test_score_deviation_is_a_count_of_standard_deviations_of_a_normal_past():
     """The past ends 5 standard deviations above the last score; 400 scores give the spread to 8 %, 30 runs to 1.5 %."""
     found = []
     for seed in range(30):
         scores = 0.9 + 0.01 * np.random.default_rng(seed).standard_normal(500)
         scores[-1] = 0.85
-        found.append(consistency(infos(scores))[-1])
+        found.append(score_deviation(infos(scores))[-1])
     assert np.mean(found) == pytest.approx(-5.0, abs=0.3)
 
 
@@ -67,7 +67,7 @@ def test_blind_scans_and_the_first_ones_are_not_judged():
     scores = np.concatenate([ordinary(LEAST_PAST), [0.1] * 5, ordinary(20)])
     matched = np.ones(len(scores), dtype=bool)
     matched[LEAST_PAST : LEAST_PAST + 5] = False
-    found = consistency(infos(scores, matched))
+    found = score_deviation(infos(scores, matched))
     assert np.isnan(found[: LEAST_PAST + 5]).all()
     assert np.isfinite(found[LEAST_PAST + 5 :]).all()
     assert len(alarms(infos(scores, matched))) == 0
@@ -80,7 +80,9 @@ def test_standing_still_does_not_narrow_what_is_ordinary():
     drive = ordinary(200)
     scores = np.concatenate([waiting, drive])
     drawn = np.concatenate([np.zeros(1000, bool), np.ones(200, bool)])
-    np.testing.assert_array_equal(consistency(infos(scores, drawn=drawn))[1000:], consistency(infos(drive)))
+    np.testing.assert_array_equal(
+        score_deviation(infos(scores, drawn=drawn))[1000:], score_deviation(infos(drive))
+    )
 
 
 def test_lost_scans_do_not_become_ordinary():
@@ -127,7 +129,7 @@ def test_after_it_the_scores_look_fine_again_though_the_robot_is_metres_off(carr
     known = late & taken.truth.covers(result.trajectory.t)
     off = result.trajectory.poses[known] - taken.truth.at(result.trajectory.t[known])
     assert np.hypot(off[:, 0], off[:, 1]).min() > 2.0
-    assert np.nanmin(consistency(result.infos)[late]) > LOST_BELOW
+    assert np.nanmin(score_deviation(result.infos)[late]) > LOST_BELOW
 
 
 @pytest.mark.slow
@@ -152,7 +154,7 @@ def test_a_building_that_nobody_chose_raises_no_alarm():
     config = replace(HALL, layout="loop")
     drive = first_seconds(pfslam.simulate(config, seed=77).recording, 55.0)
     result = run_slam(drive, CONFIG)
-    assert np.isfinite(consistency(result.infos)).sum() > 200
+    assert np.isfinite(score_deviation(result.infos)).sum() > 200
     assert len(alarms(result.infos)) == 0
 
 
