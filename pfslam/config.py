@@ -29,7 +29,7 @@ Share = Annotated[float, Range(0.0, 1.0)]
 
 @dataclass(frozen=True)
 class MotionNoise(Settings):
-    """Uncertainty of the motion between two scans that moved ``metres`` and turned ``radians``: grows with both."""
+    """Describe how the uncertainty of a motion between two scans grows with the metres moved and radians turned."""
 
     xy: NoiseSize = 0.02
     xy_per_metre: NoiseSize = 0.08
@@ -40,7 +40,7 @@ class MotionNoise(Settings):
     """Whether particles are moved by noise of this size. If not, it only sets the search window and the prior."""
 
     def sigmas(self, metres: float, radians: float) -> tuple[float, float]:
-        """Standard deviations (m, rad) of position (each axis) and heading."""
+        """Return the standard deviations (m, rad) of position (each axis) and heading."""
         return (
             self.xy + self.xy_per_metre * metres,
             self.yaw + self.yaw_per_radian * radians + self.yaw_per_metre * metres,
@@ -49,7 +49,7 @@ class MotionNoise(Settings):
 
 @dataclass(frozen=True)
 class SearchConfig(Settings):
-    """How a particle looks for a better pose around itself, and what it earns there."""
+    """Choose how a particle searches for a better pose around itself, and how that pose changes its weight."""
 
     yaw_step: Annotated[float, Range(1e-5, 1.0)] = 0.005
     """Heading step of the lattice (rad); the step in x and y is one cell."""
@@ -87,7 +87,7 @@ class SearchConfig(Settings):
 
 @dataclass(frozen=True)
 class PolishConfig(Settings):
-    """Alignment of the estimate to the lines that the map's hits form. ``None`` in ``SlamConfig`` leaves it out."""
+    """Set the alignment of the estimate to the lines that the map's hits form."""
 
     iterations: Annotated[int, Range(1, 1000)] = 6
     min_hits: Annotated[int, Range(1, 10_000)] = 3
@@ -106,7 +106,7 @@ class PolishConfig(Settings):
 
 @dataclass(frozen=True)
 class SlamConfig(Settings):
-    """One run of the filter. Units are SI; sigmas are standard deviations.
+    """Collect all settings of one run of the filter, in SI units; sigmas are standard deviations.
 
     >>> from dataclasses import replace
     >>> few = replace(SlamConfig.refined(), particles=20)
@@ -125,8 +125,9 @@ class SlamConfig(Settings):
     search: SearchConfig = field(default_factory=SearchConfig)
     map: MapConfig = field(default_factory=MapConfig)
     polish: PolishConfig | None = None
+    """Alignment of the estimate to the map's lines; ``None`` leaves it out."""
     tilt: TiltConfig | None = None
-    """How the body's lean is taken into account; ``None`` takes every floor for flat."""
+    """How the body's lean is taken into account; ``None`` takes every floor to be flat."""
     estimate: Literal["best", "mean"] = "best"
     """"best": the particle of greatest weight. "mean": the weighted mean of all."""
     resample_below: Share = 0.1
@@ -147,7 +148,7 @@ class SlamConfig(Settings):
 
     @classmethod
     def report(cls, sigma_v: float = sqrt(0.1), sigma_omega: float = sqrt(0.02)) -> SlamConfig:
-        """The report's filter: 729 perturbations, +-log 4 clamped at twice that, N_eff <= N / 10, best particle.
+        """Return the report's filter: 729 perturbations, +-log 4 clamped at twice that, N_eff <= N / 10, best particle.
 
         The report calls 0.02 a variance and sets it for its first data set; for its second it takes
         ``sigma_omega = sqrt(0.05)``. Both arguments are standard deviations in m/s and rad/s.
@@ -156,7 +157,7 @@ class SlamConfig(Settings):
 
     @classmethod
     def refined(cls) -> SlamConfig:
-        """The accurate filter: gentle clearing, distance field, motion prior, sub-cell step, likelihood, mean."""
+        """Return the accurate filter: gentle clearing, likelihood field, motion prior, sub-cell step, weighted mean."""
         return cls(
             search=SearchConfig(
                 yaw_step=0.01,
@@ -180,16 +181,16 @@ class SlamConfig(Settings):
 
     @classmethod
     def per_particle(cls) -> SlamConfig:
-        """The refined filter with a map for each of thirty particles, each drawn from that particle's own path."""
+        """Return the refined filter with a map for each of thirty particles, drawn from that particle's own path."""
         return replace(cls.refined(), maps="per-particle", particles=30, draw_metres=0.2, draw_radians=0.1)
 
     @classmethod
     def matching(cls) -> SlamConfig:
-        """Scan matching without particles: one pose, predicted by odometry without noise, then matched and polished."""
+        """Return scan matching without particles: one pose, predicted by odometry, then matched and polished."""
         return replace(cls.refined(), particles=1, noise=MotionNoise(sampled=False))
 
     def as_dict(self) -> dict:
-        """All settings as plain nested dictionaries, for ``summary.json`` and tables."""
+        """Return all settings as plain nested dictionaries, for ``summary.json`` and tables."""
         return {name: value for name, value in plain(self).items() if name != "kind"}
 
 

@@ -2,7 +2,7 @@
 
 
 class DataError(ValueError):
-    """Input that cannot be used.
+    """Report input that cannot be used.
 
     The message is one line that names the source, the field, the value found and what was expected,
     so that the command line can print it as it is.
@@ -14,6 +14,6 @@ class DataError(ValueError):
 
 
 def _short(found: object) -> str:
-    """What was found, cut where it gets long: damaged input can be any length."""
+    """Cut what was found where it gets long, because damaged input can have any length."""
     text = str(found)
     return text if len(text) <= 160 else text[:157] + "..."

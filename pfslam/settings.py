@@ -23,14 +23,14 @@ T = TypeVar("T")
 
 
 class Range(NamedTuple):
-    """The least and the greatest value of a number."""
+    """Limit a number to values from ``low`` to ``high``, both included."""
 
     low: float
     high: float
 
 
 class Settings:
-    """The base of a frozen dataclass that refuses, with one ``DataError``, what the types of its fields do not take.
+    """Check the fields of a frozen dataclass against their types, and refuse a bad value with one ``DataError``.
 
     NumPy's numbers become Python's, whole numbers become floats where those are asked for, and lists become tuples.
 
@@ -54,7 +54,7 @@ class Settings:
 
 
 def taken(value: Any, hint: Any) -> Any:
-    """A value as the type ``hint`` holds it; ``ValueError`` if it is none of that type."""
+    """Return a value in the form that the type ``hint`` holds it, or raise ``ValueError`` if it does not fit."""
     kind, parts = get_origin(hint), get_args(hint)
     if kind is Annotated:
         value, limits = taken(value, parts[0]), parts[1]
@@ -85,7 +85,7 @@ _NUMBERS: dict[Any, Any] = {float: Real, int: Integral, bool: (bool, np.bool_)}
 
 
 def words_for(hint: Any) -> str:
-    """What a type takes, in words."""
+    """Say in words which values a type takes."""
     kind, parts = get_origin(hint), get_args(hint)
     if kind is Annotated:
         low, high = parts[1]
@@ -104,25 +104,25 @@ def words_for(hint: Any) -> str:
 
 @cache
 def type_hints(kind: Any) -> dict[str, Any]:
-    """The types of a dataclass's fields, with their ranges."""
+    """Return the types of a dataclass's fields, with their ranges."""
     hints = get_type_hints(kind, include_extras=True)
     return {f.name: hints[f.name] for f in fields(kind)}
 
 
 def options(hint: Any) -> tuple:
-    """The types that a value may have: several for a union."""
+    """Return the types that a value may have: several for a union."""
     is_one = isinstance(hint, type) or get_origin(hint) in (Annotated, Literal, tuple)
     return (hint,) if is_one else get_args(hint)
 
 
 def _parts(hint: Any) -> dict[str, Any]:
-    """The groups of settings that a field may hold, by the names of their types."""
+    """Return the groups of settings that a field may hold, by the names of their types."""
     kinds = (kind for kind in options(hint) if isinstance(kind, type))
     return {kind.__name__: kind for kind in kinds if issubclass(kind, Settings)}
 
 
 def type_of(kind: Any, key: str) -> Any:
-    """The type of the field that a dotted name means, None if there is none."""
+    """Return the type of the field that a dotted name means, or None if there is no such field."""
     name, _, rest = key.partition(".")
     hint = type_hints(kind).get(name)
     if hint is None or not rest:
@@ -132,12 +132,12 @@ def type_of(kind: Any, key: str) -> Any:
 
 
 def depth(hint: Any) -> int:
-    """How deep the lists of one value are: 0 for a number, 1 for a pair, 2 for a list of pairs."""
+    """Count how deep the lists of one value are: 0 for a number, 1 for a pair, 2 for a list of pairs."""
     return max(map(depth, get_args(hint)), default=0) + (get_origin(hint) is tuple)
 
 
 def flat(nested: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Nested mappings as pairs of dotted name and value."""
+    """Yield the entries of nested mappings as pairs of dotted name and value."""
     for key, value in nested.items():
         if isinstance(value, Mapping):
             yield from flat(value, f"{prefix}{key}.")
@@ -146,7 +146,7 @@ def flat(nested: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
 
 
 def changed(config: T, changes: Mapping[str, Any], source: object = None, prefix: str = "") -> T:
-    """Settings with some values replaced: the one way in for files, command lines and studies.
+    """Return settings with some values replaced, as files, command lines and studies ask for it.
 
     ``changes`` is nested, or its names are dotted: ``"search.prior"`` is the field ``prior`` of the field ``search``.
     A part that can be left out is switched off with False, on with True (its defaults) or by the name of its type.
@@ -179,7 +179,7 @@ def changed(config: T, changes: Mapping[str, Any], source: object = None, prefix
 
 
 def _switched(value: Any, hint: Any) -> Any:
-    """What a field holds for a value: None for False, and the default settings for True or the name of a type."""
+    """Turn False into None, and True or the name of a type into that type's default settings."""
     parts = _parts(hint)
     if value is False and NoneType in options(hint):
         return None
@@ -189,7 +189,7 @@ def _switched(value: Any, hint: Any) -> Any:
 
 
 def value_of(config: Any, key: str) -> Any:
-    """The value of a dotted name as ``changed`` takes it: False for None, its type's name for a group of settings."""
+    """Return the value of a dotted name as ``changed`` takes it: False for None, a type's name for a group of settings."""
     for name in key.split("."):
         config = getattr(config, name)
     if config is None:
@@ -198,7 +198,7 @@ def value_of(config: Any, key: str) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON knows it.
+    """Return a value in the types that JSON knows.
 
     Settings become dictionaries with their ``kind``, tuples become lists, and numbers that are not finite become null.
     """

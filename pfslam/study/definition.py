@@ -31,7 +31,7 @@ Share = Annotated[float, Range(0.0, 1.0)]
 
 @dataclass(frozen=True)
 class Basics(Settings):
-    """What a run works on, by which method, and with which random numbers.
+    """Name what a run works on, its method, and the seed of its random numbers.
 
     Dead reckoning takes only the choice of scans from a filter's configuration.
     """
@@ -44,14 +44,14 @@ class Basics(Settings):
 
 @dataclass(frozen=True)
 class Building(Settings):
-    """Which building is simulated; None is the built-in one."""
+    """Choose the building to simulate by its seed; None is the built-in one."""
 
     seed: Seed | None = None
 
 
 @dataclass(frozen=True)
 class Disturbances(Settings):
-    """What is done to the recording before the run: the arguments of the functions of ``evaluation.faults``."""
+    """Say what is done to the recording before the run: the arguments of the functions in ``evaluation.faults``."""
 
     seconds: Annotated[float, Range(0.0, math.inf)] | None = None
     kidnap: tuple[float, float] | None = None
@@ -63,38 +63,38 @@ class Disturbances(Settings):
 
 @dataclass(frozen=True)
 class Case:
-    """One run: a label for tables and the settings that make it, by their dotted names."""
+    """Describe one run by a label for tables and its settings by their dotted names."""
 
     label: str
     settings: tuple[tuple[str, Any], ...]
 
     @property
     def key(self) -> str:
-        """Twenty hexadecimal digits for the settings; the label does not change what is run."""
+        """Return twenty hexadecimal digits that stand for the settings; the label does not change what is run."""
         text = json.dumps(dict(self.settings), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:20]
 
     def get(self, key: str, default: Any = None) -> Any:
-        """The value of one setting."""
+        """Return the value of one setting."""
         return dict(self.settings).get(key, default)
 
     def parts(self) -> dict[type, Any]:
-        """The settings as objects, by their types: ``SlamConfig``, ``SimulatorConfig`` and those of this module."""
+        """Return the settings as objects by their types: ``SlamConfig``, ``SimulatorConfig`` and those above."""
         return _parts(dict(self.settings), self.label)
 
     def config(self) -> SlamConfig:
-        """The filter's configuration."""
+        """Return the filter's configuration."""
         return self.parts()[SlamConfig]
 
     def drive(self) -> tuple[SimulatorConfig, int | None] | None:
-        """The drive to simulate and the seed of its building; None if nothing is said about them."""
+        """Return the drive to simulate and the seed of its building, or None if the case does not name any."""
         parts = self.parts()
         is_own = any(key.startswith("simulator.") for key, _ in self.settings)
         return (parts[SimulatorConfig], parts[Building].seed) if is_own else None
 
 
 def _place(key: str) -> tuple[Any, str]:
-    """The kind of settings that a key belongs to, and its name there."""
+    """Return the kind of settings that a key belongs to, and its name there."""
     group, _, name = key.partition(".")
     if group in ("simulator", "disturb") and name:
         return (
@@ -104,7 +104,7 @@ def _place(key: str) -> tuple[Any, str]:
 
 
 def _parts(settings: Mapping[str, Any], source: object) -> dict[type, Any]:
-    """Settings by dotted names as objects, by their types."""
+    """Turn settings by dotted names into objects, by their types."""
     groups: dict[Any, dict[str, Any]] = defaultdict(dict)
     for key, value in settings.items():
         kind, name = _place(key)
@@ -122,7 +122,7 @@ def _parts(settings: Mapping[str, Any], source: object) -> dict[type, Any]:
 
 @dataclass(frozen=True)
 class Study:
-    """Cases in order. ``tolerance`` is how far a number may differ on another machine (relative), if stated."""
+    """Hold the cases in order, and the relative tolerance of results on another machine, if one is stated."""
 
     name: str
     about: str
@@ -131,7 +131,7 @@ class Study:
 
 
 def read_study(path: str | Path) -> Study:
-    """The study that a TOML file defines. Raises ``DataError`` naming the key for all that makes no sense."""
+    """Read a study from a TOML file; a mistake in it raises ``DataError``, which names the key."""
     try:
         content = tomllib.loads(read_text(path))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -140,7 +140,7 @@ def read_study(path: str | Path) -> Study:
 
 
 def make_study(content: dict[str, Any], source: object = "study") -> Study:
-    """The study that a nested dictionary defines, laid out as the file."""
+    """Make the study that a nested dictionary defines, laid out as the file."""
     known = {"name": str, "about": str, "tolerance": float, "common": dict, "variant": list}
     for key, value in content.items():
         if key not in known:
@@ -162,7 +162,7 @@ def make_study(content: dict[str, Any], source: object = "study") -> Study:
 def _variants(
     content: dict[str, Any], name: str, source: object
 ) -> Iterator[tuple[str, dict[str, list | range]]]:
-    """Label and grid of each variant; a study without any is one variant with the study's name."""
+    """Yield label and grid of each variant; a study without any is one variant with the study's name."""
     seen: set[str] = set()
     for number, variant in enumerate(content.get("variant", [{"label": name}]), start=1):
         if not isinstance(variant, dict) or not isinstance(variant.get("label"), str) or not variant["label"]:
@@ -174,12 +174,12 @@ def _variants(
 
 
 def _grid(table: dict[str, Any], source: object) -> dict[str, list | range]:
-    """Every key's list of values."""
+    """Return the list of values of every key."""
     return {key: _values(key, value, source) for key, value in _flat(table)}
 
 
 def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Nested tables as dotted keys; ``{ count = 10 }`` stays a value."""
+    """Yield nested tables as dotted keys; ``{ count = 10 }`` stays a value."""
     for key, value in table.items():
         if isinstance(value, dict) and not ("count" in value and set(value) <= {"count", "from"}):
             yield from _flat(value, f"{prefix}{key}.")
@@ -188,7 +188,7 @@ def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _values(key: str, value: Any, source: object) -> list | range:
-    """The values of one key: a list of values is a grid, unless one value is itself a list."""
+    """Return the values of one key: a list is a grid of values, unless one value is itself a list."""
     if isinstance(value, dict):
         return _counted(key, value, source)
     deep = depth(type_of(*_place(key)))
@@ -206,7 +206,7 @@ def _levels(value: Any) -> int:
 
 
 def _counted(key: str, value: dict[str, Any], source: object) -> range:
-    """``{ count = 10, from = 5 }`` is 5 to 14."""
+    """Return the numbers that a table means: ``{ count = 10, from = 5 }`` is 5 to 14."""
     count, first = value["count"], value.get("from", 0)
     fits = all(isinstance(n, int) and not isinstance(n, bool) and n >= 0 for n in (count, first))
     if not fits or not 1 <= count <= MAX_CASES:
@@ -215,7 +215,7 @@ def _counted(key: str, value: dict[str, Any], source: object) -> range:
 
 
 def _cases(label: str, grid: dict[str, Any], source: object) -> Iterator[Case]:
-    """The cases of one variant, the first key changing slowest.
+    """Yield the cases of one variant, the first key changing slowest.
 
     The first of them must make a run, also with any other value of the grid in it.
     """
@@ -231,7 +231,7 @@ def _cases(label: str, grid: dict[str, Any], source: object) -> Iterator[Case]:
 
 
 def _checked(key: str, values: list | range, first: dict[str, Any], source: object) -> list | range:
-    """The values of a key as their type holds them, each tried in the first case; of a range only the ends."""
+    """Try each value of a key in the first case (of a range its ends), and return them as their type holds them."""
 
     kind, name = _place(key)
     ends = (values[0], values[-1]) if isinstance(values, range) else values

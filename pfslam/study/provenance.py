@@ -20,7 +20,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of all that computes, ``commit`` being the last that changed it; "+" if files have changed since."""
+    """Return the versions of all that computes; ``commit`` ends in "+" if files have changed since."""
     commit = _git("log", "-1", "--format=%h")
     return {
         "pfslam": pfslam.__version__,
@@ -32,7 +32,7 @@ def versions() -> dict[str, str]:
 
 
 def _git(*words: str) -> str:
-    """What git says about the code that results depend on; nothing without git, or outside a repository."""
+    """Ask git about the code that results depend on; the answer is empty without git, or outside a repository."""
     command = ["git", "-C", str(PACKAGE), *words, "--", ".", ":!teaching", ":!cli", ":!bench"]
     with suppress(OSError):
         return subprocess.run(command, capture_output=True, text=True).stdout.strip()
@@ -41,7 +41,7 @@ def _git(*words: str) -> str:
 
 @cache
 def machine() -> dict[str, str]:
-    """The kind of computer; ``features`` stands for what its processor can do, which decides how NumPy adds up."""
+    """Describe the computer; ``features`` stands for what its processor can do, which decides how NumPy adds up."""
     lines: list[str] = []
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -57,7 +57,7 @@ def machine() -> dict[str, str]:
 
 @cache
 def version_key() -> str:
-    """Twelve hexadecimal digits for the versions and the kind of machine: results of others are not taken for ours."""
+    """Return twelve hexadecimal digits for versions and machine, so that results of others are not mixed with ours."""
     return _digest(json.dumps([versions(), machine()], sort_keys=True))[:12]
 
 

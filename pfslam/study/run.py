@@ -32,7 +32,7 @@ COSTS = ("cpu_seconds", "peak_mb")
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A recording and what is known beside it: the simulation that made it, or the file of its relations."""
+    """Hold a recording with the simulation that made it, or with the file of its known relations."""
 
     recording: Recording
     simulation: Simulation | None = None
@@ -40,12 +40,12 @@ class Source:
 
 
 def run_case(case: Case) -> dict[str, Any]:
-    """One row: the case, the figures of its run, an empty ``error`` or what went wrong, and the cost.
+    """Make one row: the case, the figures of its run, an empty ``error`` or what went wrong, and the cost.
 
     Errors become rows so that they do not stop a study.
     """
     row: dict[str, Any] = {"label": case.label} | dict(case.settings)
-    with suppress(OSError):  # Linux begins a process's peak of memory anew
+    with suppress(OSError):  # on Linux this resets the count of the peak
         Path("/proc/self/clear_refs").write_text("5")
     begin = time.process_time()
     try:
@@ -57,7 +57,7 @@ def run_case(case: Case) -> dict[str, Any]:
 
 
 def peak_megabytes() -> float | None:
-    """The peak of this process's memory (MB) since it was begun anew; None where the system does not say."""
+    """Return this process's peak memory (MB) since the count was reset; None where the system does not tell."""
     with suppress(OSError, StopIteration):
         lines = Path("/proc/self/status").read_text().splitlines()
         return round(next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) * 1024 / 1e6, 1)
@@ -65,7 +65,7 @@ def peak_megabytes() -> float | None:
 
 
 def figures(case: Case) -> dict[str, Any]:
-    """The figures of one run."""
+    """Run a case and return its figures."""
     source, config = _source(*recording_key(case)), case.config()
     faults = {name: value for name, value in vars(case.parts()[Disturbances]).items() if value is not None}
     recording = disturb(source.recording, faults, case.get("seed"))
@@ -82,7 +82,7 @@ def figures(case: Case) -> dict[str, Any]:
 
 
 def counts(result: SlamResult, config: SlamConfig) -> dict[str, Any]:
-    """What happened in a run: numbers of steps, medians of N_eff and of the mean score over matched scans."""
+    """Count the steps of a run, and take the medians of N_eff and of the mean score over matched scans."""
     matched = [info for info in result.infos if info.matched]
     row: dict[str, Any] = {"scans": len(result.trajectory), "updates": result.updates}
     row["resamplings"] = result.resamplings
@@ -95,7 +95,7 @@ def counts(result: SlamResult, config: SlamConfig) -> dict[str, Any]:
 def errors(
     estimate: Trajectory, odometry: Trajectory, recording: Recording, relations: Path | None
 ) -> dict[str, float]:
-    """Errors of an estimate against the truth and against known relations, where there are any."""
+    """Compare an estimate with the truth and with known relations, where there are any."""
     row: dict[str, float] = {}
     truth = recording.truth
     if truth is not None and truth.covers(estimate.t).any():
@@ -114,7 +114,7 @@ def errors(
 
 
 def agreement(result: SlamResult, simulation: Simulation) -> dict[str, float]:
-    """How far the map agrees with the simulated building."""
+    """Compare the map with the simulated building."""
     spec = result.grid.spec
     walls = simulation.true_grid(spec)
     found = map_agreement(result.grid, walls, simulation.floor_area(spec) & ~walls)
@@ -122,13 +122,13 @@ def agreement(result: SlamResult, simulation: Simulation) -> dict[str, float]:
 
 
 def recording_key(case: Case) -> tuple:
-    """What the recording of a case depends on before it is disturbed: cases that agree in it share one."""
+    """Return what the recording of a case depends on; cases that agree in it share one recording."""
     return case.get("dataset"), case.get("data_dir"), case.drive()
 
 
 @lru_cache(maxsize=2)
 def _source(dataset: str, data_dir: str | None, drive: tuple[SimulatorConfig, int | None] | None) -> Source:
-    """The recording; each process keeps the last two."""
+    """Load or simulate a recording; each process keeps the last two."""
     if dataset not in BUILDINGS:
         name, folder = _found(dataset, data_dir)
         relations = Path(name).with_suffix(".relations")
@@ -138,7 +138,7 @@ def _source(dataset: str, data_dir: str | None, drive: tuple[SimulatorConfig, in
 
 
 def _found(dataset: str, data_dir: str | None) -> tuple[str, str | None]:
-    """A relative folder, or the path of a log, as it is written or else within the data folder."""
+    """Find a folder, or the path of a log, as it is written or else within the data folder."""
     inside = data_folder() / (data_dir or "")
     if data_dir is not None and not Path(data_dir).is_dir() and inside.is_dir():
         data_dir = str(inside)

@@ -51,17 +51,17 @@ def run_study(
 
 
 def _recording(case: Case) -> str:
-    """Sorts runs on one recording side by side, because a worker keeps the recordings that it read last."""
+    """Sort runs on one recording side by side, because a worker keeps the recordings that it read last."""
     return repr(recording_key(case))
 
 
 def run_path(folder: Path, case: Case) -> Path:
-    """Where a run is kept; a folder for each two first digits, so that none holds too many."""
+    """Return the file that keeps a run, in a folder for each two first digits, so that none holds too many."""
     return folder / "runs" / case.key[:2] / f"{case.key}-{version_key()}.json"
 
 
 def kept(path: Path) -> Row | None:
-    """A finished run; None if there is none, or if the file is damaged."""
+    """Read a finished run; None if there is none, or if the file is damaged."""
     with suppress(OSError, ValueError):
         row = json.loads(path.read_bytes())
         return row if isinstance(row, dict) and "error" in row else None
@@ -69,7 +69,7 @@ def kept(path: Path) -> Row | None:
 
 
 def _on_this_machine(cases: list[Case], jobs: int) -> Iterator[tuple[Case, Row]]:
-    """Cases with their rows from joblib's processes, in the order in which they come in."""
+    """Yield cases with their rows from joblib's processes, in the order in which they finish."""
     try:
         import joblib
     except ImportError as error:
@@ -87,7 +87,7 @@ def _with_row(case: Case) -> tuple[Case, Row]:
 
 
 def _on_a_cluster(cases: list[Case], client: Any) -> Iterator[tuple[Case, Row]]:
-    """Cases with their rows from a Dask cluster, whose scheduler gives a task that lost its worker to another one."""
+    """Yield cases with their rows from a Dask cluster, whose scheduler gives a task that lost its worker to another."""
     from dask.distributed import as_completed
 
     futures = {client.submit(run_case, case, pure=False): case for case in cases}
@@ -100,7 +100,7 @@ def _on_a_cluster(cases: list[Case], client: Any) -> Iterator[tuple[Case, Row]]:
 
 
 def provenance(study: Study, rows: list[Row]) -> dict[str, Any]:
-    """What made a table."""
+    """Say what made a table: settings, versions and machine."""
     return {
         "study": study.name,
         "about": study.about,
@@ -117,7 +117,7 @@ def provenance(study: Study, rows: list[Row]) -> dict[str, Any]:
 
 
 def _variants(study: Study) -> dict[str, dict[str, list]]:
-    """The values that each setting takes in each variant."""
+    """Collect the values that each setting takes in each variant."""
     found: dict[str, dict[str, dict]] = {}
     for case in study.cases:
         for key, value in case.settings:

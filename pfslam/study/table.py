@@ -28,7 +28,7 @@ Table = dict[str, np.ndarray]
 
 
 def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
-    """Settings in the order in which they turn up, then results in their usual order, as far as they occur."""
+    """List settings in the order in which they occur, then results in their usual order."""
     found = dict.fromkeys(key for row in rows for key in row)
     return [key for key in found if key not in RESULTS] + [key for key in RESULTS if key in found]
 
@@ -44,14 +44,14 @@ def write_table(path: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def _cell(value: Any) -> str:
-    """A value as text: nothing for None and NaN, true and false, lists as in JSON."""
+    """Write a value as text: nothing for None and NaN, true and false, lists as in JSON."""
     if value is None or value != value:
         return ""
     return value if isinstance(value, str) else json.dumps(value)
 
 
 def read_table(path: str | Path) -> Table:
-    """The columns of a table: numbers as float (NaN where empty, true as 1), everything else as text."""
+    """Read the columns of a table: numbers as float (NaN where empty, true as 1), everything else as text."""
     rows = list(csv.reader(io.StringIO(read_text(path))))
     if not rows or not rows[0]:
         raise DataError(path, "table", "nothing", "a first line with the names of the columns")
