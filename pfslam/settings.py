@@ -189,7 +189,7 @@ def _switched(value: Any, hint: Any) -> Any:
 
 
 def value_of(config: Any, key: str) -> Any:
-    """Return the value of a dotted name as ``changed`` takes it: False for None, a type's name for a group of settings."""
+    """Return the value of a dotted name as ``changed`` takes it: False for None, a type's name for a group."""
     for name in key.split("."):
         config = getattr(config, name)
     if config is None:
