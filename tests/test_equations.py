@@ -66,7 +66,9 @@ def chapters():
 
 
 def test_a_chapter_shows_each_equation_beside_its_function():
-    """A label (eq-n), by which other pages link to it, and the name of the function that is the equation."""
+    """A label eq-n, by which other pages link to it, and the name of the function that is the equation."""
     texts = [text for _, text in chapters()]
     for number, name in EXPECTED.items():
-        assert any(f"(eq-{number})" in text and re.search(rf"\b{name}\b", text) for text in texts), number
+        assert any(
+            re.search(rf":label: eq-{number}\b", text) and re.search(rf"\b{name}\b", text) for text in texts
+        ), number

@@ -10,10 +10,13 @@ import shutil
 import sys
 from importlib.metadata import files
 from pathlib import Path
+from typing import ClassVar
 
 from docutils import nodes
+from docutils.parsers.rst import directives
 from myst_nb.ext.eval import EvalRoleAny
 from sphinx import addnodes
+from sphinx.directives.patches import MathDirective
 from sphinx.transforms import SphinxTransform
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "_tools"))
@@ -130,7 +133,6 @@ def number_equations(app, doctree) -> None:
         if label:
             node["number"] = int(label[1])
             equations[label[0]] = (app.env.docname, int(label[1]))
-            node.children = [nodes.Text(re.sub(r"\\tag\{\d+\}", "", node.astext()))]
 
 
 def wrap_sentences(app, doctree) -> None:
@@ -149,6 +151,12 @@ class Eval(EvalRoleAny):
         numbers = env.metadata[env.docname].setdefault("numbers", [])
         numbers.append("".join(node.astext() for node in found))
         return found, messages
+
+
+class Math(MathDirective):
+    """``{math}`` with its number written beside its label, for JupyterLab, which would count from 1."""
+
+    option_spec: ClassVar = {**MathDirective.option_spec, "enumerator": directives.unchanged}
 
 
 class LinkToSource(SphinxTransform):
@@ -222,6 +230,7 @@ def setup(app):
     os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
     app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
     app.add_css_file("pfslam.css")
+    app.add_directive("math", Math, override=True)
     app.add_transform(LinkToSource)
     app.connect("config-inited", read_in_parallel)
     app.connect("env-before-read-docs", deal_out)

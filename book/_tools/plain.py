@@ -101,9 +101,8 @@ def citation(keys: str, bibliography: Path) -> str:
     entries = parse_file(str(bibliography)).entries
     found = []
     for key in map(str.strip, keys.split(",")):
-        names = [
-            " ".join([*person.prelast_names, *person.last_names]) for person in entries[key].persons["author"]
-        ]
+        people = entries[key].persons["author"]
+        names = [" ".join(map(str, [*p.rich_prelast_names, *p.rich_last_names])) for p in people]
         who = " and ".join(names) if len(names) < 3 else f"{names[0]} *et al.*"
         found.append(f"{who}, {entries[key].fields['year']}")
     return f"[{'; '.join(found)}]"

@@ -44,7 +44,7 @@ PROSE = """() => window.jupyterapp.shell.currentWidget.content.widgets.map(cell 
   };
 })"""
 # Markup that nothing has rendered, and the errors of a kernel that could not answer.
-RAW = re.compile(r"\{(?:eval|eq|cite|doc|ref|numref|term|glue)[^}]*\}|:::|\(eq-|\[\]\(|\w+Error:")
+RAW = re.compile(r"\{(?:eval|eq|cite|doc|ref|numref|term|glue)[^}]*\}|\beq-\d|:::|\(eq-|\[\]\(|\w+Error:")
 # Moves the first slider of each live widget: the kernel's processor time for a move and the time until the page shows
 # the new picture, in ms. Both are printed; times on a shared machine are no test, so only a move that hangs fails.
 MOVES = """async moves => {
