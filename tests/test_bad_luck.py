@@ -59,13 +59,10 @@ def begin(words, folder, data, limit=None):
         lines += ["import resource", f"resource.setrlimit(resource.{limit[0]}, ({limit[1]}, {limit[1]}))"]
     code = "; ".join([*lines, f"sys.exit(main({words.split()!r}))"])
     here = {"PFSLAM_DATA": str(data), "PFSLAM_CACHE": str(folder / "cache"), "OPENBLAS_NUM_THREADS": "1"}
-    environment = os.environ | here
-    if limit is not None:  # the file of `make coverage` would meet the limit first
-        environment.pop("COVERAGE_PROCESS_CONFIG", None)
     return subprocess.Popen(
         [sys.executable, "-c", code],
         cwd=folder,
-        env=environment,
+        env=os.environ | here,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -1,4 +1,4 @@
-"""Values by hand for corners of the equations that ``make mutants`` found unguarded."""
+"""Values by hand for corners of the equations."""
 
 import numpy as np
 import pytest

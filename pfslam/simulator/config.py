@@ -1,7 +1,4 @@
-"""What can be chosen about a simulated drive.
-
-The defaults are the real robot of the report on a flat floor.
-"""
+"""Settings of a simulated drive; the defaults are the real robot of the report on a flat floor."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ Depth = Annotated[float, Range(0.0, 1000.0)]
 
 @dataclass(frozen=True)
 class SlipModel(Settings):
-    """How the wheels and the floor disagree. A skid-steered robot turns by dragging its wheels sideways."""
+    """Wheel slip: a skid-steered robot turns by dragging its wheels sideways."""
 
     true_metres_per_count: Annotated[float, Range(1e-9, 100.0)] = 0.254 * 3.141592653589793 / 360
     """What the wheel really travels per count; the report rounds it to 0.0022 m."""
