@@ -148,7 +148,7 @@ def test_a_map_of_another_program(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("origin: [-10.25, 3.5, 0.0]", "origin: [0, 0, 0.3]", "turned"),
+        ("origin: [-10.25, 3.5, 0.0]", "origin: [0, 0, 0.3]", "rotated"),
         ("origin: [-10.25, 3.5, 0.0]", "origin: [0, 0]", "origin: found 2 values"),
         ("negate: 0", "", "a key named negate"),
         ("resolution: 0.5", "resolution: big", "resolution: found 'big'"),
