@@ -1,103 +1,271 @@
-"""Exercises of chapter 06: stub, solution, and the mistakes that the hints are written for."""
+"""Exercises of chapter 06: right answers in many styles, wrong ones and the words for each."""
 
 import numpy as np
+import pytest
 from notebook_cells import defined
 
-from pfslam.teaching.ch06.checks import check_best_view, check_blind_ring, check_optical_point
+from pfslam.sensors import RgbdModel
+from pfslam.teaching import ch06
+from pfslam.texture.floor import back_project, depth_from_disparity, to_world
 
+EXERCISES = {
+    1: ("optical_point", ch06.check_optical_point),
+    2: ("calibrate", ch06.check_calibrate),
+    3: ("to_body", ch06.check_to_body),
+    4: ("blind_ring", ch06.check_blind_ring),
+    5: ("best_view", ch06.check_best_view),
+}
 FOCAL, U0, V0 = 585.051, 315.838, 242.941
 
 
-def from_notebook(tag, name):
-    checks = {
-        "check_blind_ring": check_blind_ring,
-        "check_optical_point": check_optical_point,
-        "check_best_view": check_best_view,
-    }
-    return defined("06", tag, **checks)[name]
+@pytest.mark.parametrize("number", EXERCISES)
+def test_the_stub_is_unanswered_and_the_solution_right(number):
+    name, check = EXERCISES[number]
+    assert check(defined("06", f"exercise-{number}")[name]).verdict == "unanswered"
+    verdict = check(defined("06", f"solution-{number}")[f"{name}_solution"])
+    assert verdict, verdict
+
+
+# ---- right answers: loops, lists, float32, matrices, the package, other containers
+
+
+def depth(d):
+    return 1.03 / (3.31 - 0.00304 * d)
 
 
 def point(u, v, z):
     return np.array([(u - U0) / FOCAL * z, (v - V0) / FOCAL * z, z])
 
 
-def z(d):
-    return 1.03 / (3.31 - 0.00304 * d)
+def point_by_matrix(u, v, d):
+    K = np.array([[FOCAL, 0, U0], [0, FOCAL, V0], [0, 0, 1]])
+    return np.linalg.inv(K) @ [[u], [v], [1]] * depth(d)
 
 
-def test_optical_point_stub_and_solution():
-    assert check_optical_point(from_notebook("exercise-1", "optical_point")).verdict == "unanswered"
-    assert check_optical_point(from_notebook("solution-1", "optical_point_solution"))
+def point_by_package(u, v, d):
+    camera = RgbdModel()
+    return back_project(u, v, depth_from_disparity(d, camera), camera.K)
 
 
-def test_optical_point_hints():
-    swapped = check_optical_point(lambda u, v, d: point(u + U0 - V0, v + V0 - U0, z(d)))
-    assert "as it is printed" in swapped.message
-    along_ray = check_optical_point(
-        lambda u, v, d: point(u, v, z(d)) * z(d) / np.linalg.norm(point(u, v, z(d)))
-    )
-    assert "length of the ray" in along_ray.message
-    assert "exchanged" in check_optical_point(lambda u, v, d: point(v, u, z(d))).message
-    assert (
-        "inverse depth"
-        in check_optical_point(lambda u, v, d: point(u, v, 1.03 * (3.31 - 0.00304 * d))).message
-    )
-    assert "Multiply" in check_optical_point(lambda u, v, d: point(u, v, 1.0)).message
-    assert "Begin with Z" in check_optical_point(lambda u, v, d: point(u, v, 2.0)).message
-    assert "Three numbers" in check_optical_point(lambda u, v, d: z(d)).message
-    assert "KeyError" in check_optical_point(lambda u, v, d: {}[u]).message
+def line_by_sums(x, u):
+    mx, mu = sum(x) / len(x), sum(u) / len(u)
+    slope = sum((a - mx) * (b - mu) for a, b in zip(x, u, strict=True)) / sum((a - mx) ** 2 for a in x)
+    return [slope, mu - slope * mx]
 
 
-def test_blind_ring_stub_and_solution():
-    assert check_blind_ring(from_notebook("exercise-2", "blind_ring")).verdict == "unanswered"
-    assert check_blind_ring(from_notebook("solution-2", "blind_ring_solution"))
+def line_by_least_squares(x, u):
+    return np.linalg.lstsq(np.column_stack([x, np.ones(len(x))]), u, rcond=None)[0]
 
 
-def test_blind_ring_hints():
-    def half(rows, v0, focal):
-        return np.arctan((rows - 0.5 - v0) / focal)
-
-    axis = check_blind_ring(lambda height, pitch, rows, v0, focal: height / np.tan(pitch))
-    assert "optical axis" in axis.message
-    no_pitch = check_blind_ring(lambda height, pitch, rows, v0, focal: height / np.tan(half(rows, v0, focal)))
-    assert "forgot the pitch" in no_pitch.message
-    degrees = check_blind_ring(
-        lambda height, pitch, rows, v0, focal: height / np.tan(np.deg2rad(pitch) + half(rows, v0, focal))
-    )
-    assert "radians already" in degrees.message
-    ray = check_blind_ring(
-        lambda height, pitch, rows, v0, focal: height / np.sin(pitch + half(rows, v0, focal))
-    )
-    assert "length of the ray" in ray.message
-    assert "lowest ray" in check_blind_ring(lambda *_: 3.0).message
+def body_in_a_loop(points_o, position_b, pitch):
+    c, s = np.cos(pitch), np.sin(pitch)
+    return [
+        [c * z - s * y + position_b[0], -x + position_b[1], -s * z - c * y + position_b[2]]
+        for x, y, z in points_o.tolist()
+    ]
 
 
-def test_best_view_stub_and_solution():
-    assert check_best_view(from_notebook("exercise-3", "best_view")).verdict == "unanswered"
-    assert check_best_view(from_notebook("solution-3", "best_view_solution"))
+def body_by_package(points_o, position_b, pitch):
+    camera = RgbdModel(position_b=tuple(float(x) for x in position_b), pitch=float(pitch))
+    return to_world(points_o, np.zeros(3), camera)
 
 
-def painted(order):
-    """Paint in the order that a rule gives: the last one written stays."""
+def body_complex(points_o, position_b, pitch):
+    x, y, z = points_o.T
+    side = (z - 1j * y) * np.exp(-1j * pitch)  # ahead and up as one number
+    return np.column_stack([side.real, -x, side.imag]) + position_b
 
-    def paint(cells, ranges, colours, n):
-        canvas = np.full(n, -1)
-        for k in order(ranges):
+
+def ring_by_triangle(height, ahead, pitch, rows, centre_v, focal):
+    t, b = np.tan(pitch), (rows - 0.5 - centre_v) / focal
+    return [ahead + height * (1 - t * b) / (t + b)]
+
+
+def views_by_buffer(cells, depths, off_centre, colours, n):
+    canvas, kept = [-1] * n, [(np.inf, np.inf)] * n
+    for cell, z, r, colour in zip(cells, depths, off_centre, colours.tolist(), strict=True):
+        if (np.floor(10 * z), r) < kept[cell]:
+            kept[cell], canvas[cell] = (np.floor(10 * z), r), colour
+    return canvas
+
+
+def views_by_code(cells, depths, off_centre, colours, n):
+    code = np.floor(10 * depths) + off_centre / 0.036
+    best = {c: min(np.flatnonzero(cells == c), key=lambda k: code[k]) for c in set(cells.tolist())}
+    return tuple(float(colours[best[c]]) if c in best else -1.0 for c in range(n))
+
+
+RIGHT = [
+    (ch06.check_optical_point, lambda u, v, d: point(u, v, depth(d)).tolist()),
+    (ch06.check_optical_point, lambda u, v, d: tuple(np.float32(point(u, v, depth(d))))),
+    (ch06.check_optical_point, lambda u, v, d: np.round(point(u, v, depth(d)), 4)),
+    (ch06.check_optical_point, point_by_matrix),
+    (ch06.check_optical_point, point_by_package),
+    (ch06.check_optical_point, lambda u, v, d: point(*(np.float64(x) for x in (u, v)), depth(float(d)))),
+    (ch06.check_calibrate, line_by_sums),
+    (ch06.check_calibrate, line_by_least_squares),
+    (ch06.check_calibrate, lambda x, u: np.float32(line_by_sums(x, u))),
+    (ch06.check_calibrate, lambda x, u: tuple(np.round(line_by_sums(x, u), 2))),
+    (ch06.check_calibrate, lambda x, u: np.polynomial.Polynomial.fit(x, u, 1).convert().coef[::-1]),
+    (
+        ch06.check_calibrate,
+        lambda x, u: np.cov(x, u)[0] @ [[0, 0], [1, -x.mean()]] / x.var(ddof=1) + [0, u.mean()],
+    ),
+    (ch06.check_to_body, body_in_a_loop),
+    (ch06.check_to_body, body_by_package),
+    (ch06.check_to_body, body_complex),
+    (ch06.check_to_body, lambda p, t, a: np.float32(body_in_a_loop(p, t, a))),
+    (ch06.check_to_body, lambda p, t, a: np.round(body_in_a_loop(p, t, a), 4)),
+    (ch06.check_to_body, lambda p, t, a: [tuple(row) for row in body_in_a_loop(p, t, a)]),
+    (ch06.check_blind_ring, ring_by_triangle),
+    (ch06.check_blind_ring, lambda h, a, p, r, c, f: a + h / np.tan(p + np.arctan((r - c) / f))),
+    (ch06.check_blind_ring, lambda h, a, p, r, c, f: a + h / np.tan(p + np.arctan2(r - 1 - c, f))),
+    (ch06.check_blind_ring, lambda *given: np.float32(ring_by_triangle(*given)[0])),
+    (ch06.check_blind_ring, lambda *given: round(ring_by_triangle(*given)[0], 3)),
+    (ch06.check_blind_ring, lambda *given: np.array(ring_by_triangle(*given))),
+    (ch06.check_best_view, views_by_buffer),
+    (ch06.check_best_view, views_by_code),
+    (ch06.check_best_view, lambda *given: np.array(views_by_buffer(*given), dtype=np.float32)),
+    (ch06.check_best_view, lambda *given: np.array(views_by_buffer(*given), dtype=np.int16)),
+    (ch06.check_best_view, lambda *given: tuple(views_by_buffer(*given))),
+    (ch06.check_best_view, lambda *given: [float(x) for x in views_by_buffer(*given)]),
+]
+
+
+@pytest.mark.parametrize(("check", "answer"), RIGHT)
+def test_the_same_in_another_style_is_right_too(check, answer):
+    assert check(answer), check(answer)
+
+
+# ---- wrong answers
+
+
+def mixed(order, signs):
+    return lambda u, v, d: point(u, v, depth(d))[order] * signs
+
+
+WRONG_POINTS = [
+    (lambda u, v, d: point(u + U0 - V0, v + V0 - U0, depth(d)), "as it is printed"),
+    (lambda u, v, d: point(u, v, 1.0) * depth(d) / np.linalg.norm(point(u, v, 1.0)), "length of the ray"),
+    (lambda u, v, d: point(u, v, 1.03 * (3.31 - 0.00304 * d)), "inverse depth"),
+    (lambda u, v, d: point(v, u, depth(d)), "(column, row)"),
+    (lambda u, v, d: point(u, v, 1.0), "one metre"),
+    (mixed([0, 1, 2], (1, -1, 1)), "y points down"),
+    (mixed([0, 1, 2], (-1, 1, 1)), "x points right"),
+    (mixed([2, 0, 1], (1, -1, -1)), "ahead, left, up"),
+    (mixed([1, 0, 2], (1, 1, 1)), "exchanged"),
+    (lambda u, v, d: point(u + U0, v + V0, depth(d)), "subtract the centre"),
+    (lambda u, v, d: point(u, v, depth(d)) * (FOCAL, FOCAL, 1), "focal length"),
+    (lambda u, v, d: 1000 * point(u, v, depth(d)), "millimetres"),
+    (lambda u, v, d: depth(d), "(3,)"),
+    (lambda u, v, d: {}[u], "KeyError"),
+]
+WRONG_LINES = [
+    (lambda x, u: line_by_sums(x, u)[::-1], "other order"),
+    (lambda x, u: (x @ (u - 320) / (x @ x), 320.0), "for granted"),
+    (lambda x, u: (x @ u / (x @ x), 0.0), "through the origin"),
+    (lambda x, u: (np.mean(u / x), 0.0), "averaged"),
+    (lambda x, u: np.polyfit(x[[0, -1]], u[[0, -1]], 1), "two of the crosses"),
+    (lambda x, u: np.polyfit(u, x, 1), "X / Z against u"),
+    (lambda x, u: (line_by_sums(x, u)[0], np.mean(u)), "column of X = 0"),
+    (lambda x, u: line_by_sums(x, u)[0], "shape"),
+    (lambda x, u: None, "returns nothing"),
+]
+WRONG_BODIES = [
+    (lambda p, t, a: body_in_a_loop(p, t, -a), "looks up"),
+    (lambda p, t, a: body_in_a_loop(p, 0 * t, a), "did not add the place"),
+    (lambda p, t, a: body_in_a_loop(p, -t, a), "subtracted the place"),
+    (lambda p, t, a: body_in_a_loop(p, t, 0.0), "pitch is missing"),
+    (lambda p, t, a: body_in_a_loop(p, t, np.deg2rad(a)), "radians already"),
+    (lambda p, t, a: p @ ch06_tilt(a).T + t, "did not change the axes"),
+    (lambda p, t, a: p @ (AXES @ ch06_tilt(a)).T + t, "wrong order"),
+    (lambda p, t, a: p @ (ch06_tilt(a) @ AXES) + t, "p @ R.T"),
+    (lambda p, t, a: p @ (ch06_tilt(a) @ AXES.T).T + t, "T_co is transposed"),
+    (lambda p, t, a: (p @ AXES.T + t) @ ch06_tilt(a).T, "turn first"),
+    (lambda p, t, a: np.array(body_in_a_loop(p * (-1, 1, 1), t, a)), "Left and right"),
+    (lambda p, t, a: np.array(body_in_a_loop(p, t, a)).T, "shape"),
+]
+AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+def ch06_tilt(pitch):
+    return np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]])
+
+
+def ringed(angle, length=lambda h, angle: h / np.tan(angle), add=1.0):
+    return lambda h, a, p, r, c, f: add * a + length(h, angle(p, r, c, f))
+
+
+def right_angle(p, r, c, f):
+    return p + np.arctan((r - 0.5 - c) / f)
+
+
+WRONG_RINGS = [
+    (ringed(right_angle, add=0.0), "from the camera"),
+    (ringed(right_angle, add=-1.0), "add `ahead`"),
+    (ringed(lambda p, r, c, f: p + np.arctan(r / 2 / f)), "middle of the image"),
+    (ringed(lambda p, r, c, f: p), "optical axis meets"),
+    (ringed(lambda p, r, c, f: np.arctan((r - 0.5 - c) / f)), "forgot the pitch"),
+    (ringed(lambda p, r, c, f: p - np.arctan((r - 0.5 - c) / f)), "went up"),
+    (ringed(right_angle, lambda h, angle: h * np.tan(angle)), "triangle round"),
+    (ringed(right_angle, lambda h, angle: h / np.sin(angle)), "length of the ray"),
+    (ringed(lambda p, r, c, f: np.deg2rad(p) + np.arctan((r - 0.5 - c) / f)), "radians already"),
+    (ringed(lambda p, r, c, f: p + (r - 0.5 - c) / f), "arctan"),
+    (ringed(lambda p, r, c, f: p + np.arctan(r / f)), "half of the image"),
+]
+
+
+def painted(order, start=-1):
+    def paint(cells, depths, off_centre, colours, n):
+        canvas = np.full(n, start)
+        for k in order(depths, off_centre, colours):
             canvas[cells[k]] = colours[k]
         return canvas
 
     return paint
 
 
-def test_best_view_hints():
-    def average(cells, ranges, colours, n):
-        seen = np.bincount(cells, minlength=n)
-        return np.where(seen > 0, np.bincount(cells, colours, n) / np.maximum(seen, 1), -1)
+def average(cells, depths, off_centre, colours, n):
+    seen = np.bincount(cells, minlength=n)
+    return np.where(seen > 0, np.bincount(cells, colours, n) / np.maximum(seen, 1), -1)
 
-    assert check_best_view(painted(lambda ranges: np.argsort(-ranges)))
-    assert "last view wins" in check_best_view(painted(lambda ranges: range(len(ranges)))).message
-    assert "first view wins" in check_best_view(painted(lambda ranges: range(len(ranges))[::-1])).message
-    assert "farthest view wins" in check_best_view(painted(np.argsort)).message
-    assert "average" in check_best_view(average).message
-    assert "Unseen" in check_best_view(lambda cells, ranges, colours, n: np.zeros(n)).message
-    assert "shape" in check_best_view(lambda cells, ranges, colours, n: colours).message
+
+def in_bytes(cells, depths, off_centre, colours, n):
+    canvas = np.zeros(n, dtype=np.uint8)
+    canvas[0] = int("-1")
+    return canvas
+
+
+def keyed(*keys):
+    """Worst first by the last key, then the one before."""
+    return lambda z, r, c: np.lexsort([key(z, r, c) for key in keys])[::-1]
+
+
+WRONG_VIEWS = [
+    (painted(lambda z, r, c: range(len(z))), "last view wins"),
+    (painted(lambda z, r, c: range(len(z))[::-1]), "first view wins"),
+    (painted(keyed(lambda z, r, c: z)), "depth alone"),
+    (painted(keyed(lambda z, r, c: r)), "place in the cell alone"),
+    (painted(keyed(lambda z, r, c: r, lambda z, r, c: -np.floor(10 * z))), "farthest view"),
+    (painted(keyed(lambda z, r, c: -r, lambda z, r, c: np.floor(10 * z))), "farthest from the cell"),
+    (painted(keyed(lambda z, r, c: -c.astype(int))), "brightest"),
+    (painted(keyed(lambda z, r, c: c)), "darkest"),
+    (average, "average"),
+    (lambda *given: np.maximum(views_by_buffer(*given), 0), "Unseen is not black"),
+    (in_bytes, "cannot hold -1"),
+    (lambda cells, z, r, colours, n: colours, "shape"),
+]
+WRONG = [
+    *((ch06.check_optical_point, *pair) for pair in WRONG_POINTS),
+    *((ch06.check_calibrate, *pair) for pair in WRONG_LINES),
+    *((ch06.check_to_body, *pair) for pair in WRONG_BODIES),
+    *((ch06.check_blind_ring, *pair) for pair in WRONG_RINGS),
+    *((ch06.check_best_view, *pair) for pair in WRONG_VIEWS),
+]
+
+
+@pytest.mark.parametrize(("check", "answer", "words"), WRONG)
+def test_a_wrong_answer_is_refused_by_name(check, answer, words):
+    verdict = check(answer)
+    assert verdict.verdict == "wrong"
+    assert words in verdict.message

@@ -8,37 +8,24 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from pfslam.config import SlamConfig
 from pfslam.io.files import write_text
-from pfslam.recording import nearest_stamp
 from pfslam.runs import run_slam
-from pfslam.teaching.ch06.pairs import Drive, judge_for, load_drive
+from pfslam.teaching.ch06.pairs import judge_for, load_drive
 from pfslam.teaching.ch09.texture import COLUMNS, FIGURES, TABLE
 from pfslam.texture.mapping import TextureConfig, map_texture
 
-EVERY = 60
-"""Of the scans: the image pair nearest to each is taken. Every 60th scan updates the filter, so that the report's way,
-where a state takes the image nearest to it, is as near as it is with all images."""
 SEEDS = range(10)
-
-
-def thinned(drive: Drive, every: int = EVERY) -> Drive:
-    """The drive with the image pair nearest to every ``every``-th scan."""
-    stream, scans = drive.stream, drive.recording.scans().t[::every]
-    chosen = np.unique(nearest_stamp(stream.disparity_t[stream.disparity_index], scans))
-    few = replace(stream, disparity_index=stream.disparity_index[chosen], rgb_index=stream.rgb_index[chosen])
-    return replace(drive, recording=replace(drive.recording, camera=few), stream=few)
 
 
 def measured_steps(
     drive_name: str, seeds: Iterable[int] = SEEDS, steps: tuple[str, ...] | None = None
 ) -> Iterator[dict]:
     """One row per seed and step, from the report's settings to the refined ones, on poses of the refined filter."""
-    drive = thinned(load_drive(drive_name, 1))
+    drive = load_drive(drive_name)
     for seed in seeds:
         rng = np.random.default_rng(seed)
         result = run_slam(drive.recording, SlamConfig.refined(), rng=rng, keep_particles=False)

@@ -107,9 +107,10 @@ def floor_mask(points_w, tolerance: float, tolerance_per_metre: float = 0.0, dis
 
 
 def nearest_floor(camera: RgbdModel) -> float:
-    """How far ahead of the camera (m) the floor enters the image: the radius of the blind ring in a texture.
+    """How far ahead of the camera (m) the floor enters the image.
 
-    The lowest row looks down by the pitch plus half the field of view; the floor is at height / tan(angle).
+    The lowest row looks down by the pitch plus half the field of view; the floor is at height / tan(angle). A robot
+    that turns on the spot sees no floor within this distance plus that of the camera from the turning point.
     """
     angle = camera.pitch + np.arctan((camera.height - 0.5 - camera.centre_v) / camera.focal_v)
     return float(camera.position_b[2] / np.tan(angle))

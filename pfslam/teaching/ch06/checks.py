@@ -1,155 +1,321 @@
-"""Checks of the exercises of chapter 06. Each takes the student's function and says what is wrong in words."""
+"""Checks of the exercises of chapter 06: each takes the reader's function and says what is wrong in words."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
 from pfslam.sensors import RgbdModel
-from pfslam.teaching.show.checks import (
-    Check,
-    attempt,
-    hint,
-    is_number,
-    is_unanswered,
-    not_a_number,
-    passed,
-    unanswered,
-)
-from pfslam.texture.floor import back_project, depth_from_disparity, nearest_floor
+from pfslam.teaching.show.checks import Check, compare
+from pfslam.texture.floor import back_project, depth_from_disparity
 
-PIXEL = (310, 413, 566)
-"""Column, row and disparity of the journey's first pixel."""
+CAMERA = RgbdModel()
+
+# ---- 1: a pixel becomes a point
+
+PIXELS_IN = [
+    (310, 413, 566),
+    (41, 387, 803),
+    *[
+        tuple(row)
+        for row in np.random.default_rng(2).integers((10, 10, 450), (630, 470, 1040), (2, 3)).tolist()
+    ],
+]
 
 
-def check_optical_point(optical_point) -> Check:
-    """Whether ``optical_point(u, v, d)`` returns (X, Y, Z) in metres for a pixel on the letter C."""
-    camera, (u, v, d) = RgbdModel(), PIXEL
-    answer = attempt(optical_point, u, v, d)
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    if np.shape(answer) != (3,) or not all(is_number(x) for x in answer):
-        return hint(f"Three numbers are asked for, X, Y and Z in metres; your function returns {answer!r}.")
-    point = np.asarray(answer, dtype=float)
-    depth = float(depth_from_disparity(d, camera))
-    expected = back_project(u, v, depth, camera.K)[0]
-    if np.allclose(point, expected, atol=1e-3):
-        return passed(
-            f"({expected[0]:.3f}, {expected[1]:.3f}, {expected[2]:.3f}) m: just left of the axis, below it."
-        )
-    printed_K = camera.K.copy()
-    printed_K[0, 2], printed_K[1, 2] = camera.centre_v, camera.centre_u
-    ray = expected / depth
-    wrong = [
-        (
-            back_project(u, v, depth, printed_K)[0],
-            "You used K as it is printed. u counts columns, so 315.84 belongs into "
-            "the first row: an image of 640 columns has its centre near column 320.",
-        ),
-        (
-            ray * depth / np.linalg.norm(ray),
-            "You took the depth for the length of the ray. Z is measured along the "
-            "optical axis: do not normalise K^-1 (u, v, 1).",
-        ),
-        (ray * 1.03 * (3.31 - 0.00304 * d), "You multiplied by dd. dd is an inverse depth: Z = 1.03 / dd."),
-        (back_project(v, u, depth, camera.K)[0], "Row and column are exchanged: (u, v) is (column, row)."),
-        (ray, "That is the ray, for one metre of depth. Multiply it by the depth."),
-    ]
-    for value, words in wrong:
-        if np.allclose(point, value, atol=1e-3):
-            return hint(words)
-    if not np.isclose(point[2], depth, atol=1e-3):
-        return hint(f"Begin with Z: 1.03 / (3.31 - 0.00304 * {d}) = {depth:.3f} m; you have {point[2]:.3f}.")
-    return hint(
-        f"Z is right. X should be {expected[0]:.3f} and Y {expected[1]:.3f} m: look at the centre and the focal length."
+def point_of(u: float, v: float, d: float) -> np.ndarray:
+    """Give the optical point ``(3,)`` (m) of a pixel and its raw disparity."""
+    return back_project(u, v, depth_from_disparity(d, CAMERA), CAMERA.K)[0]
+
+
+def _ray(u: float, v: float, d: float) -> np.ndarray:
+    return point_of(u, v, d) / depth_from_disparity(d, CAMERA)
+
+
+def _printed_K(u: float, v: float, d: float) -> np.ndarray:
+    K = CAMERA.K.copy()
+    K[0, 2], K[1, 2] = CAMERA.centre_v, CAMERA.centre_u
+    return back_project(u, v, depth_from_disparity(d, CAMERA), K)[0]
+
+
+POINT_MISTAKES = [
+    (_printed_K, "You used K as it is printed. u counts columns, so 315.84 belongs into the first row: an image of 640 "
+     "columns has its centre near column 320."),
+    (lambda u, v, d: point_of(u, v, d) / np.linalg.norm(_ray(u, v, d)), "You took the depth for the length of the ray. "
+     "Z is measured along the optical axis: do not normalise K^-1 (u, v, 1)."),
+    (lambda u, v, d: _ray(u, v, d) * 1.03 * (3.31 - 0.00304 * d), "You multiplied by dd. dd is an inverse depth: "
+     "Z = 1.03 / dd."),
+    (lambda u, v, d: point_of(v, u, d), "Row and column are exchanged: (u, v) is (column, row)."),
+    (_ray, "That is the ray, for one metre of depth. Multiply it by the depth."),
+    (lambda u, v, d: point_of(u, v, d) * (1, -1, 1), "Y has the wrong sign. In the optical frame y points down, as "
+     "rows are counted."),
+    (lambda u, v, d: point_of(u, v, d) * (-1, 1, 1), "X has the wrong sign. In the optical frame x points right, as "
+     "columns are counted."),
+    (lambda u, v, d: point_of(u, v, d)[[2, 0, 1]] * (1, -1, -1), "Your numbers are right, in the axes of the robot: "
+     "ahead, left, up. The optical frame has right, down, forward; step 4 changes the axes."),
+    (lambda u, v, d: point_of(u, v, d)[[1, 0, 2]], "X and Y are exchanged."),
+    (lambda u, v, d: point_of(u + CAMERA.centre_u, v + CAMERA.centre_v, d), "You did not subtract the centre: the axis "
+     "goes through pixel (315.84, 242.94), not (0, 0)."),
+    (lambda u, v, d: point_of(u, v, d) * (CAMERA.focal_u, CAMERA.focal_v, 1), "X and Y are still in pixel metres: "
+     "divide by the focal length."),
+]  # fmt: skip
+
+
+def check_optical_point(optical_point: Callable) -> Check:
+    """Check that ``optical_point(u, v, d)`` returns (X, Y, Z) in metres."""
+    x, y, z = point_of(*PIXELS_IN[0])
+    praise = f"The pixel of the table lies at ({x:.3f}, {y:.3f}, {z:.3f}) m: just left of the axis, below it."
+    theirs = _as_a_row(optical_point)
+    return compare(theirs, point_of, PIXELS_IN, mistakes=POINT_MISTAKES, praise=praise)
+
+
+def _as_a_row(function: Callable) -> Callable:
+    """The same function; a column ``(3, 1)``, as a matrix product gives it, is as good as a row."""
+
+    def flat(*arguments):
+        answer = function(*arguments)
+        return np.ravel(answer) if np.shape(answer) in ((3, 1), (1, 3)) else answer
+
+    return flat
+
+
+# ---- 2: a camera is calibrated
+
+
+def _crosses(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Where crosses on a wall stand, X / Z ``(N,)``, and the columns ``(N,)`` in which somebody clicked them."""
+    rng = np.random.default_rng(seed)
+    focal, centre = rng.uniform(400, 900), rng.uniform(250, 400)
+    x_over_z = rng.uniform(-0.3, 0.5, 9)
+    return x_over_z, focal * x_over_z + centre + 0.6 * rng.standard_normal(9)
+
+
+CROSSES = [_crosses(seed) for seed in (3, 4, 5)]
+
+
+def calibrated(x_over_z: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Give focal length and centre (px) of the line that fits best."""
+    return np.polyfit(x_over_z, u, 1)
+
+
+def _through_320(x_over_z, u):
+    return x_over_z @ (u - 320) / (x_over_z @ x_over_z), 320.0
+
+
+CALIBRATION_MISTAKES = [
+    (lambda x, u: calibrated(x, u)[::-1], "The right numbers in the other order: the focal length comes first."),
+    (_through_320, "You took the centre for granted. The axis need not hit the middle of the image, column 320; the "
+     "data say where it does."),
+    (lambda x, u: (x @ u / (x @ x), 0.0), "You fitted a line through the origin. u = f X / Z + c has a c."),
+    (lambda x, u: (np.mean(u / x), 0.0), "You averaged u / (X / Z). That ignores the centre, and where X is near 0 a "
+     "ratio says nothing."),
+    (lambda x, u: ((u[-1] - u[0]) / (x[-1] - x[0]), u[0] - x[0] * (u[-1] - u[0]) / (x[-1] - x[0])),
+     "You used two of the crosses. Each click is off by half a pixel or so: fit all of them."),
+    (lambda x, u: np.polyfit(u, x, 1), "You fitted X / Z against u. The focal length is the slope of u over X / Z."),
+    (lambda x, u: (1 / np.polyfit(u, x, 1)[0], -np.polyfit(u, x, 1)[1] / np.polyfit(u, x, 1)[0]),
+     "You fitted X / Z against u and turned the line round. The errors are in u, so fit u against X / Z."),
+    (lambda x, u: (calibrated(x, u)[0], u.mean()), "The slope is right. The centre is the column of X = 0, not the "
+     "mean of the columns."),
+]  # fmt: skip
+
+
+def check_calibrate(calibrate: Callable) -> Check:
+    """Check that ``calibrate(x_over_z, u)`` returns focal length and centre of the best line."""
+    praise = "Nine crosses give the focal length to a few pixels. A real calibration uses hundreds, all over the image."
+    return compare(
+        calibrate,
+        calibrated,
+        CROSSES,
+        mistakes=CALIBRATION_MISTAKES,
+        praise=praise,
+        same=_near_two_pixel_digits,
     )
 
 
-def check_blind_ring(blind_ring) -> Check:
-    """Whether ``blind_ring(height, pitch, rows, centre_v, focal)`` returns the distance of the nearest floor (m)."""
-    camera = RgbdModel()
-    height, pitch, half = (
-        camera.position_b[2],
-        camera.pitch,
-        (camera.height - 0.5 - camera.centre_v) / camera.focal_v,
-    )
-    answer = attempt(blind_ring, height, pitch, camera.height, camera.centre_v, camera.focal_v)
-    verdict = not_a_number(answer, "metres")
-    if verdict is not None:
-        return verdict
-    expected = nearest_floor(camera)
-    if abs(answer - expected) < 0.005:
-        return passed(f"{expected:.2f} m in front of the camera.")
-    wrong = {
-        height
-        / np.tan(
-            pitch
-        ): "That is where the optical axis meets the floor. The lowest row looks down more steeply.",
-        height
-        / np.tan(
-            np.arctan(half)
-        ): "You forgot the pitch: the camera already looks down before the field of view counts.",
-        height
-        / np.tan(
-            pitch - np.arctan(half)
-        ): "You went up from the axis. The lowest row looks down by pitch plus half the field of view.",
-        height
-        * np.tan(
-            pitch + np.arctan(half)
-        ): "Turn the triangle round: the angle is at the floor, so the height is divided by the tangent.",
-        height
-        / np.sin(
-            pitch + np.arctan(half)
-        ): "That is the length of the ray. Asked is the distance along the floor.",
-        height / np.tan(np.deg2rad(pitch) + np.arctan(half)): "The pitch is in radians already.",
-        height / np.tan(pitch + half): "Nearly: half / focal is a tangent, not an angle. Take its arctan.",
-    }
-    for value, words in wrong.items():
-        if abs(answer - value) < 0.005:
-            return hint(words)
-    return hint(
-        f"Your function returns {answer:.3f} m, expected {expected:.3f} m. Draw height, floor and lowest ray."
-    )
+def _near_two_pixel_digits(found, expected) -> bool:
+    found = np.asarray(found, dtype=float)
+    return found.shape == (2,) and bool(np.allclose(found, expected, rtol=3e-4))
 
 
-CELLS = np.array([0, 2, 2, 1, 0, 2, 4, 1])
-RANGES = np.array([1.0, 3.0, 0.8, 2.0, 4.0, 1.5, 0.6, 2.5])
-COLOURS_SEEN = np.array([200, 90, 40, 120, 60, 70, 250, 10], dtype=np.uint8)
+# ---- 3: the change of axes
+
+AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
-def check_best_view(best_view) -> Check:
-    """Whether ``best_view(cells, ranges, colours, n)`` gives each cell the colour seen from nearest, -1 if unseen."""
-    answer = attempt(best_view, CELLS.copy(), RANGES.copy(), COLOURS_SEEN.copy(), 5)
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    answer = np.asarray(answer)
-    if answer.shape != (5,) or answer.dtype.kind not in "iuf":
-        return hint(
-            f"One colour for each of the 5 cells is asked for, shape (5,); yours has the shape {answer.shape}."
-        )
-    if answer[3] != -1:
-        return hint(f"Nobody saw cell 3, so it should be -1; yours is {answer[3]}. Unseen is not black.")
-    nearest = _painted(lambda views: views[np.argmin(RANGES[views])])
-    if np.array_equal(answer, nearest):
-        return passed("Each cell shows what was seen from nearest.")
-    if np.array_equal(answer, _painted(lambda views: views[-1])):
-        return hint(
-            "The last view wins: a late look from far away erases a sharp one. Mind the order of writing."
-        )
-    if np.array_equal(answer, _painted(lambda views: views[0])):
-        return hint("The first view wins. It was taken from as far away as chance had it.")
-    if np.array_equal(answer, _painted(lambda views: views[np.argmax(RANGES[views])])):
-        return hint("The farthest view wins: sort the other way round.")
-    if np.allclose(answer, _painted(lambda views: views), atol=1.0):
-        return hint("That is the average of all views: the blurred ones are mixed into the sharp ones.")
-    at = int(np.argmax(answer != nearest))
-    return hint(f"Cell {at} was seen from nearest with colour {nearest[at]:.0f}; yours is {answer[at]}.")
+def _nose_down(pitch: float) -> np.ndarray:
+    c, s = np.cos(pitch), np.sin(pitch)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def _painted(pick) -> np.ndarray:
-    """The colour of each of five cells, by a rule that picks among a cell's views; -1 where there are none."""
-    views = [np.flatnonzero(number == CELLS) for number in range(5)]
-    return np.array([COLOURS_SEEN[pick(v)].mean() if len(v) else -1.0 for v in views])
+def in_body(points_o: np.ndarray, position_b: np.ndarray, pitch: float) -> np.ndarray:
+    """Give points ``(M, 3)`` of the optical frame in the body frame."""
+    return np.asarray(points_o) @ (_nose_down(pitch) @ AXES).T + position_b
+
+
+def _mountings() -> list[tuple]:
+    rng = np.random.default_rng(8)
+    cases = [(np.array([[0.1, 0.2, 1.3], [-0.4, 0.3, 2.2]]), np.array([0.17, 0.02, 0.38]), 0.31)]
+    for _ in range(2):
+        cases.append((rng.uniform(-1, 2, (4, 3)), rng.uniform(0.05, 0.6, 3), float(rng.uniform(0.1, 0.7))))
+    return cases
+
+
+MOUNTINGS = _mountings()
+BODY_MISTAKES = [
+    (lambda p, t, a: in_body(p, t, -a), "The camera looks up. A pitch downwards takes the view (1, 0, 0) of frame c to "
+     "(cos, 0, -sin) in b."),
+    (lambda p, t, a: in_body(p, 0 * t, a), "Turned right, but you did not add the place of the camera on the robot."),
+    (lambda p, t, a: in_body(p, 0 * t, a) - t, "You subtracted the place of the camera. Coordinates go from the camera "
+     "to the body: add it."),
+    (lambda p, t, a: in_body(p, t, 0.0), "The pitch is missing."),
+    (lambda p, t, a: p @ _nose_down(a).T + t, "You did not change the axes: forward is z in the optical frame and x in "
+     "the others. T_co comes first."),
+    (lambda p, t, a: p @ (AXES @ _nose_down(a)).T + t, "The right matrices in the wrong order. T_co stands next to the "
+     "point: T_bc T_co p."),
+    (lambda p, t, a: p @ (_nose_down(a) @ AXES) + t, "You multiplied by the transposed matrix: that goes from body to "
+     "camera. For points in rows it is p @ R.T."),
+    (lambda p, t, a: p @ (_nose_down(a) @ AXES.T).T + t, "Your T_co is transposed: it goes from c to o."),
+    (lambda p, t, a: p @ (_nose_down(a) @ (AXES * [[1], [-1], [1]])).T + t, "Left and right are exchanged: x of the "
+     "optical frame points right, y of the body left."),
+    (lambda p, t, a: p @ (_nose_down(a) @ (AXES * [[1], [1], [-1]])).T + t, "Up and down are exchanged: y of the "
+     "optical frame points down, z of the body up."),
+    (lambda p, t, a: (p @ AXES.T + t) @ _nose_down(a).T, "You moved the points and turned them then, about the robot's "
+     "centre. The camera tilts about itself: turn first."),
+    (lambda p, t, a: in_body(p, t, np.deg2rad(a)), "The pitch is in radians already."),
+]  # fmt: skip
+
+
+def check_to_body(to_body: Callable) -> Check:
+    """Check that ``to_body(points_o, position_b, pitch)`` is T_bc T_co."""
+    praise = "T_co changes the names of the axes, T_bc tilts and then moves."
+    return compare(to_body, in_body, MOUNTINGS, mistakes=BODY_MISTAKES, praise=praise)
+
+
+# ---- 4: the blind ring
+
+
+def ring(height, ahead, pitch, rows, centre_v, focal) -> float:
+    """Give the radius (m) of the blind ring around a robot that turns on the spot."""
+    return ahead + height / np.tan(pitch + np.arctan((rows - 0.5 - centre_v) / focal))
+
+
+RINGS = [
+    (
+        CAMERA.position_b[2],
+        CAMERA.position_b[0],
+        CAMERA.pitch,
+        CAMERA.height,
+        CAMERA.centre_v,
+        CAMERA.focal_v,
+    ),
+    (0.71, 0.23, 0.4, 720, 301.0, 640.0),
+    (0.9, 0.11, 0.35, 480, 262.0, 420.0),
+]
+RING_MISTAKES = [
+    (lambda h, a, p, r, c, f: ring(h, 0, p, r, c, f), "That is the distance from the camera. The robot turns about its "
+     "own centre, and the camera stands `ahead` of it."),
+    (lambda h, a, p, r, c, f: ring(h, -a, p, r, c, f), "The camera stands ahead of the turning point: add `ahead`."),
+    (lambda h, a, p, r, c, f: ring(h, a, p, r, r / 2, f), "You measured from the middle of the image. The axis goes "
+     "through row `centre_v`."),
+    (lambda h, a, p, r, c, f: ring(h, a, p, r, (r - 1) / 2, f), "You measured from the middle of the image. The axis "
+     "goes through row `centre_v`."),
+    (lambda h, a, p, r, c, f: a + h / np.tan(p), "That is where the optical axis meets the floor. The lowest row looks "
+     "down more steeply."),
+    (lambda h, a, p, r, c, f: ring(h, a, 0, r, c, f), "You forgot the pitch: the camera already looks down before the "
+     "field of view counts."),
+    (lambda h, a, p, r, c, f: a + h / np.tan(p - np.arctan((r - 0.5 - c) / f)), "You went up from the axis. The lowest "
+     "row looks down by pitch plus half the field of view."),
+    (lambda h, a, p, r, c, f: a + h * np.tan(p + np.arctan((r - 0.5 - c) / f)), "Turn the triangle round: the angle is "
+     "at the floor, so the height is divided by the tangent."),
+    (lambda h, a, p, r, c, f: a + h / np.sin(p + np.arctan((r - 0.5 - c) / f)), "You added the length of the ray. Its "
+     "shadow on the floor is asked for."),
+    (lambda h, a, p, r, c, f: ring(h, a, np.deg2rad(p), r, c, f), "The pitch is in radians already."),
+    (lambda h, a, p, r, c, f: a + h / np.tan(p + (r - 0.5 - c) / f), "Nearly: rows over focal length is a tangent, not "
+     "an angle. Take its arctan."),
+    (lambda h, a, p, r, c, f: ring(h, a, p, r, -0.5, f), "You took all rows for half of the image: count from "
+     "`centre_v` down."),
+]  # fmt: skip
+
+
+def check_blind_ring(blind_ring: Callable) -> Check:
+    """Check that ``blind_ring(height, ahead, pitch, rows, centre_v, focal)`` is the ring's radius (m)."""
+    praise = f"{ring(*RINGS[0]):.2f} m around the turning point of this robot."
+    return compare(blind_ring, ring, RINGS, mistakes=RING_MISTAKES, praise=praise, same=_to_a_millimetre)
+
+
+def _to_a_millimetre(found, expected) -> bool:
+    """Half a row or a whole one more makes two millimetres: that is not what the exercise is about."""
+    return bool(np.abs(np.asarray(found, dtype=float) - expected) < 0.0035)
+
+
+# ---- 5: which view is kept
+
+
+def _looks(seed: int) -> tuple:
+    """Pixels of several images in the order of time: cells, depths, places in the cell and colours ``(M,)``; n."""
+    rng = np.random.default_rng(seed)
+    cells = np.concatenate([[0, 2, 2, 1, 0, 2, 4, 1], rng.choice([0, 1, 2, 4, 5], 30)])
+    depths = np.round(rng.integers(6, 30, len(cells)) / 10 + rng.uniform(0.005, 0.095, len(cells)), 3)
+    depths[cells == 2] = 0.8 + rng.uniform(
+        0.005, 0.095, np.count_nonzero(cells == 2)
+    )  # the nearest decide by place
+    off_centre = rng.uniform(0.0, 0.035, len(cells))
+    return cells, depths, off_centre, rng.integers(0, 256, len(cells)).astype(np.uint8), 6
+
+
+LOOKS = [_looks(seed) for seed in (11, 12, 13)]
+
+
+def kept(rank: Callable) -> Callable:
+    """A painter that keeps in each cell the view with the smallest ``rank(depths, off_centre, colours)``."""
+
+    def paint(cells, depths, off_centre, colours, n):
+        canvas = np.full(n, -1)
+        ranks = rank(depths, off_centre, colours)
+        for k in sorted(range(len(cells)), key=lambda k: ranks[k], reverse=True):
+            canvas[cells[k]] = colours[k]
+        return canvas
+
+    return paint
+
+
+def _steps_then_place(depths, off_centre, colours):
+    return list(zip(np.floor(10 * depths), off_centre, strict=True))
+
+
+best = kept(_steps_then_place)
+
+
+def _average(cells, depths, off_centre, colours, n):
+    seen = np.bincount(cells, minlength=n)
+    return np.where(seen > 0, np.bincount(cells, colours, n) / np.maximum(seen, 1), -1)
+
+
+VIEW_MISTAKES = [
+    (kept(lambda z, r, c: -np.arange(len(z))), "The last view wins: a late look from far away erases a sharp one."),
+    (kept(lambda z, r, c: np.arange(len(z))), "The first view wins. It was taken from as far away as chance had it."),
+    (kept(lambda z, r, c: z), "You go by the depth alone. Within the same tenth of a metre the view nearest to the "
+     "cell's centre is asked for."),
+    (kept(lambda z, r, c: r), "You go by the place in the cell alone. The depth comes first."),
+    (kept(lambda z, r, c: list(zip(r, z, strict=True))), "You go by the place in the cell first. The depth "
+     "comes first."),
+    (kept(lambda z, r, c: list(zip(-np.floor(10 * z), r, strict=True))), "The farthest view wins: sort the other way "
+     "round."),
+    (kept(lambda z, r, c: list(zip(np.floor(10 * z), -r, strict=True))), "Within a tenth of a metre you keep the pixel "
+     "farthest from the cell's centre."),
+    (kept(lambda z, r, c: list(zip(np.round(z), r, strict=True))), "Your steps of depth are whole metres; tenths are "
+     "asked for."),
+    (kept(lambda z, r, c: -c.astype(int)), "The brightest colour wins. Brightness says nothing about how good a view "
+     "is."),
+    (kept(lambda z, r, c: c), "The darkest colour wins. Brightness says nothing about how good a view is."),
+    (_average, "That is the average of all views: the blurred ones are mixed into the sharp ones."),
+    (lambda *given: np.maximum(best(*given), 0), "Nobody saw cell 3, so it should be -1. Unseen is not black."),
+    (OverflowError, "The colours are bytes, which cannot hold -1. Make the canvas of whole numbers: np.full(n, -1)."),
+]  # fmt: skip
+
+
+def check_best_view(best_view: Callable) -> Check:
+    """Check that ``best_view(cells, depths, off_centre, colours, n)`` keeps the right view of each cell."""
+    praise = "Each cell shows what was seen from nearest, and of equals what was seen at its centre."
+    return compare(best_view, best, LOOKS, mistakes=VIEW_MISTAKES, praise=praise)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -16,6 +17,7 @@ from pfslam.runs import SlamResult, run_slam
 from pfslam.sensors import RgbdModel
 from pfslam.simulator import Simulation
 from pfslam.simulator.cache import cached_simulation
+from pfslam.teaching.show.tables import Shown
 from pfslam.texture.floor import (
     associate_rgb,
     back_project,
@@ -27,9 +29,11 @@ from pfslam.texture.floor import (
     to_world,
 )
 from pfslam.texture.mapping import FloorTexture, TextureConfig, map_texture, project_floor
-from pfslam.texture.views import read_disparity, read_rgb
+from pfslam.texture.views import PixelRays, floor_pixels, posed_pairs, read_disparity, read_rgb
 
-EVERY = 48  # of the chapter's image pairs; the command line takes every 8th
+EVERY = 60
+"""Of the scans: the image pair nearest to each is taken. The filter updates at these scans too, so that the report's
+way, where a state takes the image nearest to it, is as near in time as it is with all images."""
 WORD_SHOT = 1091  # the disparity image with the letter C in front of the robot
 VISIBLE_TO = 4.0  # m: floor that an image shows no nearer than this is not asked for
 
@@ -57,16 +61,17 @@ class Drive:
 
 
 def load_drive(name: str, every: int = EVERY) -> Drive:
-    """A built-in drive with every ``every``-th image pair."""
+    """Load a built-in drive with the image pair nearest to each ``every``-th scan."""
     simulation = cached_simulation(name)
     camera, truth = simulation.recording.camera, simulation.recording.truth
     if camera is None or truth is None:  # the simulator makes both
         raise ValueError(f"{name}: no camera or no truth")
-    pairs = image_pairs(camera, every=every)
+    pairs, stamps = image_pairs(camera), simulation.recording.scans().t[::every]
+    chosen = np.unique(nearest_stamp(camera.disparity_t[pairs.disparity], stamps))
     few = replace(
         camera,
-        disparity_index=pairs.disparity,
-        rgb_index=pairs.rgb,
+        disparity_index=pairs.disparity[chosen],
+        rgb_index=pairs.rgb[chosen],
         read_disparity=cache(camera.read_disparity),
         read_rgb=cache(camera.read_rgb),
     )
@@ -186,6 +191,35 @@ def journey(shot: Shot, u: int, v: int, spec: GridSpec) -> list[tuple[str, str]]
 
 
 @dataclass(frozen=True, eq=False)
+class CellViews:
+    """Every look at one cell of the floor in the order of time: stamps (s), depths (m), colours ``(V, 3)``."""
+
+    t: np.ndarray
+    depth: np.ndarray
+    colours: np.ndarray
+
+
+def views_of_cell(drive: Drive, result: SlamResult, place: tuple[float, float]) -> CellViews:
+    """Collect what every image pair of the drive saw in the cell around ``place`` (m): its nearest pixel there."""
+    config, camera, spec = TextureConfig.refined(), drive.recording.robot.camera, result.grid.spec
+    pairs = posed_pairs(drive.stream, result.trajectory, config)
+    rays, cell = PixelRays.of(camera, config, spec.resolution), spec.world_to_cell(np.array([place]))[0]
+    seen = []
+    for k, (at_depth, at_rgb) in enumerate(zip(pairs.disparity, pairs.rgb, strict=True)):
+        disparity = read_disparity(drive.stream, at_depth, camera)
+        pixels = floor_pixels(disparity, rays, pairs.pose_disparity[k], pairs.pose_rgb[k], spec, config)
+        inside = np.flatnonzero((pixels.cells == cell).all(axis=1)) if pixels is not None else ()
+        if len(inside):
+            one = inside[np.argmin(pixels.depth[inside])]
+            v, u = round(float(pixels.v_rgb[one])), round(float(pixels.u_rgb[one]))
+            if 0 <= v < camera.height and 0 <= u < camera.width:
+                colour = read_rgb(drive.stream, at_rgb, camera)[v, u]
+                seen.append((drive.stream.disparity_t[at_depth], pixels.depth[one], colour))
+    t, depth, colours = zip(*seen, strict=True)
+    return CellViews(np.array(t) - drive.stream.disparity_t[0], np.array(depth), np.array(colours))
+
+
+@dataclass(frozen=True, eq=False)
 class Judge:
     """The true floor on one window of a map: colours, which cells are floor, which the images could show."""
 
@@ -199,7 +233,13 @@ class Judge:
         """The texture on the window."""
         return replace(texture, spec=self.spec, rgb=texture.rgb[self.window], seen=texture.seen[self.window])
 
+    def colour_at(self, place: tuple[float, float]) -> np.ndarray:
+        """Give the true colour ``(3,)`` of the cell around ``place`` (m)."""
+        ix, iy = self.spec.world_to_cell(np.array([place]))[0]
+        return self.colours[iy, ix]
+
     def error(self, texture: FloorTexture) -> TextureError:
+        """Compare a texture with the true floor."""
         return texture_error(self.cut(texture), self.colours, self.floor, self.visible)
 
 
@@ -221,17 +261,19 @@ def judge_for(drive: Drive, spec: GridSpec, margin: int = 20) -> Judge:
 
 RUNGS = {
     "report": "report",
-    "its three proposals": "depth range",
+    "cut to the map": "cut to the map",
+    "pose of its own time": "a pose for every image",
+    "depth limited": "depth range",
     "floor plane fitted": "pitch from the floor plane",
-    "refined": "best view wins",
+    "best view kept": "best view wins",
 }
-"""The rungs that the chapter shows, by their names in ``TextureConfig.steps``."""
+"""The lines of the chapter's table, each with the step of ``TextureConfig.steps`` that it ends with."""
 
 
 def climb(
-    drive: Drive, result: SlamResult, judge: Judge, rungs: tuple[str, ...] = tuple(RUNGS)
+    drive: Drive, result: SlamResult, judge: Judge, rungs: Sequence[str] = tuple(RUNGS)
 ) -> dict[str, tuple[FloorTexture, TextureError]]:
-    """Texture and error for some rungs between the report's settings and the refined ones."""
+    """Map the texture with the settings of each rung, and judge each map."""
     steps, maps = TextureConfig.steps(), {}
     for name in rungs:
         texture = map_texture(drive.recording, result.trajectory, result.grid, steps[RUNGS[name]])
@@ -239,13 +281,21 @@ def climb(
     return maps
 
 
-def score_table(maps: dict[str, tuple[FloorTexture, TextureError]]) -> str:
-    """One line per rung; rounded to what survives another processor."""
-    lines = [f"{'':20s} covered  off the floor  shift [cells]  colour error"]
+def score_table(maps: dict[str, tuple[FloorTexture, TextureError]]) -> Shown:
+    """List the scores of each map, rounded to what survives another processor."""
+    rows = []
     for name, (_, e) in maps.items():
-        shares = f"{100 * e.coverage:5.0f} %  {100 * e.beyond_floor:11.0f} %"
-        lines.append(f"{name:20s} {shares}  {e.position_median_cells:13.1f}  {e.colour_mean:12.0f}")
-    return "\n".join(lines)
+        shift = f"{e.position_median_cells:.1f}"
+        rows.append(
+            (name, f"{100 * e.coverage:.0f}", f"{100 * e.beyond_floor:.0f}", shift, f"{e.colour_mean:.0f}")
+        )
+    heads = ("", "floor covered [%]", "paint off the floor [%]", "shift [cells]", "colour error [of 255]")
+    return Shown(heads, rows)
+
+
+def journey_table(shot: Shot, u: int, v: int, spec: GridSpec) -> Shown:
+    """List the journey of one pixel."""
+    return Shown(("step", "result"), journey(shot, u, v, spec))
 
 
 def fitted_camera(shot: Shot, camera: RgbdModel) -> RgbdModel:

@@ -9,6 +9,8 @@ from pfslam.evaluation.texture import TextureError
 from pfslam.grid import GridSpec
 from pfslam.sensors import RgbdModel
 from pfslam.teaching.ch06.pairs import (
+    RUNGS,
+    CellViews,
     Judge,
     Points,
     Shot,
@@ -18,18 +20,19 @@ from pfslam.teaching.ch06.pairs import (
     registered_colours,
 )
 from pfslam.teaching.show.pictures import Picture
-from pfslam.teaching.show.style import COLOURS, LINE_STYLES, metric_axes, new_figure
+from pfslam.teaching.show.style import COLOURS, metric_axes, new_figure
 from pfslam.texture.floor import depth_step, nearest_floor
 from pfslam.texture.mapping import FloorTexture
 
+REFINED = tuple(RUNGS)[-1]
 WORD_WINDOW = (10.4, 20.4, -2.7, 0.9)  # m: the second word of the hall
 
 
 def camera_picture(shot: Shot) -> Picture:
-    """The question: what the two cameras deliver."""
-    figure, axes = new_figure(6.0, 6.8, rows=2)
+    """Draw the question: what the two cameras deliver."""
+    figure, axes = new_figure(5.4, 6.8, rows=2)
     axes[0].imshow(shot.rgb)
-    axes[0].set_title("Colour image: what the floor looks like from 38 cm")
+    axes[0].set_title("Colour image, from 38 cm above the floor")
     depth = np.where(np.isfinite(shot.true_depth), shot.disparity, np.nan).astype(float)
     depth[shot.disparity == 2047] = np.nan
     shown = axes[1].imshow(depth, cmap="cividis_r")
@@ -49,7 +52,7 @@ def camera_picture(shot: Shot) -> Picture:
 
 
 def depth_error_picture(shots: list[Shot]) -> tuple[Picture, dict[float, float]]:
-    """What a step of disparity is worth against range, and the spread measured in the shots."""
+    """Draw what a step of disparity is worth against range, and the spread measured in the shots."""
     camera = shots[0].camera
     clouds = [points_of(shot, step=4) for shot in shots]
     true = np.concatenate([s.true_depth[p.v, p.u] for s, p in zip(shots, clouds, strict=True)])
@@ -57,7 +60,7 @@ def depth_error_picture(shots: list[Shot]) -> tuple[Picture, dict[float, float]]
     centres = np.array([0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0])
     spread = np.array([np.nanstd(error[np.abs(true - z) < 0.05 * z]) for z in centres])
     z = np.linspace(0.5, 6.5, 100)
-    figure, axes = new_figure(6.2, 3.8)
+    figure, axes = new_figure(5.4, 3.8)
     axes.plot(
         z, 1000 * depth_step(z, camera), color=COLOURS["estimate"], label="one disparity step (formula)"
     )
@@ -75,7 +78,7 @@ def depth_error_picture(shots: list[Shot]) -> tuple[Picture, dict[float, float]]
 
 
 def _plan(axes: Axes, points: Points, colours: np.ndarray, chosen: np.ndarray) -> None:
-    """Chosen pixels from above, in the robot's frame: x ahead is drawn upwards."""
+    """Draw chosen pixels from above, in the robot's frame: x ahead is drawn upwards."""
     x, y = points.points_b[chosen, :2].T
     axes.scatter(-y, x, c=colours[chosen] / 255, s=4, linewidths=0, rasterized=True)
     axes.set_aspect("equal")
@@ -87,54 +90,53 @@ def _plan(axes: Axes, points: Points, colours: np.ndarray, chosen: np.ndarray) -
 
 
 def birds_eye_picture(shot: Shot) -> Picture:
-    """One image laid flat, and the blind ring in front of the robot."""
+    """Draw one image laid flat, and where the floor that it shows begins."""
     points = points_of(shot, step=2)
     chosen, colours = chosen_as_floor(points, 0.01), registered_colours(shot, points)
     ring, camera_x = nearest_floor(shot.camera), shot.camera.position_b[0]
     nearest = points.points_b[chosen & (points.depth < 0.8), 0].min() - camera_x
-    figure, axes = new_figure(6.2, 5.0, columns=2, width_ratios=[1.5, 1])
+    figure, axes = new_figure(5.4, 5.0, columns=2, width_ratios=[1.5, 1])
     axes[0].imshow(shot.rgb)
     axes[0].set_title("One image")
     axes[0].axis("off")
     _plan(axes[1], points, colours, chosen)
     axes[1].plot([-1.3, 1.3], [camera_x + ring] * 2, color=COLOURS["highlight"])
     axes[1].plot([0], [0], "^", markersize=13, color=COLOURS["estimate"])
-    axes[1].text(-1.2, camera_x + ring - 0.1, "nothing seen\nbelow this", va="top", fontsize=11)
+    axes[1].text(-1.2, camera_x + ring - 0.08, "nothing seen\nbelow this", va="top")
     axes[1].set_ylabel("ahead [m]")
     axes[1].set_title("laid on the floor")
     alt = f"""Left, the camera image of the corridor with letters. Right, its {np.count_nonzero(chosen)} floor
         pixels (every second row and column) seen from above: the letters stand upright and undistorted, from
-        {nearest:.2f} m in front of the camera on. Nearer than the line at {ring:.2f} m nothing is seen."""
+        {nearest:.2f} m in front of the camera on. Below the line, {camera_x + ring:.2f} m ahead of the robot's centre
+        (the triangle), nothing is seen."""
     return Picture(figure, alt)
 
 
 def pitch_picture(shots: list[Shot]) -> tuple[Picture, dict[str, float]]:
-    """How much floor is found when the pitch is noted wrong, for three tolerances."""
+    """Draw how much floor is found when the assumed pitch is wrong, for three tolerances."""
     errors = np.array([-3.0, -2.0, -1.5, -1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0])
     settings = {
-        "1 cm (report)": (0.01, 0.0, "odometry"),
-        "3 cm": (0.03, 0.0, "particles"),
-        "1.5 cm + 1 cm per metre": (0.015, 0.01, "estimate"),
+        "1 cm (report)": (0.01, 0.0, ":"),
+        "3 cm": (0.03, 0.0, "--"),
+        "1.5 cm + 1 cm per metre": (0.015, 0.01, "-"),
     }
-    figure, axes = new_figure(6.2, 4.4)
+    figure, axes = new_figure(5.4, 4.4)
     shares = {}
-    for name, (tolerance, per_metre, colour) in settings.items():
+    for name, (tolerance, per_metre, style) in settings.items():
         share = shares[name] = 100 * pitch_sweep(shots, errors, tolerance, per_metre)
-        style = LINE_STYLES.get(colour, "-.")
-        axes.plot(errors, np.median(share, axis=1), color=COLOURS[colour], linestyle=style, label=name)
-        axes.fill_between(
-            errors, share.min(axis=1), share.max(axis=1), color=COLOURS[colour], alpha=0.15, linewidth=0
-        )
-    axes.set_xlabel("error of the noted pitch [degrees]")
+        axes.plot(errors, np.median(share, axis=1), color=COLOURS["free"], linestyle=style, label=name)
+        low, high = share.min(axis=1), share.max(axis=1)
+        axes.fill_between(errors, low, high, color=COLOURS["free"], alpha=0.12, linewidth=0)
+    axes.set_xlabel("error of the assumed pitch [degrees]")
     axes.set_ylabel("floor found [% of its pixels]")
     axes.set_ylim(0, 103)
-    figure.legend(title="tolerance", loc="outside upper center", ncols=3, fontsize=11)
+    figure.legend(title="tolerance", loc="outside upper center", ncols=2)
     at = {error: i for i, error in enumerate(errors.tolist())}
     off = {name: float(np.median(share[at[1.0]])) for name, share in shares.items()}
     zero = {name: float(np.median(share[at[0.0]])) for name, share in shares.items()}
     names = tuple(settings)
     exact, (one, three, grows) = zero[names[0]], (off[name] for name in names)
-    alt = f"""Share of the floor's pixels that are found against the error of the noted pitch, medians over
+    alt = f"""Share of the floor's pixels that are found against the error of the assumed pitch, medians over
         {len(shots)} images with their range. With the right pitch {exact:.0f} % at a tolerance of 1 cm. One degree
         off: {one:.0f} % at 1 cm, {three:.0f} % at 3 cm, {grows:.0f} % with a tolerance that grows with range."""
     return Picture(figure, alt), off
@@ -148,15 +150,15 @@ def _show(axes: Axes, spec: GridSpec, rgb: np.ndarray, seen: np.ndarray) -> None
 def texture_pair_picture(
     name: str, maps: dict[str, tuple[FloorTexture, TextureError]], words: str
 ) -> Picture:
-    """The report's figure 9 for one drive: with its settings, and refined."""
-    figure, axes = new_figure(6.2, 3.9, columns=2, sharey=True)
-    for ax, rung in zip(axes, ("report", "refined"), strict=True):
+    """Draw the report's figure 9 for one drive: with its settings, and refined."""
+    figure, axes = new_figure(5.4, 3.9, columns=2, sharey=True)
+    for ax, rung in zip(axes, ("report", REFINED), strict=True):
         texture = maps[rung][0]
         _show(ax, texture.spec, texture.rgb, texture.seen)
-        metric_axes(ax, rung)
+        metric_axes(ax, "refined" if rung == REFINED else rung)
         ax.set_xticks([0, 10, 20])
     axes[1].set_ylabel("")
-    report, refined = maps["report"][1], maps["refined"][1]
+    report, refined = maps["report"][1], maps[REFINED][1]
     found, off = (100 * report.coverage, 100 * refined.coverage), (report, refined)
     shift = tuple(error.position_median_cells for error in off)
     alt = f"""Floor texture of {name} from above, on the left with the report's settings, on the right refined.
@@ -166,8 +168,8 @@ def texture_pair_picture(
 
 
 def word_picture(judge: Judge, maps: dict[str, tuple[FloorTexture, TextureError]]) -> Picture:
-    """The same word on the true floor and in two maps."""
-    (report, wrong), (refined, right) = maps["report"], maps["refined"]
+    """Draw the same word on the true floor and in two maps."""
+    (report, wrong), (refined, right) = maps["report"], maps[REFINED]
     every = np.ones(judge.floor.shape, dtype=bool)
     panels = {
         "the true floor": (judge.colours, every),
@@ -175,7 +177,7 @@ def word_picture(judge: Judge, maps: dict[str, tuple[FloorTexture, TextureError]
         "refined": (refined.rgb, refined.seen),
     }
     x0, x1, y0, y1 = WORD_WINDOW
-    figure, axes = new_figure(6.2, 6.8, rows=3, sharex=True)
+    figure, axes = new_figure(5.4, 6.8, rows=3, sharex=True)
     for ax, (title, (rgb, seen)) in zip(axes, panels.items(), strict=True):
         _show(ax, judge.spec, rgb, seen)
         metric_axes(ax, title)
@@ -194,9 +196,9 @@ def word_picture(judge: Judge, maps: dict[str, tuple[FloorTexture, TextureError]
 def swapped_picture(
     shot: Shot, wrong_camera: RgbdModel, fitted: RgbdModel
 ) -> tuple[Picture, dict[str, float]]:
-    """The same image laid flat with the right K, and with the swapped one after the floor has been fitted."""
+    """Draw the same image laid flat with the right K, and with the swapped one after the floor has been fitted."""
     panels = {"right K": (shot.camera, 0.01), "swapped K, floor fitted": (fitted, 0.03)}
-    figure, axes = new_figure(6.2, 5.6, columns=2, sharey=True)
+    figure, axes = new_figure(5.4, 5.6, columns=2, sharey=True)
     for ax, (title, (camera, tolerance)) in zip(axes, panels.items(), strict=True):
         points = points_of(shot, camera, step=2)
         _plan(ax, points, registered_colours(shot, points), chosen_as_floor(points, tolerance))
@@ -213,3 +215,24 @@ def swapped_picture(
         the floor's plane fitted the letters are as sharp, but the corridor is turned to the {side}: two metres ahead
         it lies {abs(sideways):.2f} m aside. Without the fit {100 * found:.0f} % of the floor's pixels would pass."""
     return Picture(figure, alt), numbers
+
+
+def cell_views_picture(views: CellViews, true_colour: np.ndarray) -> Picture:
+    """Draw every look at one cell of the floor: when, from how far, and what colour it had."""
+    figure, axes = new_figure(5.4, 3.8)
+    axes.scatter(
+        views.t, views.depth, s=260, c=views.colours / 255, edgecolors=COLOURS["truth"], linewidths=1
+    )
+    nearest, last = int(np.argmin(views.depth)), len(views.t) - 1
+    for k, words in ((nearest, "nearest view"), (last, "last view")):
+        axes.text(views.t[k] + 4, views.depth[k] - 0.55, words, ha="right", va="center")
+    axes.scatter([], [], s=200, color=true_colour / 255, edgecolors=COLOURS["truth"], label="true colour")
+    axes.set(xlabel="time [s]", ylabel="depth [m]", xlim=(-8, 130), ylim=(0, 6))
+    figure.legend(loc="outside upper center")
+    off = np.abs(views.colours.astype(float) - true_colour).mean(axis=1)
+    return Picture(
+        figure,
+        f"""One cell of the floor, seen in {len(views.t)} images from {views.depth.min():.1f} to
+        {views.depth.max():.1f} m. The colours differ. That of the last view is off by {off[last]:.0f} levels of 255,
+        that of the nearest view by {off[nearest]:.0f}.""",
+    )

@@ -17,6 +17,8 @@ COLOURS = {
     "free": "#009e73",
     "unknown": "#b8bcc2",
     "highlight": "#e69f00",
+    "report": "#7f5539",  # the filter as the report has it, where both filters are drawn
+    "refined": "#0072b2",  # ours; as an estimate
 }
 LINE_STYLES = {"truth": (0, (1, 1.2)), "odometry": "--", "estimate": "-"}
 
