@@ -28,7 +28,7 @@ Sums over up to 16,777 beams stay below 2^24, where float32 counts exactly.
 
 
 def map_correlation(occupied: np.ndarray, spec: GridSpec, points_w: np.ndarray) -> int:
-    """How many points ``(M, 2)`` (world, m) fall on occupied cells ``(H, W)`` bool. Implements Eq. 6, 8, 9.
+    """Count the points ``(M, 2)`` (world, m) on occupied cells ``(H, W)`` bool. Implements Eq. 6, 8, 9.
 
     Points outside the grid score nothing. This is the definition; the fast search is tested against it.
 
@@ -56,7 +56,7 @@ class ScoreField:
 
 
 def score_field(occupied: np.ndarray, kind: str) -> ScoreField:
-    """The field of scores for occupied cells ``(H, W)`` bool.
+    """Make the field of scores for occupied cells ``(H, W)`` bool.
 
     "occupied": 1 on occupied cells, 0 elsewhere: the report's count. "distance": 1000 exp(-d^2 / 2) with d the distance
     in cells to the nearest occupied cell, cut off at 4 cells. This is the likelihood field of Thrun, Burgard and Fox
@@ -71,7 +71,7 @@ def score_field(occupied: np.ndarray, kind: str) -> ScoreField:
 
 
 def squared_distance(occupied: np.ndarray, reach: int) -> np.ndarray:
-    """Squared distance ``(H, W)`` uint8 in cells to the nearest occupied cell; above ``reach**2`` where there is none.
+    """Square the distance (cells) to the nearest occupied cell, ``(H, W)`` uint8; above ``reach**2`` if it is farther.
 
     d^2 = dx^2 + dy^2 is separable: the nearest along each row first, then along the columns of the result.
 
@@ -89,7 +89,7 @@ def squared_distance(occupied: np.ndarray, reach: int) -> np.ndarray:
 
 
 def updated_field(field: ScoreField, occupied: np.ndarray, rectangle: tuple[slice, slice]) -> ScoreField:
-    """The score field after the cells in ``rectangle`` have changed: only its surroundings are computed again."""
+    """Renew a score field after the cells in ``rectangle`` have changed: only around them is it computed again."""
     values, reach = field.values.copy(), _reach(field.kind)
     (inner, outer) = (_widened(rectangle, occupied.shape, n * reach) for n in (1, 2))
     fresh = score_field(occupied[outer], field.kind).values
@@ -99,7 +99,7 @@ def updated_field(field: ScoreField, occupied: np.ndarray, rectangle: tuple[slic
 
 
 def _reach(kind: str) -> int:
-    """How many cells away from an occupied cell an end point may lie and still score."""
+    """Return how many cells away from an occupied cell an end point may lie and still score."""
     return isqrt(len(CREDIT[kind]) - 1)
 
 

@@ -58,7 +58,7 @@ class Drive:
 
     @classmethod
     def of(cls, recording: Recording, config: SlamConfig) -> Drive:
-        """The part of a recording that a run with this configuration uses; ``DataError`` if it covers no scan.
+        """Take from a recording what a run with this configuration uses; ``DataError`` if no scan is covered.
 
         The run begins at its first scan, or at the odometry's first stamp if the filter predicts before that scan.
         """
@@ -79,7 +79,7 @@ class Drive:
         return len(self.scans)
 
     def events(self) -> Iterator[ScanEvent]:
-        """The used scans in order, each with the motion since the one before."""
+        """Yield the used scans in order, each with the motion since the one before."""
         scans, lidar, previous = self.recording.scans(), self.recording.robot.lidar, self.begin
         for i, t, tilt, motion in zip(self.scans, self.t, self.tilt, self.motion, strict=True):
             floor = self.floor if tilt.any() else -np.inf
@@ -91,7 +91,7 @@ class Drive:
             previous = t
 
     def motion_during(self, t: float, sweep: float) -> np.ndarray:
-        """The odometry's motion ``(3,)`` over the ``sweep`` (s) of a scan whose middle beam was measured at ``t``."""
+        """Return the odometry's motion ``(3,)`` over the ``sweep`` (s) of a scan with its middle beam at ``t``."""
         ends = np.clip([t - 0.5 * sweep, t + 0.5 * sweep], *self.odometry.t[[0, -1]])
         return between(*self.odometry.at(ends))
 
@@ -99,7 +99,7 @@ class Drive:
 def _used_scans(
     recording: Recording, config: SlamConfig, odometry: Trajectory
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Indices of the scans a run will use, and how many were left out because odometry does not cover them."""
+    """Find the indices of the scans a run will use, and count those that the odometry does not cover."""
     stamps = recording.scans().t
     every = config.every if config.every is not None else recording.default_every
     index = np.arange(0, len(stamps), every)
@@ -115,7 +115,7 @@ def _used_scans(
 def level_scan(
     ranges: np.ndarray, lidar: LidarModel, tilt: np.ndarray | tuple[float, float], floor: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """One scan in the level body frame: end points ``(M, 2)``, beams ``(M,)``, LiDAR ``(2,)``, number left out.
+    """Turn one scan into the level body frame: end points ``(M, 2)``, beams ``(M,)``, LiDAR ``(2,)``, number left out.
 
     ``tilt (2,)`` is (pitch, roll) in radians. Beams that end lower than ``floor`` (m above the ground under the robot)
     are left out: they struck the floor, which is no wall.
@@ -132,7 +132,7 @@ def level_scan(
 
 
 def deskewed(points_b: np.ndarray, beams: np.ndarray, lidar: LidarModel, motion: np.ndarray) -> np.ndarray:
-    """Deskewing: the end points ``(M, 2)`` as if all beams had been measured at the stamp.
+    """Deskew a scan: return its end points ``(M, 2)`` as if all beams had been measured at the stamp.
 
     A scanner's mirror turns while the robot does: each beam is measured from a pose of its own, and a turning robot
     smears its walls. ``motion (3,)`` is the odometry's from first beam to last; each beam takes its share of it.

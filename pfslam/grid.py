@@ -21,7 +21,7 @@ MAX_CELLS = 400_000_000
 
 
 def check_cells(what: str, shape, why: str) -> None:
-    """``DataError`` for a rectangle ``shape`` (columns, rows) of more than ``MAX_CELLS``, before it takes memory.
+    """Raise ``DataError`` for a rectangle ``shape`` (columns, rows) of more than ``MAX_CELLS``, before it takes memory.
 
     ``what`` asks for it, and ``why`` says what for.
     """
@@ -71,27 +71,27 @@ class GridSpec:
         return x, x + w * self.resolution, y, y + h * self.resolution
 
     def world_to_cell(self, points_w) -> np.ndarray:
-        """Cells ``(..., 2)`` int (ix, iy) of points ``(..., 2)`` in metres: floor((p - origin) / resolution)."""
+        """Return cells ``(..., 2)`` int (ix, iy) of points ``(..., 2)`` in m: floor((p - origin) / resolution)."""
         return np.floor((np.asarray(points_w) - self.origin) / self.resolution).astype(np.int64)
 
     def cell_to_world(self, cells) -> np.ndarray:
-        """Centres ``(..., 2)`` in metres of cells ``(..., 2)`` given as (ix, iy)."""
+        """Return the centres ``(..., 2)`` in metres of cells ``(..., 2)`` given as (ix, iy)."""
         return (np.asarray(cells) + 0.5) * self.resolution + self.origin
 
     def contains(self, cells) -> np.ndarray:
-        """Which cells ``(..., 2)``, given as (ix, iy), lie inside the grid (bool ``(...)``)."""
+        """Tell which cells ``(..., 2)``, given as (ix, iy), lie inside the grid (bool ``(...)``)."""
         cells = np.asarray(cells)
         return (cells >= 0).all(axis=-1) & (cells[..., 0] < self.shape[1]) & (cells[..., 1] < self.shape[0])
 
     def grown(self, left: int, right: int, bottom: int, top: int) -> GridSpec:
-        """The grid with so many cells more on each side."""
+        """Return the grid with so many cells more on each side."""
         (x, y), (h, w) = self.origin, self.shape
         origin = (x - left * self.resolution, y - bottom * self.resolution)
         return GridSpec(origin, self.resolution, (h + bottom + top, w + left + right))
 
     @classmethod
     def around(cls, points_w, resolution: float, margin: float = 1.0) -> GridSpec:
-        """The grid that covers points ``(M, 2)`` with a margin (m); its corner lies on a multiple of the resolution."""
+        """Make the grid that covers points ``(M, 2)`` with a margin (m); its corner is a multiple of the resolution."""
         points = np.atleast_2d(points_w)
         low = np.floor((points.min(axis=0) - margin) / resolution)
         high = np.ceil((points.max(axis=0) + margin) / resolution)
@@ -126,7 +126,7 @@ class OccupancyGrid:
         return probability(self.log_odds)
 
     def covering(self, points_w: np.ndarray, margin: float = 5.0) -> OccupancyGrid:
-        """This grid if it covers the points ``(M, 2)``, else a larger one with the same cells and the rest unknown.
+        """Return this grid if it covers the points ``(M, 2)``, else a larger one with the rest unknown.
 
         It grows by at least ``margin`` metres at a time, so that a long drive does not copy the map at every scan.
         """
@@ -146,7 +146,7 @@ class OccupancyGrid:
 
 
 def embed(values: np.ndarray, spec: GridSpec, larger: GridSpec) -> np.ndarray:
-    """Values ``(H, W)`` of one grid inside a larger one with the same resolution; the new cells are zero."""
+    """Place the values ``(H, W)`` of one grid inside a larger one with the same resolution; new cells are zero."""
     ix, iy = np.rint((np.subtract(spec.origin, larger.origin)) / spec.resolution).astype(int)
     result = np.zeros(larger.shape, dtype=values.dtype)
     result[iy : iy + spec.shape[0], ix : ix + spec.shape[1]] = values
@@ -190,7 +190,7 @@ class MapConfig(Settings):
 
 
 def trace_rays(start: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Cells ``(R, 2)`` that the rays from cell ``start (2,)`` to cells ``ends (M, 2)`` cross, the ends left out.
+    """Find the cells ``(R, 2)`` that rays from cell ``start (2,)`` to cells ``ends (M, 2)`` cross, the ends left out.
 
     Bresenham's lines in whole numbers, all rays at once; a cell crossed by several rays appears several times.
     """
@@ -205,7 +205,7 @@ def trace_rays(start: np.ndarray, ends: np.ndarray) -> np.ndarray:
 
 
 def free_cells(spec: GridSpec, points_w: np.ndarray, beams: np.ndarray, sensor_w: np.ndarray, rays: str):
-    """Mask ``(h, w)`` uint8 of the cells that a scan saw through, and the rectangle (slices) of the grid it covers.
+    """Mask ``(h, w)`` uint8 the cells that a scan saw through, in the rectangle (slices) of the grid that it covers.
 
     ``points_w (M, 2)`` are the end points in beam order, ``beams (M,)`` their beam numbers, ``sensor_w (2,)`` the
     LiDAR. Where beam numbers jump, beams had no return: they clear nothing, and the outline goes back to the sensor.
@@ -230,7 +230,7 @@ def integrate_scan(
     sensor_w: np.ndarray,
     config: MapConfig,
 ) -> tuple[OccupancyGrid, tuple[slice, slice]]:
-    """The map after one scan, and the rectangle of cells that it touched. Implements Eq. 15.
+    """Write one scan into the map, and return the rectangle of cells that it touched. Implements Eq. 15.
 
     Arguments as in ``free_cells``; the points must lie inside the grid (see ``OccupancyGrid.covering``). Every cell is
     written once per scan, hit or free, and a hit wins: a wall seen at a grazing angle must not be rubbed out by the

@@ -34,7 +34,7 @@ class Matched:
 
 
 def window_for(config: SearchConfig, lattice: Lattice, sigma_xy: float, sigma_yaw: float) -> Window:
-    """The window that spans three sigmas of the motion, within the limits of the configuration."""
+    """Choose the window that spans three sigmas of the motion, within the limits of the configuration."""
     cells = int(np.clip(np.ceil(3.0 * sigma_xy / lattice.step_xy), *config.cells))
     yaws = int(np.clip(np.ceil(3.0 * sigma_yaw / lattice.step_yaw), *config.yaws))
     return Window(cells, yaws)
@@ -49,7 +49,7 @@ def match(
     config: SearchConfig,
     rng: np.random.Generator,
 ) -> Matched:
-    """Each of ``poses (N, 3)`` moved to the best pose of its window for the end points ``(M, 2)`` (body, m).
+    """Move each of ``poses (N, 3)`` to the best pose of its window for the end points ``(M, 2)`` (body, m).
 
     ``sigmas`` are the standard deviations (m, rad) of the motion that led here: they set the search window, outside
     which no match is accepted, and the prior.
@@ -76,7 +76,7 @@ def match(
 
 
 def _in_parts(box: BoxScores) -> Iterator[BoxScores]:
-    """The box's particles, those of one node together, a handful of nodes at a time."""
+    """Yield the box's particles, those of one node together, a handful of nodes at a time."""
     order = np.argsort(box.node_of, kind="stable")
     parts = min(-(-len(order) * box.scores.shape[1] // CHUNK), len(order))
     for some in np.array_split(order, parts):
@@ -86,7 +86,7 @@ def _in_parts(box: BoxScores) -> Iterator[BoxScores]:
 
 
 def _gain(mean_score: np.ndarray, total: np.ndarray, config: SearchConfig) -> np.ndarray:
-    """Log-likelihood of a score: its logarithm (Eq. 12 with the count as likelihood), or sharpness times its mean."""
+    """Return a score's log-likelihood: its logarithm (Eq. 12, the count as likelihood), or sharpness times its mean."""
     if config.weight == "likelihood":
         return config.sharpness * mean_score
     with np.errstate(divide="ignore"):
@@ -94,7 +94,7 @@ def _gain(mean_score: np.ndarray, total: np.ndarray, config: SearchConfig) -> np
 
 
 def _jump_with_offset(box: BoxScores, poses, lattice: Lattice, window: Window, tie_breaks):
-    """The report's step: to a perturbation of greatest score, ties at random, keeping the offset from the node.
+    """Take the report's step to a perturbation of greatest score, ties at random, keeping the offset from the node.
 
     ``tie_breaks (n,)`` from 0 to 1 choose among equals. Where nothing scores, nothing is known, and the particle stays.
     """
@@ -108,7 +108,7 @@ def _jump_with_offset(box: BoxScores, poses, lattice: Lattice, window: Window, t
 
 
 def _climb(box: BoxScores, poses, lattice: Lattice, window: Window, sigmas, config: SearchConfig, full_score):
-    """The refined step: to the lattice pose that maximises J, then to the peak of J within a lattice step.
+    """Take the refined step: to the lattice pose that maximises J, then to the peak of J within a lattice step.
 
     J is the score less the prior's cost of leaving the predicted pose. With delta the perturbation and o the particle's
     offset from its node, that cost, |delta - o|^2 / 2 sigma^2, is linear in o apart from a term that is the same for
@@ -141,7 +141,7 @@ def _climb(box: BoxScores, poses, lattice: Lattice, window: Window, sigmas, conf
 
 
 def _linear(at_node: np.ndarray, offset: np.ndarray, delta: np.ndarray) -> np.ndarray:
-    """J of perturbations ``delta (3, ...)`` for particles at ``offset (3, ...)``, given J at their node."""
+    """Evaluate J of perturbations ``delta (3, ...)`` for particles at ``offset (3, ...)``, given J at their node."""
     J = at_node + offset[0] * delta[0]
     J += offset[1] * delta[1]
     J += offset[2] * delta[2]
@@ -149,7 +149,7 @@ def _linear(at_node: np.ndarray, offset: np.ndarray, delta: np.ndarray) -> np.nd
 
 
 def _candidates(at_node: np.ndarray, delta: np.ndarray, half_step: np.ndarray) -> np.ndarray:
-    """Perturbations ``(C,)`` that may be best for some particle: the others need not be compared one by one.
+    """Find the perturbations ``(C,)`` that may be best for some particle, so that only these need be compared.
 
     A particle lies at most half a step from its node, so its J differs from that at the node by at most ``margin``.
     """
@@ -162,7 +162,7 @@ def _candidates(at_node: np.ndarray, delta: np.ndarray, half_step: np.ndarray) -
 
 
 def _peaks(J: Callable, choice: np.ndarray, window: Window) -> np.ndarray:
-    """Peak ``(n, 3)`` (x, y, heading), in steps from the best node, of a parabola through it and its neighbours.
+    """Find the peak ``(n, 3)``, in steps from the best node, of a parabola through it and its neighbours on each axis.
 
     ``J`` gives the objective at one perturbation per particle. Half a step each way at most, because no neighbour is
     better; none across the border of the window or where J does not curve down.

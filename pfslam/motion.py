@@ -28,7 +28,7 @@ class Controls:
     omega: np.ndarray
 
     def during(self, start: float, stop: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """``(v, omega, dt)`` between two times, each ``(n,)``; the intervals at both ends are cut to fit."""
+        """Return ``(v, omega, dt)`` between two times, each ``(n,)``; the intervals at both ends are cut to fit."""
         first = max(int(np.searchsorted(self.t, start, side="right")) - 1, 0)
         last = int(np.searchsorted(self.t, stop, side="left"))
         edges = np.clip(self.t[first : last + 1], start, stop)
@@ -36,7 +36,7 @@ class Controls:
 
 
 def wheel_distance(encoders: Encoders, model: EncoderModel, t) -> np.ndarray:
-    """Distance travelled by the chassis centre since the first reading, at times ``t (K,)``, in metres ``(K,)``.
+    """Add up the distance (m) of the chassis centre since the first reading, at times ``t (K,)``.
 
     The mean of the four wheels, cumulated, then interpolated. A time outside the encoders' own raises ``DataError``.
     """
@@ -54,7 +54,7 @@ def wheel_distance(encoders: Encoders, model: EncoderModel, t) -> np.ndarray:
 
 
 def wheel_speed(encoders: Encoders, model: EncoderModel, t) -> np.ndarray:
-    """Mean forward speed ``(K - 1,)`` in m/s between consecutive times ``t (K,)``. Implements Eq. 19.
+    """Return the mean speed ``(K - 1,)`` in m/s between consecutive times ``t (K,)``. Implements Eq. 19.
 
     The report's sum(C) / 4 * l is a distance per reading; here it is cumulated and divided by the true interval.
     """
@@ -62,7 +62,7 @@ def wheel_speed(encoders: Encoders, model: EncoderModel, t) -> np.ndarray:
 
 
 def controls(recording: Recording) -> Controls:
-    """The control inputs of a recording: one per gyro sample, or one per step of a log's odometry.
+    """Derive the control inputs of a recording: one per gyro sample, or one per step of a log's odometry.
 
     A gyro sample stands for the interval that ends at its stamp. Gyro samples outside the encoders' time are not used,
     because the distance is not known there.
@@ -85,7 +85,7 @@ def controls(recording: Recording) -> Controls:
 
 
 def motion_model(poses: np.ndarray, v, omega, dt) -> np.ndarray:
-    """Poses ``(..., 3)`` after ``dt`` s at ``v`` m/s and ``omega`` rad/s, Euler step. Implements Eq. 1, 3, 5.
+    """Move poses ``(..., 3)`` for ``dt`` s at ``v`` m/s and ``omega`` rad/s, Euler step. Implements Eq. 1, 3, 5.
 
     ``v`` and ``omega`` are scalars or one per pose. With noisy controls the result is a draw from the model's density.
 
@@ -99,7 +99,7 @@ def motion_model(poses: np.ndarray, v, omega, dt) -> np.ndarray:
 
 
 def motion_model_arc(poses: np.ndarray, v, omega, dt) -> np.ndarray:
-    """The same with the exact arc that constant ``v`` and ``omega`` drive; equals the Euler step as dt goes to 0.
+    """Move poses along the exact arc of constant ``v`` and ``omega``; equals the Euler step as dt goes to 0.
 
     >>> motion_model_arc(np.zeros(3), v=1.0, omega=np.pi / 2, dt=2.0).round(3).tolist()  # half a circle
     [0.0, 1.273, 3.142]
@@ -113,7 +113,7 @@ def motion_model_arc(poses: np.ndarray, v, omega, dt) -> np.ndarray:
 
 
 def integrate(controls: Controls, start=(0.0, 0.0, 0.0), model=motion_model) -> Trajectory:
-    """The motion model applied control after control from pose ``start``, at the controls' own times."""
+    """Apply the motion model, control after control, from pose ``start``, at the controls' own times."""
     poses = np.empty((len(controls.t), 3))
     poses[0] = start
     # The headings do not depend on the positions: sum them first, then take every step at once from the origin.
@@ -126,7 +126,7 @@ def integrate(controls: Controls, start=(0.0, 0.0, 0.0), model=motion_model) -> 
 
 
 def dead_reckoning(recording: Recording, inputs: Controls | None = None) -> Trajectory:
-    """Where the robot would be if wheels and gyro were free of errors; starts at (0, 0, 0). Eq. 5 without noise.
+    """Integrate wheels and gyro as if they were free of errors, from (0, 0, 0): Eq. 5 without noise.
 
     A log that holds odometry poses returns those, moved to start at the origin. ``inputs`` are the recording's
     ``controls``, for callers that have them already.

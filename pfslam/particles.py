@@ -58,7 +58,7 @@ class Particles:
 
     @classmethod
     def at(cls, pose, n: int) -> Particles:
-        """``n`` particles at one pose ``(3,)`` with equal weights 1 / n: the report's start."""
+        """Put ``n`` particles at one pose ``(3,)`` with equal weights 1 / n: the report's start."""
         return cls(np.tile(np.asarray(pose, dtype=float), (n, 1)), np.zeros(n))
 
 
@@ -77,7 +77,7 @@ class ControlNoise(Settings):
 
 
 def log_sum_exp(values: np.ndarray) -> float:
-    """log(sum(exp(values))) without overflow; -inf if every value is -inf."""
+    """Compute log(sum(exp(values))) without overflow; -inf if every value is -inf."""
     top = np.max(values)
     return float(top + np.log(np.sum(np.exp(values - top)))) if np.isfinite(top) else float(top)
 
@@ -85,7 +85,7 @@ def log_sum_exp(values: np.ndarray) -> float:
 def predict(
     particles: Particles, v, omega, dt: float, noise: ControlNoise, rng: np.random.Generator
 ) -> Particles:
-    """Every particle driven for ``dt`` s by its own noisy control; weights unchanged. Implements Eq. 11.
+    """Drive every particle for ``dt`` s by its own noisy control, weights unchanged. Implements Eq. 11.
 
     >>> cloud = Particles.at(np.zeros(3), 100)
     >>> noise = ControlNoise(sigma_v=0.1, sigma_omega=0.1)
@@ -101,7 +101,7 @@ def predict(
 
 
 def reweight(particles: Particles, log_likelihood: np.ndarray) -> tuple[Particles, float]:
-    """Weights times likelihood, normalised; and the log evidence log p(z). Implements Eq. 12.
+    """Multiply weights by likelihoods and normalise; also return the log evidence log p(z). Implements Eq. 12.
 
     ``log_likelihood (N,)``. If no particle has any likelihood the scan says nothing: the particles come back as they
     were, with evidence -inf for the caller to count.
@@ -139,14 +139,14 @@ def _checked(weights) -> np.ndarray:
 
 
 def _pick(weights: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """The particle in whose share of [0, 1) each position falls; never one of zero weight."""
+    """Return the particle in whose share of [0, 1) each position falls; never one of zero weight."""
     edges = np.cumsum(weights)
     last = int(np.flatnonzero(weights)[-1])  # round-off may leave the last edge short of 1
     return np.minimum(np.searchsorted(edges / edges[-1], positions, side="right"), last)
 
 
 def systematic_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Ancestors ``(N,)``: one random offset, then N equal strides through the cumulative weights.
+    """Draw ancestors ``(N,)``: one random offset, then N equal strides through the cumulative weights.
 
     >>> systematic_resample([0.6, 0.25, 0.15], np.random.default_rng(0)).tolist()
     [0, 0, 2]
@@ -156,18 +156,18 @@ def systematic_resample(weights: np.ndarray, rng: np.random.Generator) -> np.nda
 
 
 def stratified_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Ancestors ``(N,)``: one random position in each of N equal strata."""
+    """Draw ancestors ``(N,)``: one random position in each of N equal strata."""
     weights, n = _checked(weights), len(weights)
     return _pick(weights, (np.arange(n) + rng.random(n)) / n)
 
 
 def multinomial_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Ancestors ``(N,)``: N independent draws."""
+    """Draw ancestors ``(N,)``: N independent draws."""
     return _pick(_checked(weights), np.sort(rng.random(len(weights))))
 
 
 def residual_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Ancestors ``(N,)``: floor(N w) copies for certain, the rest drawn from what remains of each weight."""
+    """Draw ancestors ``(N,)``: floor(N w) copies for certain, the rest from what remains of each weight."""
     weights, n = _checked(weights), len(weights)
     expected = n * weights / np.sum(weights)
     certain = np.floor(expected + 1e-9).astype(int)  # 3 * (1/3) must count as one whole copy
@@ -190,6 +190,6 @@ RESAMPLERS = {
 
 
 def resample(particles: Particles, rng: np.random.Generator, scheme: str = "systematic") -> Particles:
-    """N particles drawn by weight, all with weight 1 / N afterwards."""
+    """Draw N particles by weight, all with weight 1 / N afterwards."""
     ancestors = RESAMPLERS[scheme](particles.weights, rng)
     return Particles(particles.poses[ancestors], np.zeros(len(particles)))

@@ -69,7 +69,7 @@ class History:
         return self.state.grid
 
     def opened(self) -> SlamState:
-        """The state as ``slam_step`` needs it: the same numbers."""
+        """Return the state in full, as ``slam_step`` needs it: the same numbers."""
         field = replace(self.state.field, values=self.field.full())
         moments = replace(self.state.moments, slots=self.slots.full())
         return replace(self.state, field=field, moments=moments)
@@ -77,7 +77,7 @@ class History:
     def after(
         self, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
     ) -> tuple[History, StepInfo]:
-        """One scan later. If nothing was drawn, it keeps the arrays that it may share with others."""
+        """Take one scan; if nothing was drawn, the history keeps the arrays that it may share with others."""
         state, info = slam_step(self.opened(), event, config, rng)
         if info.drawn:
             return History.of(state), info
@@ -93,7 +93,7 @@ class Histories:
 
     @classmethod
     def start(cls, config: SlamConfig) -> Histories:
-        """The hypotheses before the first scan: all alike, sharing one empty map."""
+        """Make the hypotheses before the first scan: all alike, sharing one empty map."""
         alike = (History.of(SlamState.start(replace(config, particles=1))),) * config.particles
         return cls(alike, np.full(len(alike), -np.log(len(alike))))
 
@@ -115,7 +115,7 @@ class Histories:
 def per_particle_step(
     histories: Histories, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
 ) -> tuple[Histories, StepInfo]:
-    """One scan for every hypothesis by itself, weights by how well it fits each map, and resampling of histories."""
+    """Take one scan for every hypothesis by itself, weigh each by its fit to its own map, and resample histories."""
     # Until there is a map, the hypotheses do not differ, and share what they have.
     if histories.best.state.drawn_at is None:
         state, info = histories.best.after(event, config, rng)

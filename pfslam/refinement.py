@@ -41,11 +41,11 @@ class HitMoments:
         return cls(spec, np.zeros(spec.shape, dtype=np.int32), np.zeros((1, 6)))
 
     def covering(self, spec: GridSpec) -> HitMoments:
-        """The same moments on a larger grid."""
+        """Return the same moments on a larger grid."""
         return self if spec == self.spec else HitMoments(spec, embed(self.slots, self.spec, spec), self.sums)
 
     def add(self, points_w: np.ndarray) -> HitMoments:
-        """With the hits ``(M, 2)`` (world, m) of one more scan; all must lie inside the grid."""
+        """Add the hits ``(M, 2)`` (world, m) of one more scan, all of which must lie inside the grid."""
         cells = self.spec.world_to_cell(points_w)
         x, y = ((points_w - self.spec.cell_to_world(cells)) / self.spec.resolution).T
         slots = self.slots.copy()
@@ -58,7 +58,7 @@ class HitMoments:
         return HitMoments(self.spec, slots, sums)
 
     def around(self, cells: np.ndarray, reach: int) -> np.ndarray:
-        """Moments ``(M, 6)`` of the cells up to ``reach`` away from ``cells (M, 2)``, about the middle cell's centre.
+        """Sum the moments ``(M, 6)`` up to ``reach`` away from ``cells (M, 2)``, about the middle cell's centre.
 
         Cells nearer than that to the border have none.
         """
@@ -76,13 +76,13 @@ class HitMoments:
 
 @lru_cache(maxsize=4)
 def _neighbourhood(reach: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Offsets of the neighbours, and the matrix that sums their moments about the middle cell's centre."""
+    """Return offsets of the neighbours, and the matrix that sums their moments about the middle cell's centre."""
     dy, dx = (d.ravel() - reach for d in np.indices((2 * reach + 1, 2 * reach + 1)))
     return dx, dy, np.vstack([_moved(int(x), int(y)) for x, y in zip(dx, dy, strict=True)])
 
 
 def _moved(dx: int, dy: int) -> np.ndarray:
-    """The matrix ``(6, 6)`` that takes moments (row vectors) about a cell (dx, dy) away to the middle cell's centre."""
+    """Return the matrix ``(6, 6)`` that takes moments about a cell (dx, dy) away to the middle cell's centre."""
     moved = np.eye(6)
     moved[0] = [1, dx, dy, dx * dx, dx * dy, dy * dy]
     moved[1, 3:5] = 2 * dx, dy
@@ -104,7 +104,7 @@ class Lines:
 
 
 def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig) -> Lines:
-    """The piece of wall near each of the points ``(M, 2)``: principal axes of the hits in the 3 x 3 cells around it."""
+    """Fit a line to the wall near each of the points ``(M, 2)``: principal axes of the hits in 3 x 3 cells."""
     cells = moments.spec.world_to_cell(points_w)
     n, x, y, xx, xy, yy = moments.around(cells, config.reach).T
     enough = n >= config.min_hits
@@ -140,7 +140,7 @@ def polish(
     odometry_pose: np.ndarray,
     config: PolishConfig,
 ) -> Polished:
-    """``pose (3,)`` moved so that the end points ``(M, 2)`` (body, m) lie on the lines of the map.
+    """Move ``pose (3,)`` so that the end points ``(M, 2)`` (body, m) lie on the lines of the map.
 
     Along a direction in which no line constrains it (the length of a bare corridor) the position is taken from
     ``odometry_pose (3,)``. Without at least three beams on lines the pose comes back as it was.
@@ -169,7 +169,7 @@ def polish(
 def line_residuals(
     moments: HitMoments, points_b: np.ndarray, pose: np.ndarray, config: PolishConfig
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distances ``(B,)`` (m) of the beams on lines from their lines, Jacobian ``(B, 3)`` for x, y, theta, weights."""
+    """Return the beams' distances ``(B,)`` (m) from their lines, Jacobian ``(B, 3)`` for x, y, theta, weights."""
     arm = transform_points([0.0, 0.0, pose[2]], points_b)
     lines = nearby_lines(moments, arm + pose[:2], config)
     arm, normal = arm[lines.found], lines.normal[lines.found]
@@ -179,7 +179,7 @@ def line_residuals(
 
 
 def gauss_newton_step(residual: np.ndarray, jacobian: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """The correction ``(3,)`` of a pose by one damped step of weighted least squares, at most ``MAX_STEP`` long."""
+    """Correct a pose ``(3,)`` by one damped step of weighted least squares, at most ``MAX_STEP`` long."""
     H = jacobian.T @ (weight[:, None] * jacobian)
     damped = H + 1e-3 * np.diag(np.diag(H)) + 1e-9 * np.eye(3)
     step = -np.linalg.solve(damped, jacobian.T @ (weight * residual))

@@ -66,7 +66,7 @@ class SlamResult:
 def slam_steps(
     recording: Recording, config: SlamConfig, rng: np.random.Generator
 ) -> Iterator[tuple[State, StepInfo]]:
-    """The run as an iterator over (state, info), one for each used scan: for animations and for long drives."""
+    """Yield (state, info) for each used scan of a run: for animations and for long drives."""
     return _steps(Drive.of(recording, config), config, rng)
 
 
@@ -90,7 +90,7 @@ def run_slam(
     progress: Callable | None = None,
     keep_particles: bool = True,
 ) -> SlamResult:
-    """Trajectory and map of a recording.
+    """Estimate the trajectory and the map of a recording.
 
     ``config=None`` is ``SlamConfig.refined()``; ``rng=None`` is seed 0. ``progress(iterable, total=n)`` may wrap the
     loop, as tqdm does. Without ``keep_particles`` the infos hold no clouds, which saves memory on long runs.
@@ -108,7 +108,7 @@ def run_slam(
 
 
 def _left_unused(infos: list[StepInfo]) -> dict[str, int]:
-    """Beams and scans that could not be used, counted by reason; a reason that never occurred is left out."""
+    """Count the beams and scans that could not be used, by reason; a reason that never occurred is left out."""
     counts = {
         "beams that struck the floor": sum(info.struck_floor for info in infos),
         "scans with too few valid beams": sum(not (info.matched or info.drawn) for info in infos),

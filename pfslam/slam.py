@@ -40,14 +40,14 @@ class SlamState:
 
     @classmethod
     def start(cls, config: SlamConfig) -> SlamState:
-        """The state before the first scan: all particles at the origin, and an empty map."""
+        """Make the state before the first scan: all particles at the origin, and an empty map."""
         return cls.without_map(Particles.at(np.zeros(3), config.particles), np.zeros(3), np.zeros(2), config)
 
     @classmethod
     def without_map(
         cls, particles: Particles, estimate: np.ndarray, points_w: np.ndarray, config: SlamConfig
     ) -> SlamState:
-        """A state with an empty map around the estimate and the points ``(M, 2)`` that are to be drawn into it."""
+        """Make a state with an empty map around the estimate and the points ``(M, 2)`` that will be drawn into it."""
         around = np.vstack([points_w, estimate[:2]])
         grid = OccupancyGrid.empty(GridSpec.around(around, config.map.resolution, margin=5.0))
         field, moments = score_field(grid.occupied, config.search.field), HitMoments.empty(grid.spec)
@@ -101,7 +101,7 @@ def slam_step(
     rng: np.random.Generator,
     parts: Parts = PARTS,
 ) -> tuple[SlamState, StepInfo]:
-    """One scan: predict, score and perturb, reweight, estimate, resample, draw: the loop of the report."""
+    """Process one scan: predict, score and perturb, reweight, estimate, resample, draw: the loop of the report."""
     # Without a map there is nothing to match: the first scan is only drawn.
     if state.drawn_at is None:
         return begin_map(state, event, config, rng)
@@ -135,7 +135,7 @@ def slam_step(
 def begin_map(
     state: SlamState, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
 ) -> tuple[SlamState, StepInfo]:
-    """A step without a map: the scan is drawn where the robot is taken to be, unless it has too few beams.
+    """Process a scan while there is no map: draw it where the robot is taken to be, unless it has too few beams.
 
     The map begins at that pose, so no particle can be wrong about its place in it: all stand at the odometry's pose.
     The report's filter predicts its first scan like any other and draws it from its best particle.
@@ -155,7 +155,7 @@ def begin_map(
 def predicted_only(
     state: SlamState, event: ScanEvent, particles: Particles, predicted: np.ndarray, variance: np.ndarray
 ) -> tuple[SlamState, StepInfo]:
-    """A scan with too few beams: the cloud is only predicted, and odometry alone moves the estimate."""
+    """Process a scan with too few beams: the cloud is only predicted, and odometry alone moves the estimate."""
     state = replace(state, particles=particles, estimate=predicted, variance=variance)
     return state, _info(event, predicted, particles)
 
@@ -163,7 +163,7 @@ def predicted_only(
 def predict_motion(
     particles: Particles, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
 ) -> tuple[Particles, np.ndarray]:
-    """Particles after the motion of one event, and the variance ``(2,)`` (m^2, rad^2) that it added."""
+    """Move the particles by the motion of one event; also return the variance ``(2,)`` (m^2, rad^2) that it added."""
     v, omega, dt = event.controls
     if isinstance(config.noise, ControlNoise):
         for k in range(len(v)):
@@ -186,14 +186,14 @@ def match_scan(
     rng: np.random.Generator,
     parts: Parts = PARTS,
 ) -> Matched:
-    """The particles moved to their best poses for a thinned scan; the window follows from the motion's uncertainty."""
+    """Move the particles to their best poses for a thinned scan; the motion's variance sets the window."""
     points = event.points_b[:: config.search.beam_stride]
     spec, sigmas = state.grid.spec, np.sqrt(variance)
     return parts.match(state.field, spec, points, particles.poses, sigmas, config.search, rng)
 
 
 def estimate_pose(particles: Particles, config: SlamConfig) -> np.ndarray:
-    """One pose ``(3,)`` for the whole cloud: the particle of greatest weight, or the weighted mean."""
+    """Choose one pose ``(3,)`` for the whole cloud: the particle of greatest weight, or the weighted mean."""
     if config.estimate == "best":
         return particles.poses[np.argmax(particles.log_weights)].copy()
     return average_pose(particles.poses, particles.weights)
@@ -202,7 +202,7 @@ def estimate_pose(particles: Particles, config: SlamConfig) -> np.ndarray:
 def align(
     state: SlamState, event: ScanEvent, estimate: np.ndarray, predicted: np.ndarray, config: SlamConfig
 ) -> Polished:
-    """The estimate after the line polish, or as it was if the configuration has none."""
+    """Polish the estimate on the map's lines, or return it as it was if the configuration has no polish."""
     if config.polish is None:
         return Polished(estimate, 0, None)
     points = event.points_b[:: config.polish.beam_stride]
@@ -210,20 +210,20 @@ def align(
 
 
 def shifted(particles: Particles, before: np.ndarray, after: np.ndarray) -> Particles:
-    """The cloud moved by the same correction that took the estimate from one pose to another."""
+    """Move the cloud by the same correction that took the estimate from one pose to another."""
     poses = particles.poses + (after - before)
     poses[:, 2] = wrap_angle(poses[:, 2])
     return Particles(poses, particles.log_weights)
 
 
 def has_moved(state: SlamState, config: SlamConfig) -> bool:
-    """Whether the estimate has moved or turned far enough for the next scan to be drawn."""
+    """Tell whether the estimate has moved or turned far enough for the next scan to be drawn."""
     motion = between(state.drawn_at, state.estimate)
     return bool(np.hypot(*motion[:2]) >= config.draw_metres or abs(motion[2]) >= config.draw_radians)
 
 
 def draw(state: SlamState, event: ScanEvent, config: SlamConfig) -> SlamState:
-    """The scan written into map, score field and hit moments from the estimate."""
+    """Write the scan into map, score field and hit moments from the estimate."""
     points_w = transform_points(state.estimate, event.points_b)
     sensor_w = transform_points(state.estimate, event.sensor_b[None])
     grid = state.grid.covering(np.concatenate([points_w, sensor_w]))
@@ -242,7 +242,7 @@ def draw(state: SlamState, event: ScanEvent, config: SlamConfig) -> SlamState:
 def describe(
     event: ScanEvent, aligned: Polished, particles: Particles, matched: Matched, evidence: float
 ) -> StepInfo:
-    """What to say about a step whose scan was matched."""
+    """Gather the facts about a step whose scan was matched."""
     info = _info(
         event, aligned.pose, particles, matched=True, scored=evidence > -np.inf, log_evidence=evidence
     )

@@ -42,19 +42,19 @@ class Tilt:
     roll: np.ndarray
 
     def at(self, t) -> np.ndarray:
-        """Pitch and roll ``(2,)`` at a time, ``(M, 2)`` at ``(M,)`` times; outside the gyro's own time, its nearest."""
+        """Return pitch and roll ``(2,)`` at a time, ``(M, 2)`` at ``(M,)`` times, the nearest outside the gyro's."""
         return np.stack([np.interp(t, self.t, self.pitch), np.interp(t, self.t, self.roll)], axis=-1)
 
 
 def standing_start(recording: Recording) -> np.ndarray:
-    """Which gyro samples ``(K,)`` bool were taken before the wheels first moved."""
+    """Tell which gyro samples ``(K,)`` bool were taken before the wheels first moved."""
     encoders, imu = recording.wheels_and_gyro()
     moving = np.flatnonzero(encoders.counts.any(axis=1))
     return imu.t < (encoders.t[moving[0]] if len(moving) else np.inf)
 
 
 def estimate_tilt(recording: Recording, config: TiltConfig, inputs: Controls | None = None) -> Tilt | None:
-    """Pitch and roll along a recording, each 0 where it is below ``level_below``; None without encoders and IMU.
+    """Estimate pitch and roll along a recording, 0 where below ``level_below``; None without encoders and IMU.
 
     The tilt of the accelerometer's own axes and the bias of the gyro are taken from the standing start, if there is
     one: the robot is supposed to start on level ground. ``inputs`` are the recording's ``controls``, for callers that
@@ -82,7 +82,7 @@ def estimate_tilt(recording: Recording, config: TiltConfig, inputs: Controls | N
 
 
 def _smoothed(values: np.ndarray, dt: np.ndarray, time_constant: float) -> np.ndarray:
-    """First-order low pass: the past only, so that it could run on the robot."""
+    """Apply a first-order low pass that uses the past only, so that it could run on the robot."""
     result, state = np.empty_like(values), values[0]
     for k, (value, share) in enumerate(zip(values, np.minimum(1.0, dt / time_constant), strict=True)):
         state += share * (value - state)
@@ -93,7 +93,7 @@ def _smoothed(values: np.ndarray, dt: np.ndarray, time_constant: float) -> np.nd
 def _complementary(
     rate: np.ndarray, measured: np.ndarray, dt: np.ndarray, time_constant: float
 ) -> np.ndarray:
-    """An angle that follows ``rate`` (rad/s) at once and returns to ``measured`` (rad) with the time constant."""
+    """Integrate ``rate`` (rad/s) to an angle that returns to ``measured`` (rad) with the time constant."""
     result, angle = np.empty_like(rate), 0.0
     turned = rate * dt
     for k, share in enumerate(np.minimum(1.0, dt / time_constant)):

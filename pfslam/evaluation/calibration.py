@@ -70,7 +70,7 @@ class Calibration:
 
 
 def calibrate(recording: Recording, result: SlamResult | None = None) -> Calibration:
-    """Bias from the still stretches; with the ``result`` of a run also drift and scales, from its matched motion."""
+    """Estimate bias from the still stretches; with the ``result`` of a run also drift and scales, from its motion."""
     at_rest = gyro_bias(recording)
     own = recording.robot.imu.gyro_bias
     if result is None:
@@ -90,7 +90,7 @@ def calibrate(recording: Recording, result: SlamResult | None = None) -> Calibra
 
 
 def apply_calibration(recording: Recording, calibration: Calibration) -> Recording:
-    """The same readings, with a robot whose wheels and gyro are as the calibration says.
+    """Return the same readings, with a robot whose wheels and gyro are as the calibration says.
 
     The bias over the drive is taken where it is known, else that at rest.
     """
@@ -103,7 +103,7 @@ def apply_calibration(recording: Recording, calibration: Calibration) -> Recordi
 
 
 def gyro_bias(recording: Recording) -> tuple[float, float, float]:
-    """Yaw rate at rest (rad/s), its standard error, and the seconds of stillness behind it.
+    """Estimate the yaw rate at rest (rad/s), its standard error, and the seconds of stillness behind it.
 
     The mean over pieces of a second; their own spread gives the error, so the gyro's coloured noise counts in full.
     """
@@ -116,7 +116,7 @@ def gyro_bias(recording: Recording) -> tuple[float, float, float]:
 
 
 def still_pieces(recording: Recording) -> list[slice]:
-    """Gyro samples, as slices of one second each, during which the robot stood.
+    """Find the gyro samples, as slices of one second each, during which the robot stood.
 
     No wheel counts then, nor just before or after; the gyro shows no steady turning; and it spreads, about each axis,
     hardly more than in the quietest such piece. So a robot that is pushed, carried or shaken does not count.
@@ -139,7 +139,7 @@ def still_pieces(recording: Recording) -> list[slice]:
 
 
 def _whole_pieces(t: np.ndarray, length: float) -> list[tuple[int, int]]:
-    """Index pairs (i, j) that part times ``t (K,)`` into pieces of ``length`` s; the last, cut short, is left out."""
+    """Divide times ``t (K,)`` into pieces of ``length`` s, as index pairs (i, j); the last, cut short, is left out."""
     if not len(t):
         return []
     edges = np.flatnonzero(np.diff(np.floor((t - t[0]) / length))) + 1
@@ -147,7 +147,7 @@ def _whole_pieces(t: np.ndarray, length: float) -> list[tuple[int, int]]:
 
 
 def matched_motion(recording: Recording, result: SlamResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Motion of the odometry and of the estimate ``(B, 3)`` in blocks of a second, and each block's length (s).
+    """Compare motions ``(B, 3)`` of odometry and estimate in blocks of a second; also return each block's length (s).
 
     Only blocks count in which every scan was matched and no direction was left to odometry: where the map says
     nothing, the estimate is the odometry, and comparing the two would prove whatever one likes.
@@ -172,7 +172,7 @@ def matched_motion(recording: Recording, result: SlamResult) -> tuple[np.ndarray
 
 
 def scale(shown: np.ndarray, true: np.ndarray) -> tuple[float, float]:
-    """The factor from ``shown (B,)`` to ``true (B,)`` by least squares through zero, and its standard error.
+    """Fit the factor from ``shown (B,)`` to ``true (B,)`` by least squares through zero, with its standard error.
 
     (1, inf) for too few blocks.
     """
@@ -185,7 +185,7 @@ def scale(shown: np.ndarray, true: np.ndarray) -> tuple[float, float]:
 def drift_and_scale(
     shown: np.ndarray, seconds: np.ndarray, true: np.ndarray
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Rate (rad/s) and factor with ``true = rate * seconds + factor * shown``, each with its standard error.
+    """Fit rate (rad/s) and factor in ``true = rate * seconds + factor * shown``, each with its standard error.
 
     (0, inf) and (1, inf) for a drive that turns all the time at one rate, where drift and scale cannot be separated.
     """
@@ -197,7 +197,7 @@ def drift_and_scale(
 
 
 def _least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Solution and standard errors; these from what each block leaves over, so slip counts with its real size."""
+    """Solve by least squares, with standard errors from each block's residual, so that slip counts in full."""
     inverse = np.linalg.inv(A.T @ A)
     value = inverse @ (A.T @ b)
     left = b - A @ value

@@ -41,7 +41,7 @@ class Finding:
 
 
 def check_up(recording: Recording) -> list[Finding]:
-    """All questions, in the order in which to mend what they find."""
+    """Ask all questions, in the order in which to mend what they find."""
     return [
         check_overlap(recording),
         check_gaps(recording),
@@ -56,7 +56,7 @@ def check_up(recording: Recording) -> list[Finding]:
 
 
 def check_overlap(recording: Recording) -> Finding:
-    """Whether the streams cover the same stretch of time: the shortest common time over the longest stream."""
+    """Check how much of the time all streams cover: the shortest common time over the longest stream."""
     question, expected = "Do the streams overlap?", "90 % or more"
     spans = np.array([[t[0], t[-1]] for t in _stamps(recording).values()])
     common = max(spans[:, 1].min() - spans[:, 0].max(), 0.0)
@@ -65,7 +65,7 @@ def check_overlap(recording: Recording) -> Finding:
 
 
 def check_gaps(recording: Recording) -> Finding:
-    """The longest time without a reading of encoders, gyro or LiDAR."""
+    """Check the longest time without a reading of encoders, gyro or LiDAR."""
     longest, name = max(
         (float(np.diff(t).max(initial=0.0)), name)
         for name, t in _stamps(recording).items()
@@ -79,7 +79,7 @@ def check_gaps(recording: Recording) -> Finding:
 
 
 def check_speed(recording: Recording) -> Finding:
-    """The largest count of any wheel, as a speed. Running totals, and counters that wrap, give impossible ones."""
+    """Check the largest count of any wheel as a speed: running totals and counters that wrap give impossible ones."""
     if recording.encoders is None:
         fastest = float(np.abs(controls(recording).v).max())
     else:
@@ -90,7 +90,7 @@ def check_speed(recording: Recording) -> Finding:
 
 
 def check_rest(recording: Recording) -> Finding:
-    """What the gyro shows while the robot stands."""
+    """Check what the gyro shows while the robot stands."""
     question, expected = "What does the gyro show at rest?", f"within {LARGEST_REST_RATE:.2f} rad/s of 0"
     if recording.encoders is None or recording.imu is None:
         return Finding(question, None, "no encoders and gyro", expected)
@@ -103,7 +103,7 @@ def check_rest(recording: Recording) -> Finding:
 
 
 def check_track(recording: Recording) -> Finding:
-    """Whether left and right wheels measure the same turns as the gyro, with some effective track."""
+    """Check whether left and right wheels measure the same turns as the gyro, with some effective track."""
     question, expected = "Do wheels and gyro turn the same way?", "a track of 0.2 to 2 m"
     if recording.encoders is None or recording.imu is None:
         return Finding(question, None, "no encoders and gyro", expected)
@@ -114,7 +114,7 @@ def check_track(recording: Recording) -> Finding:
 
 
 def check_beams(recording: Recording) -> Finding:
-    """The share of beams that measured something, and scans in which hardly any did."""
+    """Check the share of beams that measured something, and count scans in which hardly any did."""
     question, expected = "How many beams return?", "half or more"
     if recording.lidar is None:
         return Finding(question, None, "no LiDAR", expected)
@@ -124,7 +124,7 @@ def check_beams(recording: Recording) -> Finding:
 
 
 def check_scan_turn(recording: Recording) -> Finding:
-    """Whether successive scans turn as the gyro says: an upside-down LiDAR or a flipped gyro gives -1."""
+    """Check that successive scans turn as the gyro says: an upside-down LiDAR or a flipped gyro gives -1."""
     question, expected = "Do scans turn as the gyro does?", "a factor of 0.8 to 1.2"
     fit = scan_turn_fit(recording)
     if fit is None:
@@ -134,7 +134,7 @@ def check_scan_turn(recording: Recording) -> Finding:
 
 
 def check_scan_clock(recording: Recording) -> Finding:
-    """Whether scans and gyro share a clock: the shift at which their turns agree best."""
+    """Check that scans and gyro share a clock: find the shift at which their turns agree best."""
     question, expected = "Do scans and gyro share a clock?", "within 0.03 s"
     fit = scan_turn_fit(recording)
     if fit is None:
@@ -144,7 +144,7 @@ def check_scan_clock(recording: Recording) -> Finding:
 
 
 def check_images(recording: Recording) -> Finding:
-    """How many colour images have a depth image within a tenth of a second."""
+    """Check how many colour images have a depth image within a tenth of a second."""
     question, expected = "Do images have partners?", "95 % or more"
     if recording.camera is None or not len(recording.camera.rgb_index):
         return Finding(question, None, "no images", expected)
@@ -154,7 +154,7 @@ def check_images(recording: Recording) -> Finding:
 
 
 def effective_track(recording: Recording) -> float | None:
-    """Track (m) with which the wheels turn as the gyro does: least squares over a second at a time; None without turns.
+    """Fit the track (m) with which the wheels turn as the gyro does, over a second at a time; None without turns.
 
     Wheels that skid sideways make it wider than a ruler would. A negative one means that a sign is wrong, or that the
     sides are swapped.
@@ -169,7 +169,7 @@ def effective_track(recording: Recording) -> float | None:
 
 
 def turned_by_wheels(recording: Recording, t: np.ndarray, track: float) -> np.ndarray:
-    """Heading (rad) at times ``t (K,)`` from right less left wheels that stand ``track`` m apart."""
+    """Return the heading (rad) at times ``t (K,)`` from right less left wheels that stand ``track`` m apart."""
     encoders, _ = recording.wheels_and_gyro()
     right, left = encoders.counts[:, [0, 2]].mean(axis=1), encoders.counts[:, [1, 3]].mean(axis=1)
     apart = np.cumsum(right - left) * recording.robot.encoders.metres_per_count
@@ -177,12 +177,12 @@ def turned_by_wheels(recording: Recording, t: np.ndarray, track: float) -> np.nd
 
 
 def turned_by_gyro(inputs: Controls, t: np.ndarray) -> np.ndarray:
-    """Heading (rad) at times ``t (K,)`` from the yaw rates of the controls."""
+    """Return the heading (rad) at times ``t (K,)`` from the yaw rates of the controls."""
     return np.interp(t, inputs.t, np.concatenate([[0.0], np.cumsum(inputs.omega * np.diff(inputs.t))]))
 
 
 def scan_turn_fit(recording: Recording) -> tuple[float, float] | None:
-    """Turn seen by the LiDAR over turn measured by the gyro, and by how many seconds the scans' clock is late.
+    """Fit the turns seen by the LiDAR to those of the gyro: their ratio, and how many seconds the scans are late.
 
     None if there are no scans, or no turns to compare. The odometry takes the gyro's place where there is none.
     """
@@ -207,7 +207,7 @@ def scan_turn_fit(recording: Recording) -> tuple[float, float] | None:
 
 
 def scan_turns(recording: Recording, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Turn (rad) from scan ``first (P,)`` to scan ``second (P,)``: by how many beams the picture moved; NaN if unclear.
+    """Measure the turn (rad) from scan ``first (P,)`` to ``second (P,)`` by how many beams the view moved, else NaN.
 
     The robot also moves a little in between, which blurs the answer and does not turn it.
     """
@@ -228,7 +228,7 @@ def scan_turns(recording: Recording, first: np.ndarray, second: np.ndarray) -> n
 
 
 def _scan_pairs(inputs: Controls, scans: LidarScans) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of scans about ``SCAN_STEP`` apart, those with the strongest turns, well inside the odometry's time."""
+    """Choose pairs of scans about ``SCAN_STEP`` apart, with the strongest turns, inside the odometry's time."""
     second = np.searchsorted(scans.t, scans.t + SCAN_STEP)
     first = np.flatnonzero(second < len(scans.t))
     second = second[first]
@@ -242,7 +242,7 @@ def _scan_pairs(inputs: Controls, scans: LidarScans) -> tuple[np.ndarray, np.nda
 
 
 def _stamps(recording: Recording) -> dict[str, np.ndarray]:
-    """The stamps of every stream that is there."""
+    """Collect the stamps of every stream that is there."""
     streams = {"encoders": recording.encoders, "gyro": recording.imu, "odometry": recording.odometry}
     found = {name: stream.t for name, stream in streams.items() if stream is not None}
     if recording.lidar is not None:

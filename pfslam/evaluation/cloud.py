@@ -52,7 +52,7 @@ class CloudConsistency:
 
 
 def chi_square(x: float, dof: int) -> float:
-    """Probability that a sum of 2 or 3 squared standard normals is at most ``x``."""
+    """Return the probability that a sum of 2 or 3 squared standard normals is at most ``x``."""
     if x <= 0.0:
         return 0.0
     below = 1.0 - exp(-0.5 * x)
@@ -60,7 +60,7 @@ def chi_square(x: float, dof: int) -> float:
 
 
 def chi_square_quantile(share: float, dof: int) -> float:
-    """The value that a sum of 2 or 3 squared standard normals stays below with probability ``share``, by bisection.
+    """Find the value that a sum of 2 or 3 squared standard normals stays below with probability ``share``.
 
     >>> round(chi_square_quantile(0.9, 3), 3)
     6.251
@@ -77,21 +77,21 @@ def chi_square_quantile(share: float, dof: int) -> float:
 
 
 def cloud_moments(particles: Particles) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted mean pose ``(3,)`` and covariance ``(3, 3)`` (m, m, rad) of a cloud, headings on the circle."""
+    """Return mean pose ``(3,)`` and covariance ``(3, 3)`` (m, m, rad) of a weighted cloud, headings on the circle."""
     mean = average_pose(particles.poses, particles.weights)
     away = _difference(particles.poses, mean)
     return mean, away.T @ (particles.weights[:, None] * away)
 
 
 def squared_mahalanobis(error: np.ndarray, covariance: np.ndarray) -> float:
-    """e' P^-1 e of an error ``(n,)`` under a covariance ``(n, n)``; infinite where P has no spread at all."""
+    """Compute e' P^-1 e of an error ``(n,)`` under a covariance ``(n, n)``; infinite where P has no spread at all."""
     if np.linalg.eigvalsh(covariance)[0] < LEAST_SPREAD**2:
         return np.inf
     return float(error @ np.linalg.solve(covariance, error))
 
 
 def cloud_consistency(infos: Iterable[StepInfo], truth: Trajectory, dof: int = 3) -> CloudConsistency:
-    """The clouds of a run against the truth; ``dof`` 2 asks for the position alone, 3 for the heading too.
+    """Compare the clouds of a run with the truth; ``dof`` 2 is for position alone, 3 for heading too.
 
     The run is moved as a whole so that its first estimate is true, as for the trajectory error; that first cloud,
     which knows its place by definition, is not counted. Clouds count as they gave the estimate, before resampling.

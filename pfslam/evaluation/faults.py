@@ -31,19 +31,19 @@ NO_RETURN = 0.0
 
 
 def start_time(recording: Recording) -> float:
-    """The first stamp (s) of the odometry, which is when a drive begins."""
+    """Return the first stamp (s) of the odometry, which is when a drive begins."""
     stream = recording.odometry if recording.odometry is not None else recording.wheels_and_gyro()[0]
     return float(stream.t[0])
 
 
 def first_seconds(recording: Recording, seconds: float) -> Recording:
-    """The drive's first ``seconds``."""
+    """Keep the drive's first ``seconds``."""
     end = start_time(recording) + seconds
     return _cut(recording, lambda t: t <= end, lambda t: t, "seconds", seconds)
 
 
 def kidnap(recording: Recording, at: float, seconds: float) -> Recording:
-    """A kidnapped robot: all streams cut for ``seconds`` from ``at`` on, and the clocks closed up.
+    """Kidnap the robot: cut ``seconds`` from ``at`` on out of all streams, and close up the clocks.
 
     The odometry misses the way in between; the truth does not, and jumps.
     """
@@ -60,7 +60,7 @@ def kidnap(recording: Recording, at: float, seconds: float) -> Recording:
 
 
 def _closed_up(odometry: Trajectory, begin: float) -> Trajectory:
-    """Odometry poses without the motion of the cut at time ``begin``."""
+    """Return odometry poses without the motion of the cut at time ``begin``."""
     after = odometry.t >= begin
     if after.all() or not after.any():
         return odometry
@@ -70,7 +70,7 @@ def _closed_up(odometry: Trajectory, begin: float) -> Trajectory:
 
 
 def blind(recording: Recording, begin: float, end: float) -> Recording:
-    """No beam returns between ``begin`` and ``end``; the scans still arrive."""
+    """Let no beam return between ``begin`` and ``end``; the scans still arrive."""
     scans, start = recording.scans(), start_time(recording)
     ranges = scans.ranges.copy()
     ranges[(scans.t >= start + begin) & (scans.t <= start + end)] = NO_RETURN
@@ -78,21 +78,21 @@ def blind(recording: Recording, begin: float, end: float) -> Recording:
 
 
 def range_noise(recording: Recording, sigma: float, rng: np.random.Generator) -> Recording:
-    """Normal noise of standard deviation ``sigma`` (m) on every measured range, on top of its own."""
+    """Add normal noise of standard deviation ``sigma`` (m) to every measured range, on top of its own."""
     ranges, valid = _ranges(recording)
     noise = sigma * rng.standard_normal(ranges.shape, dtype=np.float32)
     return _with_ranges(recording, np.where(valid, ranges + noise, ranges))
 
 
 def missing_beams(recording: Recording, share: float, rng: np.random.Generator) -> Recording:
-    """Each beam of each scan returns nothing with probability ``share``."""
+    """Let each beam of each scan return nothing with probability ``share``."""
     ranges, _ = _ranges(recording)
     lost = rng.random(ranges.shape, dtype=np.float32) < share
     return _with_ranges(recording, np.where(lost, np.float32(NO_RETURN), ranges))
 
 
 def random_ranges(recording: Recording, share: float, rng: np.random.Generator) -> Recording:
-    """Each beam of each scan reads any range the scanner can give, with probability ``share``."""
+    """Let each beam of each scan read any range the scanner can give, with probability ``share``."""
     ranges, _ = _ranges(recording)
     wild = rng.random(ranges.shape, dtype=np.float32) < share
     lidar = recording.robot.lidar
@@ -101,7 +101,7 @@ def random_ranges(recording: Recording, share: float, rng: np.random.Generator) 
 
 
 def scans_between(recording: Recording, begin: float, end: float) -> Recording:
-    """The scans from ``begin`` to ``end`` s after the first one only; all other streams are kept whole."""
+    """Keep only the scans from ``begin`` to ``end`` s after the first one, and all other streams whole."""
     scans = recording.scans()
     t = scans.t - scans.t[0]
     some = (t >= begin) & (t < end)
@@ -109,39 +109,39 @@ def scans_between(recording: Recording, begin: float, end: float) -> Recording:
 
 
 def late_scans(recording: Recording, seconds: float) -> Recording:
-    """The LiDAR's clock runs ``seconds`` ahead: every scan is stamped that much too late."""
+    """Stamp every scan ``seconds`` too late: the LiDAR's clock runs ahead by so much."""
     scans = recording.scans()
     return replace(recording, lidar=LidarScans(scans.t + seconds, scans.ranges))
 
 
 def clockwise(recording: Recording) -> Recording:
-    """The scan is read in the wrong sense of rotation, as with a LiDAR mounted upside down."""
+    """Read the scan in the wrong sense of rotation, as with a LiDAR mounted upside down."""
     return _with_ranges(recording, recording.scans().ranges[:, ::-1].copy())
 
 
 def glass_pane(recording: Recording, first: int, beams: int) -> Recording:
-    """No fault of a program but of the world: ``beams`` beams from number ``first`` on never return."""
+    """Let ``beams`` beams from number ``first`` on never return: a fault of the world, not of a program."""
     ranges = recording.scans().ranges.copy()
     ranges[:, first : first + beams] = np.inf
     return _with_ranges(recording, ranges)
 
 
 def renumbered(recording: Recording) -> Recording:
-    """Invalid ranges are thrown away and the rest numbered 0, 1, 2: the bearings no longer belong to them."""
+    """Throw invalid ranges away and number the rest 0, 1, 2: the bearings no longer belong to them."""
     ranges, valid = _ranges(recording)
     order = np.argsort(~valid, axis=1, kind="stable")
     return _with_ranges(recording, np.take_along_axis(np.where(valid, ranges, np.inf), order, axis=1))
 
 
 def lidar_at(recording: Recording, x: float, y: float) -> Recording:
-    """The program takes the LiDAR to sit at ``(x, y)`` m on the robot, wherever it really is."""
+    """Take the LiDAR to sit at ``(x, y)`` m on the robot, wherever it really is."""
     lidar = recording.robot.lidar
     lidar = replace(lidar, position_b=(x, y, lidar.position_b[2]))
     return replace(recording, robot=replace(recording.robot, lidar=lidar))
 
 
 def silent_gyro(recording: Recording, begin: float, end: float) -> Recording:
-    """The IMU sends nothing from ``begin`` to ``end``, both included."""
+    """Leave out the IMU's samples from ``begin`` to ``end``, both included."""
     _, imu = recording.wheels_and_gyro()
     t = imu.t - start_time(recording)
     kept = (t < begin) | (t > end)
@@ -155,13 +155,13 @@ def skip_gaps(controls: Controls, longest: float = 0.1) -> Controls:
 
 
 def scaled_gyro(recording: Recording, factor: float) -> Recording:
-    """The gyro in other units (180 / pi: degrees), or with the wrong sign (-1)."""
+    """Read the gyro in other units (180 / pi: degrees), or with the wrong sign (-1)."""
     _, imu = recording.wheels_and_gyro()
     return replace(recording, imu=Imu(imu.t, factor * imu.angular_velocity, imu.acceleration_g))
 
 
 def heading_from_wheels(recording: Recording) -> Recording:
-    """The yaw rate of right less left wheels over the measured track, in the place of the gyro's."""
+    """Take the yaw rate from right less left wheels over the measured track, in the place of the gyro's."""
     _, imu = recording.wheels_and_gyro()
     turned = turned_by_wheels(recording, imu.t, recording.robot.encoders.track)
     rates = imu.angular_velocity.copy()
@@ -180,7 +180,7 @@ def _with_ranges(recording: Recording, ranges: np.ndarray) -> Recording:
 
 
 def _cut(recording: Recording, keep: Callable, clock: Callable, name: str, value) -> Recording:
-    """Every stream's rows whose stamps ``keep`` accepts, at new stamps from ``clock``."""
+    """Keep every stream's rows whose stamps ``keep`` accepts, at new stamps from ``clock``."""
 
     def kept(kind, stream, *fields):
         if stream is None:
@@ -213,7 +213,7 @@ DISTURBANCES: dict[str, tuple[Callable, bool]] = {
 
 
 def disturb(recording: Recording, what: dict[str, Any], seed: int) -> Recording:
-    """Faults of the data by name, each with random numbers of its own that follow from ``seed``.
+    """Apply faults of the data by name, each with random numbers of its own that follow from ``seed``.
 
     A value is the function's argument, or a tuple of them: ``{"seconds": 60.0, "blind": (20.0, 25.0)}``.
     """
@@ -232,13 +232,13 @@ def disturb(recording: Recording, what: dict[str, Any], seed: int) -> Recording:
 
 
 def keep_weights(particles: Particles, rng: np.random.Generator, scheme: str) -> Particles:
-    """Wrong resampling: each copy keeps the weight that won it its place, and so is paid twice."""
+    """Resample wrongly: each copy keeps the weight for which it was chosen, and so counts it twice."""
     rows = RESAMPLERS[scheme](particles.weights, rng)
     return Particles(particles.poses[rows], particles.log_weights[rows])
 
 
 def torn_rows(particles: Particles, rng: np.random.Generator, scheme: str) -> Particles:
-    """Wrong resampling: positions by one draw and headings by another."""
+    """Resample wrongly: draw positions and headings separately."""
     rows, others = (rng.permutation(RESAMPLERS[scheme](particles.weights, rng)) for _ in range(2))
     poses = np.column_stack([particles.poses[rows, :2], particles.poses[others, 2]])
     return Particles(poses, np.zeros(len(rows)))
@@ -247,13 +247,13 @@ def torn_rows(particles: Particles, rng: np.random.Generator, scheme: str) -> Pa
 def match_without_translation(
     field: ScoreField, spec: GridSpec, points_b: np.ndarray, poses: np.ndarray, *rest
 ) -> Matched:
-    """Wrong matching: end points are (x, y, 0, 0) and not (x, y, 0, 1), so that a pose turns and never moves them."""
+    """Match wrongly: end points are (x, y, 0, 0), not (x, y, 0, 1), so that a pose turns and never moves them."""
     matched = match(field, spec, points_b, poses * [0.0, 0.0, 1.0], *rest)
     return Matched(poses, matched.log_likelihood, matched.score)
 
 
 def every_beam_a_witness(config: SlamConfig, beams: int = 1081) -> SlamConfig:
-    """Wrong weights: the softmax of the count, worth ``exp(beams)``, as if the beams of a scan were independent."""
+    """Weigh wrongly: take the softmax of the count, ``exp(beams)``, as if the beams of a scan were independent."""
     return replace(config, search=replace(config.search, sharpness=float(beams)))
 
 
@@ -261,16 +261,16 @@ def every_beam_a_witness(config: SlamConfig, beams: int = 1081) -> SlamConfig:
 
 
 def swapped_centre(camera: RgbdModel) -> RgbdModel:
-    """The principal point in (row, column) order where pixels are (column, row): the K that the report prints."""
+    """Take the principal point in (row, column) order, as in the K that the report prints; pixels are (column, row)."""
     return replace(camera, centre_u=camera.centre_v, centre_v=camera.centre_u)
 
 
 def disparity_offset_by(camera: RgbdModel, counts: float) -> RgbdModel:
-    """The program's depth law for a camera whose disparities are ``counts`` larger than it believes."""
+    """Make the program's depth law for a camera whose disparities are ``counts`` larger than it believes."""
     return replace(camera, disparity_offset=camera.disparity_offset + counts * camera.disparity_slope)
 
 
 def pairs_by_number(count_disparity: int, count_rgb: int) -> tuple[np.ndarray, np.ndarray]:
-    """Colour image i with depth image i, as if both cameras had taken the same pictures."""
+    """Pair colour image i with depth image i, as if both cameras had taken the same pictures."""
     i = np.arange(min(count_disparity, count_rgb))
     return i, i

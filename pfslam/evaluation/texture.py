@@ -63,7 +63,7 @@ def texture_error(
 def pattern_shifts(
     rgb, seen, true_rgb, known, patch: int = 20, search: int = 6, contrast: float = 10.0
 ) -> np.ndarray:
-    """By how much the pattern of each patch is displaced: ``(M, 2)`` cells, (x, y), below a cell's size.
+    """Measure how far the pattern of each patch is displaced: ``(M, 2)`` cells, (x, y), below a cell's size.
 
     Patches of ``patch`` cells a side, at least half seen, are moved by up to ``search`` cells over the true
     colours; the smallest mean squared difference counts, refined by a parabola in each axis. Only patches
@@ -79,7 +79,7 @@ def pattern_shifts(
 
 
 def _shift_costs(rgb, seen, true_rgb, known, patch: int, search: int) -> np.ndarray:
-    """Mean squared colour difference ``(S, S, rows, columns)`` by shift in y, x and by patch; inf: unseen."""
+    """Compute mean squared colour differences ``(S, S, rows, columns)`` by shift in y, x and patch; inf: unseen."""
     width, enough = 2 * search + 1, patch * patch / 2
     rows, columns = (n // patch for n in seen.shape)
     costs = np.full((width, width, rows, columns), np.inf)
@@ -102,7 +102,7 @@ def _shift_costs(rgb, seen, true_rgb, known, patch: int, search: int) -> np.ndar
 
 
 def _patches(picture: np.ndarray, patch: int, border: int) -> np.ndarray:
-    """A view ``(rows, columns, P, P, ...)`` of all whole patches with ``border`` cells around each, 0 outside."""
+    """View all whole patches, ``(rows, columns, P, P, ...)``, with ``border`` cells around each, 0 outside."""
     rows, columns = (n // patch for n in picture.shape[:2])
     around = [(border, border)] * 2 + [(0, 0)] * (picture.ndim - 2)
     size = patch + 2 * border
@@ -112,7 +112,7 @@ def _patches(picture: np.ndarray, patch: int, border: int) -> np.ndarray:
 
 
 def _best_shift(cost: np.ndarray) -> tuple[float, float]:
-    """(x, y) of the smallest of the costs ``(S, S)``, in cells from the middle; whole cells on the rim."""
+    """Find (x, y) of the smallest of the costs ``(S, S)``, in cells from the middle; whole cells on the rim."""
     search = cost.shape[0] // 2
     y, x = np.unravel_index(int(np.argmin(cost)), cost.shape)
     if not (0 < y < 2 * search and 0 < x < 2 * search):
@@ -124,7 +124,7 @@ def _best_shift(cost: np.ndarray) -> tuple[float, float]:
 def visible_floor(
     spec: GridSpec, poses, camera: RgbdModel, blocked: np.ndarray, max_depth: float, min_depth: float = 0.3
 ) -> np.ndarray:
-    """Cells ``(H, W)`` whose centre, at z = 0, both cameras see from some pose of ``poses (K, 3)``.
+    """Mark the cells ``(H, W)`` whose centre, at z = 0, both cameras see from some pose of ``poses (K, 3)``.
 
     The depth lies within the limits (m) and the line of sight, seen from above, meets no cell of
     ``blocked (H, W)``.
@@ -146,7 +146,7 @@ def visible_floor(
 
 
 def _in_both_images(points_w, pose, camera, min_depth: float, max_depth: float) -> np.ndarray:
-    """Which floor points ``(M, 2)`` of the world project into the depth image and into the colour image."""
+    """Tell which floor points ``(M, 2)`` of the world project into the depth image and into the colour image."""
     T_ow = invert_transform(pose_to_transform(pose) @ camera.T_bo)
     x, y, z = apply_transform(T_ow, np.column_stack([points_w, np.zeros(len(points_w))])).T
     near = (z >= min_depth) & (z <= max_depth)
@@ -158,7 +158,7 @@ def _in_both_images(points_w, pose, camera, min_depth: float, max_depth: float) 
 
 
 def _clear_line(spec: GridSpec, eye, points_w, blocked: np.ndarray) -> np.ndarray:
-    """Which points ``(M, 2)`` can be reached in a straight line from ``eye (2,)`` without a blocked cell."""
+    """Tell which points ``(M, 2)`` can be reached in a straight line from ``eye (2,)`` without a blocked cell."""
     if len(points_w) == 0:
         return np.zeros(0, dtype=bool)
     steps = int(np.ceil(np.hypot(*(points_w - eye).T).max() / (0.5 * spec.resolution))) + 1

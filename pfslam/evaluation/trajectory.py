@@ -28,7 +28,7 @@ class TrajectoryError:
 
 
 def aligned_at_first(estimate: Trajectory, truth: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-    """Poses ``(K, 3)`` of the estimate, moved as a whole so that the first is true, and the true poses.
+    """Move the estimate as a whole so that its first pose is true; return its poses ``(K, 3)`` and the true ones.
 
     Only the times that the truth covers are compared. Nothing is fitted: a wrong first heading counts.
     """
@@ -40,7 +40,7 @@ def aligned_at_first(estimate: Trajectory, truth: Trajectory) -> tuple[np.ndarra
 
 
 def trajectory_error(estimate: Trajectory, truth: Trajectory) -> TrajectoryError:
-    """Absolute error of an estimate at its own times, aligned at its first pose, without any fitting."""
+    """Measure the absolute error of an estimate at its own times, aligned at its first pose, nothing fitted."""
     poses, true_poses = aligned_at_first(estimate, truth)
     distance = np.hypot(*(poses - true_poses)[:, :2].T)
     heading = wrap_angle(poses[:, 2] - true_poses[:, 2])
@@ -48,7 +48,7 @@ def trajectory_error(estimate: Trajectory, truth: Trajectory) -> TrajectoryError
 
 
 def rms(values: np.ndarray) -> float:
-    """Root mean square of ``values``."""
+    """Return the root mean square of ``values``."""
     return float(np.sqrt(np.mean(values**2)))
 
 
@@ -59,7 +59,7 @@ def _degrees(angle: float) -> float:
 def relations_error(
     estimate: Trajectory, t1: np.ndarray, t2: np.ndarray, relative: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors ``(R,)`` in metres and radians over known poses ``(R, 3)`` at ``t2`` seen from ``t1``."""
+    """Return errors ``(R,)`` in metres and radians over known poses ``(R, 3)`` at ``t2`` seen from ``t1``."""
     error = between(relative, between(estimate.at(t1), estimate.at(t2)))
     return np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])
 
@@ -74,7 +74,7 @@ class RelativeError:
 
 
 def relative_error(estimate: Trajectory, truth: Trajectory, delta: int = 1) -> RelativeError:
-    """How far the motion from pose i to pose i + delta is off, over all i (evo's RPE, all pairs, in frames).
+    """Measure how far the motion from pose i to i + delta is off, over all i (evo's RPE, all pairs, in frames).
 
     It does not depend on where either trajectory starts. Only times that the truth covers count.
     """
@@ -100,7 +100,7 @@ class MapAgreement:
 
 
 def map_agreement(grid: OccupancyGrid, true_occupied: np.ndarray, true_free: np.ndarray) -> MapAgreement:
-    """The map against true masks ``(H, W)`` bool on its own grid; cells in neither mask are left out."""
+    """Compare the map with true masks ``(H, W)`` bool on its own grid; cells in neither mask are left out."""
     for name, mask in (("true_occupied", true_occupied), ("true_free", true_free)):
         if np.shape(mask) != grid.spec.shape:
             raise DataError("map_agreement", name, f"shape {np.shape(mask)}", f"the grid's {grid.spec.shape}")
@@ -114,14 +114,14 @@ def map_agreement(grid: OccupancyGrid, true_occupied: np.ndarray, true_free: np.
 
 
 def share_of(part: np.ndarray, whole: np.ndarray) -> float:
-    """Number of cells in one mask over that in another, NaN if the other is empty."""
+    """Divide the number of cells in one mask by that in another; NaN if the other is empty."""
     return np.count_nonzero(part) / np.count_nonzero(whole) if whole.any() else float("nan")
 
 
 def predicted_ranges(
     grid: OccupancyGrid, pose_w: np.ndarray, lidar: LidarModel, step: float | None = None
 ) -> np.ndarray:
-    """Ranges ``(beams,)`` in metres that the LiDAR should read at ``pose_w (3,)``: the h of Eq. 1 and 2.
+    """Predict the ranges ``(beams,)`` (m) that the LiDAR should read at ``pose_w (3,)``: the h of Eq. 1 and 2.
 
     Every beam walks from ``range_min`` in steps of ``step`` m (half a cell if None) to the first sample in an
     occupied cell, so a range is at most one step too long; a shorter step misses fewer clipped corners.
@@ -167,7 +167,7 @@ class SlamCost:
 def slam_cost(
     trajectory: Trajectory, grid: OccupancyGrid, recording: Recording, step: float | None = None
 ) -> SlamCost:
-    """Least-squares cost of a trajectory and a map. Implements Eq. 2.
+    """Compute the least-squares cost of a trajectory and a map. Implements Eq. 2.
 
     First sum: measured less predicted ranges, over the valid beams of each scan at one of the poses' times.
     Second sum: each pose less the motion model's prediction from the one before, heading on the circle; the

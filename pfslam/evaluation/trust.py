@@ -35,7 +35,7 @@ LEAST_SPREAD = 0.005
 
 
 def score_deviation(infos: Sequence[StepInfo]) -> np.ndarray:
-    """How far each scan's score lies from the median of the scores before it, ``(K,)``, in spreads; below 0 is worse.
+    """Measure how far each score ``(K,)`` lies from the median of those before it, in spreads; below 0 is worse.
 
     One spread is the distance from the median down to the 5th percentile, divided by 1.645: one standard deviation if
     scores were normal, but taken from the lower side, because scores end at 1 and have a long tail below. NaN for scans
@@ -60,12 +60,12 @@ def score_deviation(infos: Sequence[StepInfo]) -> np.ndarray:
 
 
 def lost(infos: Sequence[StepInfo]) -> np.ndarray:
-    """Which scans ``(K,)`` bool fit the map so badly that the robot cannot be where it thinks it is."""
+    """Tell which scans ``(K,)`` bool fit the map so badly that the robot cannot be where the filter puts it."""
     return score_deviation(infos) < LOST_BELOW
 
 
 def alarms(infos: Sequence[StepInfo]) -> np.ndarray:
-    """Times ``(A,)`` in seconds at which the robot was found to be lost; repeated falls within 5 s are one alarm."""
+    """List the times ``(A,)`` (s) at which the robot was found to be lost; falls within 5 s are one alarm."""
     times: list[float] = []
     last = -np.inf
     for info, fell in zip(infos, lost(infos), strict=True):

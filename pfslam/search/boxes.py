@@ -24,32 +24,32 @@ MAX_SIDE = 4096
 
 
 def volume_cost(extent: np.ndarray, cells: int) -> float:
-    """Estimated time (ns) of one volume of ``extent`` (columns, rows, headings) for a scan of so many cells."""
+    """Estimate the time (ns) of one volume of ``extent`` (columns, rows, headings) for a scan of so many cells."""
     columns, rows, headings = (int(n) for n in extent)
     return headings * (COST_PER_HEADING + cells * (COST_PER_PATCH + COST_PER_NODE * columns * rows))
 
 
 def windows_cost(nodes: int, headings: int, reach: np.ndarray, cells: int) -> float:
-    """Estimated time (ns) of the windows of so many nodes, each by itself, that use so many headings in all."""
+    """Estimate the time (ns) of the windows of so many nodes, each by itself, that use so many headings in all."""
     columns, rows, per_node = (2 * int(r) + 1 for r in reach)
     one_heading = cells * (COST_PER_PATCH + COST_PER_NODE * columns * rows)
     return headings * COST_PER_HEADING + nodes * per_node * one_heading
 
 
 def volume_is_cheaper(nodes: np.ndarray, reach: np.ndarray, cells: int) -> bool:
-    """Whether one volume beats a window for each of ``nodes (U, 3)``."""
+    """Tell whether one volume beats a window for each of ``nodes (U, 3)``."""
     extent = np.ptp(nodes, axis=0) + 2 * reach + 1
     return volume_cost(extent, cells) <= windows_cost(len(nodes), extent[2], reach, cells)
 
 
 def box_cost(nodes: np.ndarray, reach: np.ndarray, cells: int) -> float:
-    """Estimated time (ns) of scoring ``nodes (U, 3)`` together, by the cheaper of the two ways."""
+    """Estimate the time (ns) of scoring ``nodes (U, 3)`` together, by the cheaper of the two ways."""
     extent = np.ptp(nodes, axis=0) + 2 * reach + 1
     return min(volume_cost(extent, cells), windows_cost(len(nodes), extent[2], reach, cells))
 
 
 def lie_together(nodes: np.ndarray, reach: np.ndarray) -> bool:
-    """Whether all ``nodes (U, 3)`` lie within one window, so that one volume serves them and no cost need be estimated.
+    """Tell whether all ``nodes (U, 3)`` lie within one window, so that one volume serves them without any estimate.
 
     Their windows' scores must also fit into memory.
     """
@@ -58,7 +58,7 @@ def lie_together(nodes: np.ndarray, reach: np.ndarray) -> bool:
 
 
 def cheapest_boxes(nodes: np.ndarray, reach: np.ndarray, cells: int) -> list[np.ndarray]:
-    """Index arrays that divide ``nodes (U, 3)`` into boxes, each scored in one go.
+    """Divide ``nodes (U, 3)`` into boxes, given as index arrays, each scored in one go.
 
     ``reach (3,)`` is the half width of a window in columns, rows and headings; ``cells`` the number of different
     cells that a scan falls into. A box is cut in two at its longest side for as long as the two halves together are
@@ -79,7 +79,7 @@ def cheapest_boxes(nodes: np.ndarray, reach: np.ndarray, cells: int) -> list[np.
 
 
 def _too_large(nodes: np.ndarray, reach: np.ndarray, cells: int) -> bool:
-    """Whether the windows of ``nodes (U, 3)``, or the volume to read them from, would hold more scores than allowed.
+    """Tell whether the scores of ``nodes (U, 3)``, window by window or as a volume, would be more than allowed.
 
     Or whether they lie so far apart that the piece of the map around them would be large.
     """
@@ -89,7 +89,7 @@ def _too_large(nodes: np.ndarray, reach: np.ndarray, cells: int) -> bool:
 
 
 def _cut_in_two(nodes: np.ndarray, part: np.ndarray, reach: np.ndarray) -> list[np.ndarray]:
-    """``part`` cut across its longest side; nothing if all nodes are one.
+    """Cut ``part`` across its longest side; return nothing if all nodes are one.
 
     At the widest gap if windows on its two sides have nothing in common (headings on both sides of pi, two rooms), else
     at the median, moved to where the coordinate changes.

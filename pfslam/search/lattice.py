@@ -20,11 +20,11 @@ class Lattice:
         return np.array([self.step_xy, self.step_xy, self.step_yaw])
 
     def nearest(self, poses: np.ndarray) -> np.ndarray:
-        """Nodes ``(N, 3)`` int, columns (ix, iy, ik), nearest to poses ``(N, 3)``."""
+        """Find the nodes ``(N, 3)`` int, columns (ix, iy, ik), nearest to poses ``(N, 3)``."""
         return np.rint(np.asarray(poses) / self.steps).astype(np.int64)
 
     def pose(self, nodes: np.ndarray) -> np.ndarray:
-        """Poses ``(..., 3)`` of nodes; the heading is not wrapped."""
+        """Return the poses ``(..., 3)`` of nodes; the heading is not wrapped."""
         return np.asarray(nodes) * self.steps
 
 
@@ -51,7 +51,7 @@ class Window:
         return int(np.ravel_multi_index((self.yaws, self.cells, self.cells), self.shape))
 
     def steps(self) -> np.ndarray:
-        """Lattice steps ``(P, 3)``, columns (ix, iy, ik), of all perturbations in the order of a flattened block."""
+        """List the lattice steps ``(P, 3)``, columns (ix, iy, ik), of all perturbations as a flattened block."""
         return _window_steps(self)
 
 
@@ -64,7 +64,7 @@ def _window_steps(window: Window) -> np.ndarray:
 
 
 def distinct_nodes(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The distinct rows ``(U, 3)`` of ``nodes (N, 3)`` in order, and which of them each row is ``(N,)``."""
+    """Find the distinct rows ``(U, 3)`` of ``nodes (N, 3)`` in order, and which of them each row is ``(N,)``."""
     low = nodes.min(axis=0)
     _, ny, nk = np.ptp(nodes, axis=0) + 1
     x, y, k = (nodes - low).T
@@ -73,7 +73,7 @@ def distinct_nodes(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def parabola_peak(before, here, after) -> np.ndarray:
-    """Where a parabola through three values has its peak, in steps from the middle one; 0 where it has none.
+    """Locate the peak of a parabola through three values, in steps from the middle one; 0 where it has none.
 
     >>> float(parabola_peak(1.0, 4.0, 3.0))
     0.25

@@ -48,7 +48,7 @@ def search(
     lattice: Lattice,
     window: Window,
 ) -> Iterator[BoxScores]:
-    """The scores of every perturbation of every particle, box by box; each particle appears in exactly one box.
+    """Yield the scores of every perturbation of every particle, box by box; each particle is in exactly one box.
 
     ``points_b (M, 2)`` are the end points in the body frame (m), ``poses (N, 3)`` the particles. Particles that share a
     node share its scores. The sums are exact, so their order cannot change them.
@@ -73,7 +73,7 @@ def search(
 
 
 def distinct_cells(points_b: np.ndarray, yaw: float, spec: GridSpec) -> int:
-    """How many different cells the points ``(M, 2)`` fall into when the body is turned by ``yaw`` (rad)."""
+    """Count the different cells that points ``(M, 2)`` fall into when the body is turned by ``yaw`` (rad)."""
     return len(np.unique(rotated_cells(points_b, np.array([yaw]), spec)[0], axis=0))
 
 
@@ -85,7 +85,7 @@ def volume_blocks(
     nodes: np.ndarray,
     window: Window,
 ) -> np.ndarray:
-    """Scores ``(U, P)`` float32 of the window around each of ``nodes (U, 3)``, read from one volume around them all."""
+    """Score the window around each of ``nodes (U, 3)``, ``(U, P)`` float32, from one volume around them all."""
     low, high = nodes.min(axis=0) - window.reach, nodes.max(axis=0) + window.reach
     volume = score_volume(field, spec, points_b, lattice, low, high)
     x, y, k = (nodes - window.reach - low).T
@@ -100,7 +100,7 @@ def score_volume(
     low: np.ndarray,
     high: np.ndarray,
 ) -> np.ndarray:
-    """Scores of all nodes from ``low (3,)`` to ``high (3,)`` inclusive, as ``(headings, rows, columns)`` float32."""
+    """Score all nodes from ``low (3,)`` to ``high (3,)`` inclusive, as ``(headings, rows, columns)`` float32."""
     nx, ny, nk = high - low + 1
     patches, scans = patches_and_scans(field, spec, points_b, lattice, low, high, (ny, nx))
     volume = np.zeros((nk, ny * nx), dtype=np.float32)
@@ -118,7 +118,7 @@ def window_scores(
     nodes: np.ndarray,
     window: Window,
 ) -> np.ndarray:
-    """Scores ``(U, P)`` float32 of the window around each of ``nodes (U, 3)``, all windows of a heading together."""
+    """Score the window around each of ``nodes (U, 3)``, ``(U, P)`` float32, all windows of a heading together."""
     headings, side, _ = window.shape
     low, high = nodes.min(axis=0) - window.reach, nodes.max(axis=0) + window.reach
     patches, scans = patches_and_scans(field, spec, points_b, lattice, low, high, (side, side))
@@ -134,13 +134,13 @@ def window_scores(
 
 
 def chunks(n: int, size: int) -> Iterator[slice]:
-    """Slices that cut ``n`` things of ``size`` numbers each into pieces that fit into the processor's cache."""
+    """Cut ``n`` things of ``size`` numbers each into slices that fit into the processor's cache."""
     step = max(CACHE // size, 1)
     return (slice(i, i + step) for i in range(0, n, step))
 
 
 def patches_and_scans(field: ScoreField, spec, points_b, lattice: Lattice, low, high, shape: tuple[int, int]):
-    """All patches of ``shape`` of the map near a scan, and which of them each heading from ``low`` to ``high`` adds up.
+    """Collect all patches of ``shape`` near a scan, and those that each heading from ``low`` to ``high`` adds up.
 
     Returns ``(patches, scans)``: ``patches[iy, ix]`` is the patch that one cell of the scan selects for the node
     ``low``; ``scans`` holds for each heading the distinct cells as ``(counts, iy, ix)``, each ``(C,)``.
@@ -157,7 +157,7 @@ def patches_and_scans(field: ScoreField, spec, points_b, lattice: Lattice, low, 
 
 
 def _merged(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The distinct keys of each row of ``(K, M)`` one after the other, how often each occurs, where each row begins."""
+    """Find the distinct keys of each row of ``(K, M)``, one row after the other, their counts, and where rows begin."""
     keys = np.sort(keys, axis=1)
     distinct = np.ones(keys.shape, dtype=bool)
     distinct[:, 1:] = keys[:, 1:] != keys[:, :-1]
@@ -167,7 +167,7 @@ def _merged(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def rotated_cells(points_b: np.ndarray, yaws: np.ndarray, spec: GridSpec) -> np.ndarray:
-    """Cells ``(K, M, 2)`` that points ``(M, 2)`` fall into when the body stands at the world's origin with each yaw."""
+    """Return the cells ``(K, M, 2)`` that points ``(M, 2)`` fall into from the world's origin with each yaw."""
     c, s = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
     x = c * points_b[:, 0] - s * points_b[:, 1]
     y = s * points_b[:, 0] + c * points_b[:, 1]
@@ -177,7 +177,7 @@ def rotated_cells(points_b: np.ndarray, yaws: np.ndarray, spec: GridSpec) -> np.
 
 
 def _crop(values: np.ndarray, x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
-    """Rows y0..y1 and columns x0..x1 (exclusive) of a field's values, zero outside it."""
+    """Copy rows y0..y1 and columns x0..x1 (exclusive) of a field's values, zero outside it."""
     check_cells("scan matching", (x1 - x0, y1 - y0), "to hold one scan")
     crop = np.zeros((y1 - y0, x1 - x0), dtype=np.float32)
     h, w = values.shape
