@@ -122,9 +122,10 @@ def test_stops_lie_where_their_values_are():
     assert Slider("a", [0, 10, 20]).places == (0, 1, 2)
     assert Slider("a", [0.0, 5.0, 20.0]).places == (0, 250, 1000)
     assert Slider("a", [-0.003, 0.0, 0.0005, 0.003]).places == (0, 500, 583, 1000)
-    # Over more than a factor of ten the scale is logarithmic: here even, and here with 4 in the middle of 1 and 16.
+    assert Slider("a", np.round(np.linspace(8, 116, 24), 1)).places == tuple(range(24))
+    # Too close on a linear scale, so on a logarithmic one, where these are even and 2 is half way from 1 to 4.
     assert Slider("a", [10, 20, 40, 80, 160]).places == (0, 1, 2, 3, 4)
-    assert Slider("a", [1, 4, 8, 16]).places == (0, 500, 750, 1000)
+    assert Slider("a", [1, 2, 4, 256]).places == (0, 125, 250, 1000)
     # What has no place on a scale is counted.
     for values in (["on", "off"], [3, 2, 1], [1, 2, float("inf")], [False, True], [1, 1]):
         assert Slider("a", values).places == tuple(range(len(values)))

@@ -91,7 +91,7 @@ def turn_explorer() -> Explorer:
     """A choice of what is wrong, and how far the robot has turned."""
     controls = [
         Slider("way", WAYS, 1, "Drawn with"),
-        Slider("turned", (0.0, 45.0, 90.0, 180.0, 360.0), 3, "Turned by", "deg", "g"),
+        Slider("turned", (0.0, 45.0, 90.0, 180.0, 360.0), 0, "Turned by", "deg", "g"),
     ]
     return Explorer(turn_frame, controls, title="A turn on the spot", alt=turn_alt, play="turned")
 

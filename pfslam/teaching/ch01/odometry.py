@@ -13,7 +13,7 @@ from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import aligned_at_first, trajectory_error
 from pfslam.motion import Controls, controls, dead_reckoning, integrate, motion_model, motion_model_arc
 from pfslam.poses import Trajectory, wrap_angle
-from pfslam.recording import Encoders, Recording
+from pfslam.recording import Recording
 from pfslam.teaching.show.drives import at_rate, length
 from pfslam.teaching.show.figures import draw_trajectory
 from pfslam.teaching.show.pictures import Picture, steady
@@ -64,11 +64,6 @@ def nearest(stamps: np.ndarray, t: np.ndarray) -> np.ndarray:
 def distance(inputs: Controls) -> float:
     """Distance (m) that a list of controls drives."""
     return float(inputs.v @ np.diff(inputs.t))
-
-
-def hand_encoders() -> Encoders:
-    """Two readings 25 ms apart: the robot stood still, then every wheel turned by 10 counts."""
-    return Encoders(np.array([0.0, 0.025]), np.array([[0, 0, 0, 0], [10, 10, 10, 10]]))
 
 
 def opinion_picture(recording: Recording) -> Picture:

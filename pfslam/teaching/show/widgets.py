@@ -22,6 +22,7 @@ from .pictures import FRAME_QUALITY, data_uri, image_tag, output_mode, quick_uri
 
 MAX_FRAMES = 60  # about 1 MB on the page
 TRACK = 1000  # places on the track of a slider whose stops are not evenly spaced
+TOO_CLOSE = 0.08  # of the track, between two stops
 
 
 @dataclass(frozen=True)
@@ -65,16 +66,18 @@ class Slider:
         """Where each stop lies on the track, as whole numbers from 0.
 
         Evenly spaced values, and values that do not increase, are counted. All others lie where a linear scale has
-        them, or a logarithmic one if they are positive and the last is more than ten times the first.
+        them, or a logarithmic one where positive values would stand too close on a linear one.
         """
         counted = tuple(range(len(self.values)))
-        if self.is_choice or not all(isinstance(value, (int, float)) for value in self.values):
+        if not all(isinstance(value, (int, float)) for value in self.values):
             return counted
         values = np.asarray(self.values, dtype=float)
-        if values[0] > 0 and values[-1] > 10 * values[0]:
-            values = np.log(values)
         steps = np.diff(values)
-        if not np.isfinite(steps).all() or (steps <= 0).any() or np.ptp(steps) < 0.01 * steps.max():
+        if not np.isfinite(steps).all() or (steps <= 0).any():
+            return counted
+        if values[0] > 0 and steps.min() < TOO_CLOSE * steps.sum() and not _even(steps):
+            values = np.log(values)
+        if _even(np.diff(values)):
             return counted
         return tuple(int(place) for place in np.rint(TRACK * (values - values[0]) / np.ptp(values)))
 
@@ -83,6 +86,11 @@ class Slider:
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         shown = format(value, self.form or ("g" if number else ""))
         return f"{shown} {self.unit}".strip().replace("-", "\N{MINUS SIGN}" if number else "-")
+
+
+def _even(steps: np.ndarray) -> bool:
+    """Whether steps are equal but for rounding."""
+    return bool(np.ptp(steps) < 0.05 * steps.max())
 
 
 class Explorer:
