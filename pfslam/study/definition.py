@@ -61,6 +61,10 @@ class Disturbances(Settings):
     random_ranges: Share | None = None
 
 
+GROUPS: dict[str, Any] = {"simulator": SimulatorConfig, "disturb": Disturbances}
+"""Whose fields the keys name that begin so; all others are fields of the filter's configuration."""
+
+
 @dataclass(frozen=True)
 class Case:
     """Describe one run by a label for tables and its settings by their dotted names."""
@@ -96,10 +100,10 @@ class Case:
 def _place(key: str) -> tuple[Any, str]:
     """Return the kind of settings that a key belongs to, and its name there."""
     group, _, name = key.partition(".")
-    if group in ("simulator", "disturb") and name:
-        return (
-            Building if name == "seed" else SimulatorConfig
-        ) if group == "simulator" else Disturbances, name
+    if key == "simulator.seed":
+        return Building, name
+    if name and group in GROUPS:
+        return GROUPS[group], name
     return Basics if key in type_hints(Basics) else SlamConfig, key
 
 

@@ -165,10 +165,15 @@ def map_texture(
         painted += 1
     if grid is not None and config.crop:
         dropped["cells: outside the map"] += _crop(canvas, spec, grid)
+    return FloorTexture(spec, *_colours(canvas), dict(+dropped), painted, model)
+
+
+def _colours(canvas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the colours ``(H, W, 3)`` uint8 of a canvas of view codes, and which cells were seen."""
     seen = canvas != EMPTY
     code = np.where(seen, canvas, 0)
     rgb = np.stack([code >> 16 & 255, code >> 8 & 255, code & 255], axis=-1).astype(np.uint8)
-    return FloorTexture(spec, rgb, seen, dict(+dropped), painted, model)
+    return rgb, seen
 
 
 def _paint_pixels(canvas, pixels: FloorPixels, image, spec: GridSpec, config: TextureConfig) -> Counter:
