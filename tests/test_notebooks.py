@@ -1,6 +1,7 @@
 """The committed notebooks: text outputs only, small, in the book, and in reading order."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -98,6 +99,18 @@ def test_committed_notebook_holds_text_outputs_only(path):
         pytest.xfail("stubs and checks are still one cell")
     assert strip_notebook(notebook) == notebook, "run `make strip`"
     assert not [o for c in notebook["cells"] for o in c.get("outputs", []) if o["output_type"] == "error"]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_links_have_words_and_formulas_their_numbers(path):
+    """JupyterLab shows the file name for an empty link, and counts formulas that carry no number from 1."""
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    text = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+    assert "[](" not in text
+    assert not re.search(r"\$\$ *\(", text), "a formula with a label is a {math} directive"
+    labels = re.findall(r"^:label: eq-(\d+)\n:enumerator: (\d+)$", text, re.MULTILINE)
+    assert len(labels) == text.count(":label:")
+    assert all(label == shown for label, shown in labels)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
