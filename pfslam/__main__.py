@@ -90,7 +90,7 @@ def _add_run(command: Parser) -> None:
     command.add_argument("--method", choices=tuple(PRESETS), default="refined", help=method)
     particles = "default 200; 30 with a map for each, 1 for matching"
     command.add_argument("--particles", type=whole(1, MAX_PARTICLES), metavar="N", help=particles)
-    every = "use every K-th scan (default 5, for logs 1)"
+    every = "use every K-th scan (default: about eight scans a second)"
     command.add_argument("--every", type=whole(1, MAX_EVERY), metavar="K", help=every)
     seed = "of the filter's random numbers (default 0)"
     command.add_argument("--seed", type=SEED, default=0, metavar="S", help=seed)

@@ -78,6 +78,10 @@ class RgbdStream:
         check_stamps(self.rgb_t, "camera (rgb)")
 
 
+SCANS_PER_SECOND = 8.0
+"""How many scans of a faster scanner a filter uses unless told otherwise: 5 of the course's 40 make one update."""
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """One drive. ``odometry`` is for logs that hold integrated odometry poses instead of encoders and gyro."""
@@ -90,8 +94,6 @@ class Recording:
     lidar: LidarScans | None = None
     camera: RgbdStream | None = None
     truth: Trajectory | None = None
-    default_every: int = 5
-    """Every how-many-th scan a filter uses unless told otherwise: 5 at 40 Hz, 1 for logs of sparse scans."""
     dropped: dict[str, int] = field(default_factory=dict)
     """Readings left out while loading, by reason."""
 
@@ -120,6 +122,14 @@ class Recording:
         if self.lidar is None:
             raise DataError(self.name, "lidar", "no scans", "a recording with LiDAR")
         return self.lidar
+
+    @property
+    def default_every(self) -> int:
+        """Every how-many-th scan a filter uses unless told otherwise, so that it sees about eight a second."""
+        if self.lidar is None or len(self.lidar.t) < 2:
+            return 1
+        rate = 1.0 / float(np.median(np.diff(self.lidar.t)))
+        return max(1, round(rate / SCANS_PER_SECOND))
 
     def true_path(self) -> Trajectory:
         """The true trajectory of a simulated recording; ``DataError`` where nobody knows it."""

@@ -106,7 +106,6 @@ def drive(legs, walls=ROOM, lidar=LIDAR, epoch=0.0, name="by hand"):
         Imu(epoch + t_gyro, rates, np.tile([0.0, 0.0, 1.0], (len(t_gyro), 1))),
         lidar=LidarScans(epoch + t_scan, np.array([scan(walls, pose(t), lidar) for t in t_scan])),
         truth=Trajectory(epoch + t_gyro, np.array([pose(t) for t in t_gyro])),
-        default_every=1,
     )
 
 

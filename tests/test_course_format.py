@@ -120,6 +120,15 @@ def test_capital_imu_data_folder_and_lower_case(folder):
     assert len(recording.camera.rgb_index) == 4
 
 
+def test_a_sweep_is_read_where_it_is_stated_and_written_with_the_set(tmp_path, folder):
+    assert load_course(7, folder).robot.lidar.sweep == 0.0
+    rewrite(folder / "Hokuyo7.npz", sweep=np.array([0.025]))
+    recording = load_course(7, folder)
+    assert recording.robot.lidar.sweep == 0.025
+    save_course(recording, 8, tmp_path / "again")
+    assert load_course(8, tmp_path / "again").robot.lidar.sweep == 0.025
+
+
 def test_lidar_camera_and_truth_may_be_absent(folder):
     for name in ("Hokuyo7", "Kinect7", "truth7"):
         (folder / f"{name}.npz").unlink()
@@ -221,6 +230,8 @@ BAD_FIELDS = {
     "no beams": ("Hokuyo7", {"ranges": np.zeros((0, 55))}, "ranges"),
     "many beams": ("Hokuyo7", {"ranges": np.zeros((20_001, 55), dtype=np.int8)}, "at most 20000 beams"),
     "degrees": ("Hokuyo7", {"angle_min": -135.0, "angle_max": 135.0}, "radians"),
+    "endless sweep": ("Hokuyo7", {"sweep": 25.0}, "sweep: found 25, expected seconds from the first beam"),
+    "sweep a list": ("Hokuyo7", {"sweep": np.zeros(3)}, "sweep"),
     "angles swapped": ("Hokuyo7", {"angle_min": 1.0, "angle_max": -1.0}, "increasing angles"),
     "angle list": ("Hokuyo7", {"angle_min": np.array([0.0, 0.0])}, "angle_min: .*one finite number"),
     "nan limit": ("Hokuyo7", {"range_max": np.nan}, "range_max"),

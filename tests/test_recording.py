@@ -101,4 +101,13 @@ def test_invalid_readings_are_kept_as_they_are():
 def test_a_log_of_poses_needs_no_encoders():
     log = Recording("log", RobotModel(lidar=LidarModel(beams=9)), odometry=Trajectory(T, np.zeros((3, 3))))
     assert log.encoders is None
-    assert log.default_every == 5
+    assert log.default_every == 1
+
+
+@pytest.mark.parametrize(("hertz", "every"), [(41.4, 5), (40.0, 5), (25.0, 3), (10.0, 1), (6.0, 1), (0.3, 1)])
+def test_a_filter_sees_about_eight_scans_a_second(hertz, every):
+    t = np.cumsum(np.full(200, 1.0 / hertz))
+    robot = RobotModel(lidar=LidarModel(beams=1))
+    odometry = Trajectory(t, np.zeros((200, 3)))
+    scans = LidarScans(t, np.ones((200, 1), dtype=np.float32))
+    assert Recording("set", robot, odometry=odometry, lidar=scans).default_every == every

@@ -77,7 +77,7 @@ def load_carmen(path: str | Path) -> Recording:
     else:
         raise DataError(log.path, "odometry", "none for some scans", "poses in the scans, or ODOM lines")
     robot = RobotModel(lidar=_lidar(log))
-    return Recording(log.path.stem, robot, None, None, odometry, lidar, default_every=1, dropped=log.dropped)
+    return Recording(log.path.stem, robot, None, None, odometry, lidar, dropped=log.dropped)
 
 
 def _pose_columns(log: CarmenLog, values: array, columns: int) -> np.ndarray:

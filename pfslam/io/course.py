@@ -2,7 +2,9 @@
 
 ``EncodersNN.npz``, ``ImuNN.npz`` (or ``IMUNN.npz``), ``HokuyoNN.npz``, ``KinectNN.npz``, ``truthNN.npz``,
 ``dataRGBD/DisparityNN/disparityNN_I.png`` and ``dataRGBD/RGBNN/rgbNN_I.png`` with I from 1. They may lie in a
-``data`` folder, and case does not matter. Encoders and IMU must be there; the rest may be absent.
+``data`` folder, and case does not matter. Encoders and IMU must be there; the rest may be absent. An optional key
+``sweep`` of the LiDAR's file is the time (s) from the first beam of a scan to its last, the stamp being the middle
+beam's; scans are then deskewed.
 """
 
 from __future__ import annotations
@@ -43,6 +45,8 @@ LIMITS = {
 }
 """Largest magnitude of each field, and its unit. Generous: what is beyond is damage or another unit."""
 FULL_TURN = 2.0 * np.pi + 1e-3
+LONGEST_SWEEP = 10.0
+"""Seconds that a scanner may take for one scan."""
 
 
 def set_number(number: int | str) -> str:
@@ -141,7 +145,7 @@ def _load_imu(path: Path) -> Imu:
 
 def _load_lidar(path: Path, dropped: dict[str, int]) -> tuple[LidarModel, LidarScans]:
     limits = ("angle_min", "angle_max", "range_min", "range_max")
-    data = read_npz(path, (*limits, "ranges", "time_stamps"))
+    data = read_npz(path, (*limits, "ranges", "time_stamps"), optional=("sweep",))
     t, raw = _stamps(path, data), data["ranges"]
     shape_fits = raw.ndim == 2 and raw.shape[1] == len(t) and 1 <= raw.shape[0] <= MAX_BEAMS
     if not shape_fits or raw.dtype.kind not in "fiu":
@@ -152,20 +156,24 @@ def _load_lidar(path: Path, dropped: dict[str, int]) -> tuple[LidarModel, LidarS
     if not_a_number := int(np.count_nonzero(np.isnan(ranges))):
         dropped["ranges that are not a number"] = not_a_number
     # The angle between beams follows from the limits; the file's own may be [0, 0], and is not used.
-    model = _lidar_model(path, {key: _scalar(path, data, key) for key in limits}, raw.shape[0])
+    numbers = {key: _scalar(path, data, key) for key in (*limits, "sweep") if key in data}
+    model = _lidar_model(path, numbers, raw.shape[0])
     return model, LidarScans(t, ranges)
 
 
-def _lidar_model(path: Path, limits: dict[str, float], beams: int) -> LidarModel:
-    span = limits["angle_max"] - limits["angle_min"]
-    if not (0.0 < span <= FULL_TURN or (beams == 1 and span == 0.0)) or abs(limits["angle_min"]) > FULL_TURN:
-        found = f"{limits['angle_min']:g} to {limits['angle_max']:g}"
+def _lidar_model(path: Path, numbers: dict[str, float], beams: int) -> LidarModel:
+    span = numbers["angle_max"] - numbers["angle_min"]
+    if not (0.0 < span <= FULL_TURN or (beams == 1 and span == 0.0)) or abs(numbers["angle_min"]) > FULL_TURN:
+        found = f"{numbers['angle_min']:g} to {numbers['angle_max']:g}"
         raise DataError(path, "angle_min, angle_max", found, "increasing angles in radians, at most one turn")
-    if not 0.0 <= limits["range_min"] < limits["range_max"] <= MAX_RANGE:
-        found = f"{limits['range_min']:g} to {limits['range_max']:g}"
+    if not 0.0 <= numbers["range_min"] < numbers["range_max"] <= MAX_RANGE:
+        found = f"{numbers['range_min']:g} to {numbers['range_max']:g}"
         expected = f"metres, 0 <= range_min < range_max <= {MAX_RANGE:g}"
         raise DataError(path, "range_min, range_max", found, expected)
-    return LidarModel(beams=beams, **limits)  # type: ignore[arg-type]
+    if not 0.0 <= numbers.get("sweep", 0.0) <= LONGEST_SWEEP:
+        expected = f"seconds from the first beam to the last, 0 to {LONGEST_SWEEP:g}"
+        raise DataError(path, "sweep", f"{numbers['sweep']:g}", expected)
+    return LidarModel(beams=beams, **numbers)  # type: ignore[arg-type]
 
 
 def _scalar(path: Path, data: Mapping[str, np.ndarray], key: str) -> float:
@@ -251,6 +259,8 @@ def _tables(recording: Recording, truth_extras: Mapping[str, np.ndarray]) -> dic
         names = ("angle_min", "angle_max", "range_min", "range_max")
         limits = {name: np.array(getattr(model, name)) for name in names}
         limits["angle_increment"] = np.array(model.increment)
+        if model.sweep:
+            limits["sweep"] = np.array(model.sweep)
         tables["Hokuyo"] = limits | {"ranges": lidar.ranges.T, "time_stamps": lidar.t}
     if camera is not None:
         tables["Kinect"] = {"disparity_time_stamps": camera.disparity_t, "rgb_time_stamps": camera.rgb_t}

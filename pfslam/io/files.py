@@ -87,8 +87,10 @@ def read_bytes(path: str | Path, limit: int) -> bytes:
     return data
 
 
-def read_npz(path: str | Path, required: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Read the named arrays of an ``.npz`` archive; others in it are not looked at.
+def read_npz(
+    path: str | Path, required: tuple[str, ...], optional: tuple[str, ...] = ()
+) -> dict[str, np.ndarray]:
+    """Read the named arrays of an ``.npz`` archive, the optional ones if they are there; others are not looked at.
 
     Raises ``DataError`` for a file that is not such an archive, a missing key, an array of objects or text, a
     damaged member, or a size beyond ``MAX_FIELD_BYTES``.
@@ -99,7 +101,8 @@ def read_npz(path: str | Path, required: tuple[str, ...]) -> dict[str, np.ndarra
             if missing := [name for name in required if name not in members]:
                 held = ", ".join(sorted(members)[:8]) or "nothing"
                 raise DataError(path, "keys", held[:200], f"a key named {missing[0]}")
-            return {name: _read_member(path, archive, members[name], name) for name in required}
+            wanted = [*required, *(name for name in optional if name in members)]
+            return {name: _read_member(path, archive, members[name], name) for name in wanted}
     except DataError:
         raise
     except OSError as error:
