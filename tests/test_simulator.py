@@ -434,6 +434,7 @@ def test_hall_and_ramp_are_the_same_building():
     assert len(ramp.slopes) == 2
 
 
+@pytest.mark.slow
 def test_one_seed_one_drive_to_the_last_bit():
     first, second = simulate("ramp", seed=8), simulate("ramp", seed=8)
     a, b = first.recording, second.recording
@@ -467,6 +468,7 @@ print(digest.hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_an_older_processor_makes_the_same_files():
     """NumPy without its vector instructions stands for another machine: sines differ there in their last bits."""
     umath = np._core._multiarray_umath
