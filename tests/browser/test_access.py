@@ -83,8 +83,9 @@ def test_answers_open_by_key(shared):
 def test_controls_are_large_enough_for_a_thumb(shared):
     shared.set_viewport_size({"width": 390, "height": 900})
     controls = shared.locator("article :is(button, input, summary, select)")
-    for box in controls.evaluate_all(
-        "all => all.map(e => [e.outerHTML.slice(0, 80), e.offsetWidth, e.offsetHeight])"
+    for box in controls.evaluate_all(  # a radio button answers on the whole of its label
+        """all => all.map(e => [e, e.type === 'radio' ? e.closest('label') : e])
+        .map(([e, target]) => [e.outerHTML.slice(0, 80), target.offsetWidth, target.offsetHeight])"""
     ):
         name, width, height = box
         assert (width, height) == (0, 0) or height >= 40 or "checkbox" in name or "copybtn" in name, box
