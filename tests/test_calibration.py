@@ -136,6 +136,7 @@ def test_scale_by_hand_and_its_error():
 LEGS = [(4.0, 12, 0.0), (2.0, 0, 0.7), (2.0, 12, 0.0), (3.0, 0, -0.7), (4.0, 12, 0.0), (3.0, 0, 0.6)]
 
 
+@pytest.mark.slow
 def test_wheels_and_gyro_of_a_noiseless_room_get_their_scales_back():
     """Perfect readings taken for those of a robot whose sheet is 4 % and 6 % wrong; the walls say the truth."""
     recording = drive(LEGS)
@@ -200,6 +201,7 @@ def test_clocks_that_jump_by_years_cost_neither_memory_nor_time():
     assert abs(gyro_bias(jumped)[0]) < 0.001
 
 
+@pytest.mark.slow
 def test_where_only_odometry_speaks_nothing_is_learned_from_it():
     recording = drive(LEGS)
     result = run_slam(recording, CONFIG)
@@ -208,6 +210,7 @@ def test_where_only_odometry_speaks_nothing_is_learned_from_it():
     assert (found.wheel_scale, found.wheel_scale_error, found.straight_metres) == (1.0, np.inf, 0.0)
 
 
+@pytest.mark.slow
 def test_a_gyro_that_drifts_while_it_turns_gives_both_back():
     """The readings show 0.02 rad/s too much and 5 % too little of the turning that the walls tell."""
     recording = drive(LEGS)

@@ -34,6 +34,8 @@ from pfslam.teaching.ch08.filter import (
 from pfslam.teaching.ch08.filter_exhibits import filter_faults, filter_runs
 from pfslam.teaching.ch08.map_exhibits import camera_faults, map_faults
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def hall():

@@ -26,6 +26,7 @@ from pfslam.search.lattice import Lattice, Window
 from pfslam.search.volume import search
 from pfslam.sensors import scan_points
 
+pytestmark = pytest.mark.slow
 FEW = replace(SlamConfig.refined(), particles=10)
 CELL = FEW.map.resolution
 FINE = replace(LIDAR, beams=1081)

@@ -214,6 +214,7 @@ def test_images_are_colour_and_have_contrast(hall):
         assert image.std(axis=(0, 1)).min() > 15.0
 
 
+@pytest.mark.slow
 def test_floor_image_is_the_mean_of_finer_cells(hall):
     coarse = hall.world.spec(0.08)
     fine = replace(coarse, resolution=0.02, shape=(coarse.shape[0] * 4, coarse.shape[1] * 4))
@@ -258,6 +259,7 @@ def test_the_camera_outlives_the_encoders_and_stands_still(exact_hall):
     np.testing.assert_array_equal(last, exact_hall.renderer.true_depth(len(late) - 1))
 
 
+@pytest.mark.slow
 def test_people_stand_in_the_picture(exact_hall):
     crowd = simulate(
         replace(HALL.without_errors(), people=4), seed=3, ranges=exact_hall.recording.lidar.ranges
