@@ -18,7 +18,9 @@ from pfslam.teaching.show.widgets import Explorer
 
 HEAD = f"{'ms of processor time for a move':56s} stops  median    95 %"
 # IPython keeps what each cell has shown.
-PROBE = """from pfslam.teaching import redraw
+PROBE = f"""import sys
+sys.path.insert(0, {str(Path(__file__).resolve().parent)!r})
+import redraw
 print(*(redraw.line(shown) for shown in list(Out.values()) if isinstance(shown, redraw.Explorer)), sep="\\n")"""
 
 
