@@ -187,6 +187,7 @@ PLAIN = {
     "Eq. {eq}`eq-12` says": "Eq. (12) says",
     "$$\na = b\n$$ (eq-12)\n\nand": "$$\na = b \\tag{12}\n$$\n\nand",
     "```{math}\n:label: eq-2\n:enumerator: 2\na = b\n```": "$$\na = b\n\\tag{2}\n$$",
+    "```{math}\n:enumerated: false\na = b\n```": "$$\na = b\n$$",
     ":::{admonition} Answer\n:class: dropdown\n42\n:::": "<details><summary>Answer</summary>\n\n42\n\n</details>",
     "::::{note}\n:::{tip}\nlook\n:::\n::::": "> **Note**\n>\n> > **Tip**\n> >\n> > look",
     "(here)=\n## Heading": "## Heading",

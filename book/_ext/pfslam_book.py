@@ -154,9 +154,13 @@ class Eval(EvalRoleAny):
 
 
 class Math(MathDirective):
-    """``{math}`` with its number written beside its label, for JupyterLab, which would count from 1."""
+    """``{math}`` that says its number, or that it has none, for JupyterLab, which would count from 1."""
 
-    option_spec: ClassVar = {**MathDirective.option_spec, "enumerator": directives.unchanged}
+    option_spec: ClassVar = {
+        **MathDirective.option_spec,
+        "enumerator": directives.unchanged,
+        "enumerated": directives.unchanged,
+    }
 
 
 class LinkToSource(SphinxTransform):
