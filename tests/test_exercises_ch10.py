@@ -1,70 +1,161 @@
-"""Exercises of chapter 10: stub, solution, and the mistakes that the hints are written for."""
+"""Exercises of chapter 10: right answers in many styles, wrong ones and the words for each."""
 
 import numpy as np
 import pytest
 from notebook_cells import defined
 
-from pfslam.teaching.ch10.checks import check_classify, check_increments, check_track
+from pfslam.teaching import ch10
 
-CHECKS = {"check_increments": check_increments, "check_track": check_track, "check_classify": check_classify}
-EXERCISES = [
-    ("1", "increments", check_increments),
-    ("2", "track", check_track),
-    ("3", "classify", check_classify),
+EXERCISES = {
+    1: ("increments", ch10.check_increments),
+    2: ("track", ch10.check_track),
+    3: ("classify", ch10.check_classify),
+}
+
+
+@pytest.mark.parametrize("number", EXERCISES)
+def test_the_stub_is_unanswered_and_the_solution_right(number):
+    name, check = EXERCISES[number]
+    assert check(defined("10", f"exercise-{number}")[name]).verdict == "unanswered"
+    verdict = check(defined("10", f"solution-{number}")[f"{name}_solution"])
+    assert verdict, verdict
+
+
+# ---- right answers
+
+
+def in_a_loop(readings):
+    steps, last = [], int(readings[0])
+    for reading in readings.tolist():
+        step = reading - last
+        steps.append(step - 256 if step > 127 else step + 256 if step < -128 else step)
+        last = reading
+    return steps
+
+
+def signed_bytes(readings):
+    return np.diff(readings, prepend=readings[0]).view(np.int8)
+
+
+def unwrapped(readings):
+    angle = np.unwrap(readings * (2 * np.pi / 256))
+    return np.diff(angle, prepend=angle[0]) * 256 / (2 * np.pi)
+
+
+def slope(right, left, turned):
+    return (right - left) @ turned / (turned @ turned)
+
+
+def slope_in_a_loop(right, left, turned):
+    top = bottom = 0.0
+    for r, side, angle in zip(right, left, turned, strict=True):
+        top, bottom = top + (r - side) * angle, bottom + angle * angle
+    return top / bottom
+
+
+def classify(r, low, high):
+    return "hit" if low <= r <= high else "free" if r > high else "unknown"
+
+
+def classify_nan_first(r, low, high):
+    if np.isnan(r):
+        return "unknown"
+    return ("unknown", "hit", "free")[int(r >= low) + int(r > high)]
+
+
+RIGHT = [
+    (ch10.check_increments, in_a_loop),
+    (ch10.check_increments, signed_bytes),
+    (ch10.check_increments, unwrapped),
+    (ch10.check_increments, lambda r: tuple(in_a_loop(r))),
+    (ch10.check_increments, lambda r: np.float32(in_a_loop(r))),
+    (ch10.check_increments, lambda r: np.rint(unwrapped(r)).astype(np.int16)),
+    (ch10.check_track, slope),
+    (ch10.check_track, slope_in_a_loop),
+    (ch10.check_track, lambda r, left, t: np.linalg.lstsq(t[:, None], r - left, rcond=None)[0]),
+    (ch10.check_track, lambda r, left, t: np.float32(slope(r, left, t))),
+    (ch10.check_track, lambda r, left, t: round(slope(r, left, t), 4)),
+    (ch10.check_track, lambda r, left, t: [slope(r, left, t)]),
+    (ch10.check_classify, classify),
+    (ch10.check_classify, classify_nan_first),
+    (ch10.check_classify, lambda *given: str(np.array(classify(*given)))),
+    (ch10.check_classify, lambda *given: np.str_(classify(*given))),
+    (
+        ch10.check_classify,
+        lambda r, a, b: {(True, False): "hit", (True, True): "free"}.get((r >= a, r > b), "unknown"),
+    ),
+    (
+        ch10.check_classify,
+        lambda r, a, b: next((w for w, x in (("free", r > b), ("hit", r >= a)) if x), "unknown"),
+    ),
 ]
 
 
-@pytest.mark.parametrize(("number", "name", "check"), EXERCISES, ids=[e[1] for e in EXERCISES])
-def test_stub_and_solution(number, name, check):
-    assert check(defined("10", f"exercise-{number}", **CHECKS)[name]).verdict == "unanswered"
-    assert check(defined("10", f"solution-{number}", **CHECKS)[f"{name}_solution"])
+@pytest.mark.parametrize(("check", "answer"), RIGHT)
+def test_the_same_in_another_style_is_right_too(check, answer):
+    assert check(answer), check(answer)
 
 
-def test_increments_hints():
-    def plain(readings):
-        return np.diff(readings.astype(int), prepend=int(readings[0]))
-
-    def modulo(readings):
-        return plain(readings) % 256
-
-    def from_zero(readings):
-        return (np.diff(readings.astype(int), prepend=0) + 128) % 256 - 128
-
-    assert "at its word" in check_increments(plain).message
-    assert "look alike" in check_increments(modulo).message
-    assert "did not start at zero" in check_increments(from_zero).message
-    assert "nobody counted" in check_increments(lambda readings: np.diff(readings.astype(int))).message
-    assert "NameError" in check_increments(lambda readings: nothing).message  # noqa: F821
+# ---- wrong answers
 
 
-def test_track_hints():
-    def slope(apart, turned):
-        return apart @ turned / (turned @ turned)
-
-    with np.errstate(divide="ignore", invalid="ignore"):
-        assert "did not turn" in check_track(lambda r, left, t: np.mean((r - left) / t)).message
-    assert "sign" in check_track(lambda r, left, t: slope(left - r, t)).message
-    assert "Upside down" in check_track(lambda r, left, t: 1 / slope(r - left, t)).message
-    assert "Half" in check_track(lambda r, left, t: slope(r - left, t) / 2).message
-    assert "cancel" in check_track(lambda r, left, t: (r - left).sum() / t.sum()).message
-    assert "One number" in check_track(lambda r, left, t: r - left).message
+def plain(readings):
+    return np.diff(readings.astype(int), prepend=int(readings[0]))
 
 
-def test_classify_hints():
-    def simple(r, low, high):
-        return "hit" if low <= r <= high else "free"
+def only_forwards(readings):
+    steps = plain(readings)
+    steps[steps < 0] += 256
+    return steps
 
-    def ring(r, low, high):
-        return "hit" if r >= low else "unknown"
 
-    def deaf(r, low, high):
-        return "hit" if low <= r <= high else "unknown"
+def reversed_in_place(readings):
+    readings[:] = readings[::-1]
+    return in_a_loop(readings[::-1])
 
-    assert "dirt" in check_classify(simple).message
-    assert "ring" in check_classify(ring).message
-    assert "that way is free" in check_classify(deaf).message
-    assert (
-        "NaN" in check_classify(lambda r, a, b: "unknown" if r < a else "hit" if r <= b else "free").message
-    )
-    assert "words" in check_classify(lambda r, a, b: 1).message
-    assert "end point" in check_classify(lambda r, a, b: "free").message
+
+WRONG = [
+    (ch10.check_increments, plain, "at its word"),
+    (ch10.check_increments, lambda r: plain(r) % 256, "look alike"),
+    (ch10.check_increments, only_forwards, "look alike"),
+    (ch10.check_increments, lambda r: np.abs(in_a_loop(r)), "lost the sign"),
+    (ch10.check_increments, lambda r: (np.diff(r.astype(int), prepend=0) + 128) % 256 - 128, "start at zero"),
+    (ch10.check_increments, lambda r: np.cumsum(in_a_loop(r)), "running totals"),
+    (ch10.check_increments, lambda r: np.where(abs(plain(r)) > 127, 0, plain(r)), "throw the wrapped"),
+    (ch10.check_increments, lambda r: [*in_a_loop(r)[1:], 0], "too early"),
+    (ch10.check_increments, lambda r: np.diff(r.astype(int)), "nobody counted"),
+    (ch10.check_increments, reversed_in_place, "changes what it is given"),
+    (ch10.check_increments, lambda r: nothing, "NameError"),  # noqa: F821
+    (ch10.check_track, lambda r, left, t: np.mean((r - left) / t), "did not turn"),
+    (ch10.check_track, lambda r, left, t: slope(left, r, t), "sign"),
+    (ch10.check_track, lambda r, left, t: 1 / slope(r, left, t), "Upside down"),
+    (ch10.check_track, lambda r, left, t: slope(r, left, t) / 2, "Half"),
+    (ch10.check_track, lambda r, left, t: slope(r, left, np.rad2deg(t)), "into degrees"),
+    (ch10.check_track, lambda r, left, t: np.rad2deg(slope(r, left, t)), "radians already"),
+    (ch10.check_track, lambda r, left, t: (r - left).sum() / t.sum(), "cancel"),
+    (ch10.check_track, lambda r, left, t: np.mean((r - left)[t != 0] / t[t != 0]), "averaged ratios"),
+    (ch10.check_track, lambda r, left, t: np.polyfit(t, r - left, 1)[0], "through zero"),
+    (ch10.check_track, lambda r, left, t: slope(r, -left, t), "added the sides"),
+    (ch10.check_track, lambda r, left, t: r - left, "One number"),
+    (ch10.check_classify, lambda r, a, b: "hit" if a <= r <= b else "free", "dirt"),
+    (ch10.check_classify, lambda r, a, b: "hit" if r >= a else "unknown", "ring"),
+    (ch10.check_classify, lambda r, a, b: "hit" if a <= r <= b else "unknown", "that way is free"),
+    (ch10.check_classify, lambda r, a, b: "unknown" if r < a else "hit" if r <= b else "free", "NaN"),
+    (ch10.check_classify, lambda r, a, b: "hit" if a < r < b else "free" if r >= b else "unknown", "exactly"),
+    (ch10.check_classify, lambda r, a, b: classify(r, 0.1, 30.0), "built in"),
+    (
+        ch10.check_classify,
+        lambda r, a, b: "hit" if a <= r <= b else "free" if r == np.inf else "unknown",
+        "finite",
+    ),
+    (ch10.check_classify, lambda r, a, b: 1, "words"),
+    (ch10.check_classify, lambda r, a, b: "wall", "words"),
+    (ch10.check_classify, lambda r, a, b: None, "returns nothing"),
+]
+
+
+@pytest.mark.parametrize(("check", "answer", "words"), WRONG)
+def test_a_wrong_answer_is_refused_by_name(check, answer, words):
+    verdict = check(answer)
+    assert verdict.verdict == "wrong"
+    assert words in verdict.message

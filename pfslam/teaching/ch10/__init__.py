@@ -1,14 +1,12 @@
 """What the notebook of chapter 10 calls."""
 
-from pfslam.teaching.ch10.checks import (
-    check_classify,
-    check_increments,
-    check_track,
-)
+from pfslam.teaching.ch10.checks import check_classify, check_increments, check_track
 from pfslam.teaching.ch10.robot import (
-    check_up_picture,
+    calibration_table,
+    check_up_table,
+    complaints,
     drives,
-    faults_explorer,
+    faults_table,
     lever_explorer,
     map_picture,
     path_picture,
@@ -16,17 +14,17 @@ from pfslam.teaching.ch10.robot import (
     sharpest_lever,
     track_explorer,
 )
-from pfslam.teaching.show.source import (
-    show_source,
-)
+from pfslam.teaching.show.source import show_source
 
 __all__ = [
+    "calibration_table",
     "check_classify",
     "check_increments",
     "check_track",
-    "check_up_picture",
+    "check_up_table",
+    "complaints",
     "drives",
-    "faults_explorer",
+    "faults_table",
     "lever_explorer",
     "map_picture",
     "path_picture",

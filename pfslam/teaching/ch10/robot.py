@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 import pfslam
 from pfslam.datasets import data_folder
+from pfslam.evaluation.calibration import Calibration, apply_calibration
 from pfslam.evaluation.checkup import Finding, check_up, turned_by_gyro, turned_by_wheels
 from pfslam.evaluation.faults import (
     clockwise,
@@ -29,20 +30,21 @@ from pfslam.sensors import scan_points
 from pfslam.teaching.show.figures import draw_trajectory, map_along, map_figure, trajectory_figure
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, INK, metric_axes, new_figure
+from pfslam.teaching.show.tables import Shown
 from pfslam.teaching.show.widgets import Explorer, Slider
 
 HEALTHY = "none"
-MARKS = {True: ("✓", COLOURS["free"]), False: ("✗", COLOURS["odometry"]), None: ("–", COLOURS["unknown"])}
+MARKS = {True: "✓", False: "✗", None: "–"}
 
 
 def with_counts(recording: Recording, counts: np.ndarray) -> Recording:
-    """The recording with other wheel counts."""
+    """Give the recording with other wheel counts."""
     encoders, _ = recording.wheels_and_gyro()
     return replace(recording, encoders=Encoders(encoders.t, counts))
 
 
 def wrapped(counts: np.ndarray, bits: int = 8) -> np.ndarray:
-    """What careless differences make of a counter of so many bits: the increments ``(K, 4)``, jumps included."""
+    """Give the increments ``(K, 4)`` that careless differences make of a counter of so many bits, jumps included."""
     readings = np.cumsum(counts, axis=0) % 2**bits
     return np.diff(readings, axis=0, prepend=readings[:1])
 
@@ -62,52 +64,54 @@ FAULTS: dict[str, Callable[[Recording], Recording]] = {
 """By name: what some loader or some cable does to a recording."""
 
 
-def findings_figure(findings: list[Finding]) -> Figure:
-    """The check-up as a list with marks."""
-    figure, axes = new_figure(4.4, 0.56 * len(findings))
-    axes.set_axis_off()
-    for row, finding in enumerate(findings):
-        mark, colour = MARKS[finding.ok]
-        y = 1.0 - (row + 0.5) / len(findings)
-        axes.text(0.0, y, mark, color=colour, fontsize=17, weight="bold", va="center")
-        axes.text(0.08, y, finding.question, va="bottom", fontsize=12)
-        ink = colour if finding.ok is False else None
-        axes.text(0.08, y, finding.found, va="top", fontsize=12, weight="bold", color=ink)
-    axes.set(xlim=(0, 1), ylim=(0, 1))
-    return figure
+def check_up_table(recording: Recording) -> Shown:
+    """List the check-up of one recording: the question, what was found and what is expected."""
+    rows = [(MARKS[f.ok], f.question, f.found, f.expected) for f in check_up(recording)]
+    return Shown(("", "question", "found", "expected"), rows, left=(1, 2, 3))
 
 
-def findings_alt(findings: list[Finding]) -> str:
-    """The same list in words, complaints first."""
-    wrong = [f"{f.question} {f.found}, expected {f.expected}." for f in findings if f.ok is False]
-    fine = sum(finding.ok is True for finding in findings)
-    silent = sum(finding.ok is None for finding in findings)
-    head = f"{fine} checks pass, {len(wrong)} complain" + (
-        f", {silent} have nothing to ask" if silent else ""
-    )
-    return f"{head}. {' '.join(wrong)}"
+def complaints(recording: Recording) -> list[Finding]:
+    """Give the findings that complain."""
+    return [finding for finding in check_up(recording) if finding.ok is False]
 
 
-def check_up_picture(recording: Recording) -> Picture:
-    """The check-up of one recording."""
-    findings = check_up(recording)
-    return Picture(findings_figure(findings), findings_alt(findings))
-
-
-def faults_explorer(recording: Recording) -> Explorer:
-    """Choose a fault; see which checks complain. The check-ups are made once."""
+def faults_table(recording: Recording) -> Shown:
+    """List for each fault, done to one minute of a drive, the questions that complain and what they found."""
     short = replace(first_seconds(recording, 60.0), camera=None)
-    made = {fault: check_up(harm(short)) for fault, harm in FAULTS.items()}
-    return Explorer(
-        lambda fault: findings_figure(made[fault]),
-        [Slider("fault", list(FAULTS), 0, "Fault")],
-        alt=lambda fault: f"Fault: {fault}. {findings_alt(made[fault])}",
-        title="One minute of the drive, harmed on purpose, and its check-up",
-    )
+    rows = []
+    for fault, harm in FAULTS.items():
+        for k, finding in enumerate(complaints(harm(short)) or [None]):
+            cells = ("nothing to complain about", "", "") if finding is None else (
+                finding.question, finding.found, finding.expected
+            )  # fmt: skip
+            rows.append((fault if k == 0 else "", *cells))
+    return Shown(("fault", "question that complains", "found", "expected"), rows, left=(1, 2, 3))
+
+
+# ---- measuring the robot
+
+
+def end_error(recording: Recording) -> float:
+    """Give how far from the truth (m) dead reckoning ends."""
+    path, truth = pfslam.dead_reckoning(recording), recording.true_path()
+    last = min(path.t[-1], truth.t[-1])
+    return float(np.hypot(*(path.at(last) - truth.at(last))[:2]))
+
+
+def calibration_table(drives: dict[str, Recording], found: dict[str, Calibration]) -> Shown:
+    """List where dead reckoning of each drive ends: raw, calibrated on itself, calibrated on the other drive."""
+    rows = []
+    for name, recording in drives.items():
+        (other,) = (calibration for drive, calibration in found.items() if drive != name)
+        errors = [end_error(r) for r in (
+            recording, apply_calibration(recording, found[name]), apply_calibration(recording, other)
+        )]  # fmt: skip
+        rows.append((name, *(f"{error:.2f}" for error in errors)))
+    return Shown(("drive", "raw [m]", "calibrated on itself [m]", "calibrated on the other drive [m]"), rows)
 
 
 def heading_from_gyro(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """Times ``(T,)`` (s) and the gyro's heading there (rad)."""
+    """Give times ``(T,)`` (s) and the gyro's heading there (rad)."""
     inputs = controls(recording)
     return inputs.t, turned_by_gyro(inputs, inputs.t)
 
@@ -126,7 +130,7 @@ def track_explorer(recording: Recording) -> Explorer:
         return float(np.rad2deg(np.sqrt(np.mean((wheels(track) - gyro) ** 2))))
 
     def draw(track: float) -> Figure:
-        figure, axes = new_figure(6.8, 3.8)
+        figure, axes = new_figure(5.4, 3.6)
         axes.plot(since, np.rad2deg(gyro), color=INK, linewidth=1.2, label="gyro")
         axes.plot(since, np.rad2deg(wheels(track)), color=COLOURS["odometry"], label="wheels")
         axes.set_xlabel("time [s]")
@@ -149,7 +153,7 @@ def track_explorer(recording: Recording) -> Explorer:
 
 
 def strongest_turn(recording: Recording, seconds: float = 2.5) -> tuple[float, float]:
-    """The stretch (s, s) in which the gyro turned most while the robot hardly drove."""
+    """Find the stretch (s, s) in which the gyro turned most while the robot hardly drove."""
     inputs = controls(recording)
     t = inputs.t
     turned = np.concatenate([[0.0], np.cumsum(inputs.omega * np.diff(t))])
@@ -162,7 +166,7 @@ def strongest_turn(recording: Recording, seconds: float = 2.5) -> tuple[float, f
 
 
 def turn_points(recording: Recording, lever: float, span: tuple[float, float]) -> np.ndarray:
-    """End points ``(M, 2)`` of the scans of a turn, by dead reckoning, if the LiDAR sat ``lever`` m ahead."""
+    """Place the end points ``(M, 2)`` of a turn by dead reckoning, as if the LiDAR sat ``lever`` m ahead."""
     lidar = replace(recording.robot.lidar, position_b=(lever, 0.0, recording.robot.lidar.position_b[2]))
     scans, path = recording.scans(), pfslam.dead_reckoning(recording)
     inside = np.flatnonzero((scans.t >= span[0]) & (scans.t <= span[1]))[::6]
@@ -172,7 +176,7 @@ def turn_points(recording: Recording, lever: float, span: tuple[float, float]) -
 
 
 def cells_hit(points: np.ndarray, cell: float = 0.02) -> int:
-    """How many cells the points fall into: the fewer, the sharper the picture."""
+    """Count the cells that the points fall into: the fewer, the sharper the picture."""
     return len(np.unique(np.floor(points / cell).astype(np.int64), axis=0))
 
 
@@ -186,7 +190,7 @@ def lever_explorer(recording: Recording) -> Explorer:
         return turn_points(recording, lever, span)
 
     def draw(lever: float) -> Figure:
-        figure, axes = new_figure(6.0, 5.2)
+        figure, axes = new_figure(5.4, 5.0)
         near = points(lever)
         near = near[np.abs(near - here).max(axis=1) < 2.6]
         axes.scatter(*near.T, s=1.5, color=COLOURS["hits"], linewidths=0)
@@ -207,13 +211,13 @@ def lever_explorer(recording: Recording) -> Explorer:
 
 
 def sharpest_lever(recording: Recording) -> float:
-    """The place of the LiDAR (m ahead of the centre) for which the scans of the strongest turn hit the fewest cells."""
+    """Find the place of the LiDAR (m ahead of the centre) from which the scans of a turn hit the fewest cells."""
     span, levers = strongest_turn(recording), np.arange(-0.3, 0.401, 0.02)
     return float(levers[np.argmin([cells_hit(turn_points(recording, x, span)) for x in levers])])
 
 
 def drives() -> dict[str, tuple[str, Path | None]]:
-    """Every data set within reach by name: the built-in ones, then the numbered sets and logs of the data folder."""
+    """List every data set within reach: the built-in ones, then the numbered sets and logs of the data folder."""
     found: dict[str, tuple[str, Path | None]] = {"hall": ("hall", None), "ramp": ("ramp", None)}
     folder = data_folder()
     for place in (folder, folder / "data", *(p for p in sorted(folder.glob("*")) if p.is_dir())):
@@ -243,7 +247,7 @@ def map_picture(recording: Recording, path: Trajectory) -> Picture:
 
 
 def run_figure(name: str, recording: Recording, result: SlamResult) -> Picture:
-    """Map and path of a run on anything."""
+    """Draw map and path of a run on anything."""
     figure = map_figure(result.grid, f"{name}: {len(result.infos)} scans", result.trajectory)
     if recording.truth is not None:
         draw_trajectory(figure.axes[0], recording.truth, "truth")

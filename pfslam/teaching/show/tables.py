@@ -61,6 +61,11 @@ def labels_of(table: Table) -> list[str]:
     return list(dict.fromkeys(table["label"].tolist()))
 
 
+def number_of_buildings(study: str) -> int:
+    """In how many simulated buildings each variant of a stored study ran."""
+    return len(np.unique(read_table(study)["simulator.seed"]))
+
+
 def errors_by_label(table: Table, column: str = ERROR) -> dict[str, np.ndarray]:
     """The values of one column, one array for each label."""
     return {label: select(table, label=label)[column] for label in labels_of(table)}
@@ -69,11 +74,11 @@ def errors_by_label(table: Table, column: str = ERROR) -> dict[str, np.ndarray]:
 class Shown:
     """A table as the last expression of a cell: aligned text in a committed notebook, a real table on a page.
 
-    The first column is text and the others are numbers, which are set to the right.
+    The first column, and any other that ``left`` names, is set to the left, the others to the right as numbers are.
     """
 
-    def __init__(self, head: Sequence[str], rows: Iterable[Sequence[str]]):
-        self.head, self.rows = list(head), [list(row) for row in rows]
+    def __init__(self, head: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[int] = ()):
+        self.head, self.rows, self.left = list(head), [list(row) for row in rows], {0, *left}
         for row in self.rows:
             if len(row) != len(self.head):
                 raise ValueError(f"a row has {len(row)} cells, expected {len(self.head)}: {row}")
@@ -83,7 +88,7 @@ class Shown:
         widths = [max(len(line[k]) for line in lines) for k in range(len(self.head))]
         return "\n".join(
             "  ".join(
-                cell.rjust(width) if k else cell.ljust(width)
+                cell.ljust(width) if k in self.left else cell.rjust(width)
                 for k, (cell, width) in enumerate(zip(line, widths, strict=True))
             ).rstrip()
             for line in lines
@@ -91,7 +96,7 @@ class Shown:
 
     def markdown(self) -> str:
         """The table in Markdown."""
-        rule = ["---", *["---:"] * (len(self.head) - 1)]
+        rule = [":--" if k in self.left else "--:" for k in range(len(self.head))]
         return "\n".join("| " + " | ".join(line) + " |" for line in (self.head, rule, *self.rows))
 
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict[str, str]:
