@@ -8,7 +8,7 @@ from rooms import box, ray_cast
 
 from pfslam.grid import GridSpec
 from pfslam.poses import Trajectory
-from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream
+from pfslam.recording import Encoders, Imu, LidarScans, Recording
 from pfslam.teaching.ch00 import frames as ch00_frames
 from pfslam.teaching.ch00 import readings as ch00
 from pfslam.teaching.ch02 import failures as ch02_faults
@@ -35,21 +35,6 @@ def test_cumulated_distance_does_not_care_about_the_scans_but_nearest_increments
         nearest, cumulated = ch00.distance_by_pairing(steady, every)
         assert nearest == pytest.approx(n * metres)
         assert cumulated == pytest.approx(n * every * metres)
-
-
-def test_pairing_by_number_drifts_where_one_camera_lost_an_image():
-    t = np.arange(10) / 10.0
-    lost = np.delete(t, 3) + 0.01
-    camera = RgbdStream(t, lost, None, None, np.arange(1), np.arange(1))
-    gaps = ch00.pairing_gaps(camera)
-    np.testing.assert_allclose(gaps["nearest stamp"], 0.01)
-    np.testing.assert_allclose(gaps["same number"], [0.01] * 3 + [0.11] * 6)
-    assert len(ch00.all_stored(camera).rgb_index) == 9
-
-
-def test_nominal_error_by_hand():
-    # Four readings in 0.3 s take 0.75 s if each is given a quarter of a second.
-    assert ch00.nominal_error(np.array([5.0, 5.1, 5.2, 5.3]), 0.25) == pytest.approx(0.45)
 
 
 def test_room_of_the_turn_is_the_room_of_segments():
@@ -155,14 +140,6 @@ def test_points_outside_are_masked_or_end_where_they_should_not():
     assert masked == [[0, 0]]
     assert clipped == [[0, 0], [1, 0], [2, 3]]
     assert wrapped == [[0, 0], [1, 3]]
-
-
-def test_both_flips_are_an_exact_mirror_image(steady):
-    right = ch02_faults.flipped_scans(steady, 1, 1, last=5.0, every=10)
-    both = ch02_faults.flipped_scans(steady, -1, -1, last=5.0, every=10)
-    for a, b in zip(right, both, strict=True):
-        np.testing.assert_allclose(b.points, a.points * [1, -1])
-        np.testing.assert_allclose(b.sensor, a.sensor * [1, -1])
 
 
 def test_glass_clears_nothing_behind_it_and_a_false_wall_is_counted(steady):

@@ -12,11 +12,10 @@ from matplotlib.figure import Figure
 from pfslam.errors import DataError
 from pfslam.motion import wheel_distance
 from pfslam.recording import Recording, RgbdStream, nearest_stamp
-from pfslam.sensors import RgbdModel, scan_points
+from pfslam.sensors import scan_points
 from pfslam.teaching.show.pictures import Picture
-from pfslam.teaching.show.style import COLOURS, LINE_STYLES, new_figure
+from pfslam.teaching.show.style import COLOURS, new_figure
 from pfslam.teaching.show.widgets import Explorer, Slider
-from pfslam.texture.floor import depth_for_step, depth_from_disparity, depth_step
 
 STREAM_COLOURS = ("odometry", "odometry", "hits", "truth", "truth")
 SEEN_TO = 5.0  # m to either side that the scan panel shows
@@ -182,35 +181,6 @@ def all_stored(camera: RgbdStream) -> RgbdStream:
     return replace(camera, disparity_index=every[0], rgb_index=every[1])
 
 
-def pairing_gaps(camera: RgbdStream) -> dict[str, np.ndarray]:
-    """Seconds between a colour image and its disparity image, paired by number and by stamp."""
-    n = min(len(camera.disparity_t), len(camera.rgb_t))
-    nearest = camera.disparity_t[nearest_stamp(camera.disparity_t, camera.rgb_t)]
-    return {
-        "same number": np.abs(camera.rgb_t[:n] - camera.disparity_t[:n]),
-        "nearest stamp": np.abs(camera.rgb_t - nearest),
-    }
-
-
-def pairing_picture(camera: RgbdStream) -> Picture:
-    """How far apart in time the two images of a pair are, along the drive."""
-    figure, axes = new_figure(5.0, 3.3)
-    words = []
-    for (name, gap), colour in zip(pairing_gaps(camera).items(), ("odometry", "estimate"), strict=True):
-        t = camera.rgb_t[: len(gap)] - camera.rgb_t[0]
-        axes.plot(t, gap, color=COLOURS[colour], label=name, linestyle=LINE_STYLES[colour])
-        words.append(f"{name}: median {np.median(gap):.3f} s, at most {gap.max():.2f} s")
-    axes.set(yscale="log", ylim=(1e-4, 30), xlabel="time [s]", ylabel="apart by")
-    axes.set_yticks([1e-3, 1e-2, 0.1, 1, 10], ["1 ms", "10 ms", "0.1 s", "1 s", "10 s"])
-    axes.legend(loc="lower right", fontsize=12)
-    return Picture(figure, f"Time between the two images of each pair. {'; '.join(words)}.")
-
-
-def nominal_error(t: np.ndarray, period: float) -> float:
-    """By how much (s) the last stamp is misplaced if reading k is given the time ``k * period``."""
-    return float((len(t) - 1) * period - (t[-1] - t[0]))
-
-
 # ---- raw units
 
 
@@ -226,25 +196,4 @@ def counts_picture(recording: Recording, start: float = 50.0, seconds: float = 4
         ax.set(xlabel="time [s]", ylabel="counts" if name == "A" else "", title=name, ylim=(0, None))
     alt = f"""Two logs of one wheel over {seconds:.0f} seconds of steady driving. A climbs from
     {counts[0]} to {counts.sum()} counts; B stays on a plateau around {np.median(counts):.0f} counts."""
-    return Picture(figure, alt)
-
-
-def depth_picture(camera: RgbdModel) -> Picture:
-    """Depth against disparity, and what one step of disparity is worth."""
-    d = np.arange(400, 1089)
-    depth = depth_from_disparity(d, camera)
-    figure, axes = new_figure(5.0, 3.2, 1, 2)
-    axes[0].plot(d, depth, color=COLOURS["estimate"])
-    axes[0].axvline(
-        camera.disparity_offset / -camera.disparity_slope, color=COLOURS["odometry"], linestyle="--"
-    )
-    axes[0].set(xlabel="disparity", ylabel="depth [m]", ylim=(0, 10), xticks=(400, 700, 1000))
-    z = np.linspace(0.5, 10, 100)
-    axes[1].plot(z, 100 * depth_step(z, camera), color=COLOURS["estimate"])
-    axes[1].set(xlabel="depth [m]", ylabel="one step [cm]", xlim=(0, 10), ylim=(0, None))
-    axes[1].axhline(5, color=COLOURS["truth"], linestyle=":")
-    steps = ", ".join(f"{100 * depth_step(m, camera):.1f} cm at {m:g} m" for m in (1.0, 3.0, 10.0))
-    alt = f"""Left: depth against disparity climbs ever more steeply towards the end of the scale at
-    {camera.disparity_offset / -camera.disparity_slope:.0f} (dashed). Right: what one step of disparity is worth:
-    {steps}; 5 cm (dotted) is passed at {depth_for_step(0.05, camera):.1f} m."""
     return Picture(figure, alt)

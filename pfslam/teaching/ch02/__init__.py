@@ -8,7 +8,6 @@ from pfslam.teaching.ch02.checks import (
 )
 from pfslam.teaching.ch02.failures import (
     edge_picture,
-    flips_picture,
     glass_picture,
 )
 from pfslam.teaching.ch02.many_scans import (
@@ -48,7 +47,6 @@ __all__ = [
     "dead_reckoned_picture",
     "edge_picture",
     "evidence_explorer",
-    "flips_picture",
     "glass_picture",
     "growth_explorer",
     "logistic_picture",

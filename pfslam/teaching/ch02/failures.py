@@ -8,50 +8,11 @@ from textwrap import fill
 import numpy as np
 
 from pfslam.grid import LOG_4, GridSpec, MapConfig, OccupancyGrid, integrate_scan
-from pfslam.poses import transform_points
 from pfslam.recording import LidarScans, Recording
-from pfslam.sensors import scan_points
-from pfslam.teaching.ch02.many_scans import drawn
 from pfslam.teaching.ch02.one_scan import CELL, Placed, draw_log_odds, placed
-from pfslam.teaching.show.figures import draw_map, draw_robot
+from pfslam.teaching.show.figures import draw_robot
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, new_figure
-
-MIRROR = np.array([1.0, -1.0, -1.0])
-FLIPS = {"right": (1, 1), "scan flipped": (-1, 1), "scan and gyro flipped": (-1, -1)}
-
-
-def flipped_scans(
-    recording: Recording, scan_sign: int, gyro_sign: int, last: float, every: int
-) -> list[Placed]:
-    """Scans of the first ``last`` seconds with beams counted the other way round, or all turns too, or neither."""
-    scans, lidar, truth = recording.scans(), recording.robot.lidar, recording.true_path()
-    result = []
-    for i in range(0, int(np.searchsorted(scans.t, scans.t[0] + last)), every):
-        pose = truth.at(scans.t[i]) * (MIRROR if gyro_sign < 0 else 1.0)
-        points_b = scan_points(scans.ranges[i], lidar) * [1.0, scan_sign]
-        sensor = transform_points(pose, np.array([lidar.position_b[:2]]))[0]
-        beams = np.flatnonzero(lidar.valid(scans.ranges[i]))
-        result.append(Placed(transform_points(pose, points_b), beams, sensor, pose))
-    return result
-
-
-def flips_picture(recording: Recording, last: float = 45.0, every: int = 25) -> Picture:
-    """Three maps of the same scans: right, beams counted clockwise, and beams and turns both reversed."""
-    figure, axes = new_figure(5.0, 3.0, 1, 3)
-    words = []
-    for ax, (name, signs) in zip(axes, FLIPS.items(), strict=True):
-        *_, grid = drawn(flipped_scans(recording, *signs, last=last, every=every))
-        draw_map(ax, grid)
-        ax.set_title(
-            name.replace(" flipped", "\nflipped").replace("scan and gyro", "scan and\ngyro"), fontsize=12
-        )
-        ax.set(xticks=(), yticks=(), xlabel="", ylabel="")
-        words.append(f"{name} {np.count_nonzero(grid.occupied)}")
-    alt = f"""Three maps of the same scans. With the scan flipped the corridors smear; with scan and gyro flipped the
-    map is sharp, and a mirror image. Occupied cells: {", ".join(words)}."""
-    return Picture(figure, alt)
-
 
 # ---- points outside the grid
 
