@@ -220,7 +220,7 @@ def single(s, t, counts, metres):
         (check_scan_points, points(lambda r, a, arm: polar(r, -a) + arm), "Left and right"),
         (check_scan_points, points(lambda r, a, arm: polar(r, np.deg2rad(a)) + arm), "in radians already"),
         (check_scan_points, points(lambda r, a, arm: polar(r, np.rad2deg(a)) + arm), "nothing to convert"),
-        (check_scan_points, points(lambda r, a, arm: (polar(r, a) + arm).T), "shape (2, 7)"),
+        (check_scan_points, points(lambda r, a, arm: (polar(r, a) + arm).T), "shape (2, 6)"),
         (check_scan_points, into_the_ranges, "changes what it is given"),
         (check_nearest_within, nearest, "not near"),
         (check_nearest_within, without_clip, "after the last stamp"),

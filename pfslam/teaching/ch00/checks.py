@@ -11,14 +11,14 @@ from pfslam.teaching.show.checks import Check, attempt, compare, hint
 # ---- exercise 1: a scan as points of the body frame
 
 RANGE_MIN, RANGE_MAX = 0.1, 30.0
-NOT_MEASURED = (np.inf, 0.0, 0.05, np.nan, 60.0)
+NOT_MEASURED = (np.inf, 0.0, 0.05, np.nan, 60.0, 30.6)
 
 
 def _scan_case(seed: int) -> tuple:
-    """Ranges, bearings and a lever arm with both coordinates; five beams in the middle measured nothing."""
+    """Ranges, bearings and a lever arm with both coordinates; six beams in the middle measured nothing."""
     rng = np.random.default_rng(seed)
     ranges, angles = rng.uniform(0.2, 9.0, 12), np.sort(rng.uniform(-2.3, 2.3, 12))
-    ranges[3:8] = rng.permutation(NOT_MEASURED)
+    ranges[:2], ranges[3:9] = (0.15, 29.5), rng.permutation(NOT_MEASURED)
     return ranges, angles, rng.uniform(0.05, 0.3, 2)
 
 
@@ -113,7 +113,7 @@ def check_scan_points(theirs: Callable) -> Check:
     words = _rows_hint(attempt(theirs, *(part.copy() for part in cases[0])), cases[0][0])
     if words:
         return hint(words)
-    praise = "Seven of twelve beams measured something, each at its own bearing, seen from the middle of the robot."
+    praise = "Six of twelve beams measured something, each at its own bearing, seen from the middle of the robot."
     return compare(theirs, scan_points, cases, mistakes=SCAN_MISTAKES, praise=praise)
 
 

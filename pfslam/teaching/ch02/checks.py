@@ -96,6 +96,7 @@ def check_cell_of(theirs: Callable) -> Check:
 
 CLAMP = 2 * LOG_4
 STORIES = (
+    (("free", "none", "hit", "hit"), 2.5 * LOG_4),
     (("hit", "hit", "hit", "free", "none"), CLAMP),
     (("free", "none", "free", "free", "hit", "hit", "hit"), CLAMP),
     (("hit", "free", "free", "free", "none", "free", "free", "hit"), 2.5 * LOG_4),
