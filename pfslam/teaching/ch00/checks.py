@@ -113,7 +113,9 @@ def check_scan_points(theirs: Callable) -> Check:
     words = _rows_hint(attempt(theirs, *(part.copy() for part in cases[0])), cases[0][0])
     if words:
         return hint(words)
-    praise = "Six of twelve beams measured something, each at its own bearing, seen from the middle of the robot."
+    praise = (
+        "Six of twelve beams measured something, each at its own bearing, seen from the middle of the robot."
+    )
     return compare(theirs, scan_points, cases, mistakes=SCAN_MISTAKES, praise=praise)
 
 

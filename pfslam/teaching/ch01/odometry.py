@@ -51,7 +51,7 @@ def readings_of_equation_19(recording: Recording) -> dict[str, Controls]:
     return {
         "as printed": replace(inputs, v=per_reading[1:][near]),
         "own interval": replace(inputs, v=own_interval[near]),
-        "cumulated": inputs,
+        "from the sum": inputs,
     }
 
 
@@ -99,13 +99,13 @@ def two_paths_picture(recordings: dict[str, Recording]) -> Picture:
 def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
     """Speed over time around the worst spike: two readings of Eq. 19, and the second over longer intervals."""
     readings = readings_of_equation_19(recording)
-    readings["cumulated, 10 a second"] = at_rate(readings["cumulated"], 10.0)
+    readings["from the sum, 10 a second"] = at_rate(readings["from the sum"], 10.0)
     start = readings["own interval"].t[1 + np.argmax(readings["own interval"].v)] - seconds / 2
     figure, axes = new_figure(5.0, 3.8)
     looks = {
         "own interval": (COLOURS["odometry"], 1.2),
-        "cumulated": (COLOURS["particles"], 1.6),
-        "cumulated, 10 a second": (COLOURS["estimate"], 2.4),
+        "from the sum": (COLOURS["particles"], 1.6),
+        "from the sum, 10 a second": (COLOURS["estimate"], 2.4),
     }
     for name, (colour, width) in looks.items():
         inputs = readings[name]
@@ -117,8 +117,8 @@ def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
     axes.legend(loc="upper left", fontsize=12)
     worst = {name: readings[name].v.max() for name in looks}
     alt = f"""Speed over {seconds:.0f} seconds around the worst spike of the drive. Divided by each reading's own
-    interval it reaches {worst["own interval"]:.1f} m/s; cumulated and read off at each gyro sample,
-    {worst["cumulated"]:.1f} m/s; read off ten times a second, {worst["cumulated, 10 a second"]:.1f} m/s.
+    interval it reaches {worst["own interval"]:.1f} m/s; differences of the sum at each gyro sample,
+    {worst["from the sum"]:.1f} m/s; differences ten times a second, {worst["from the sum, 10 a second"]:.1f} m/s.
     The robot never exceeds 1.4 m/s."""
     return Picture(figure, alt)
 

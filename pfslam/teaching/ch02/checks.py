@@ -124,12 +124,6 @@ def cell_story(story, clamp) -> float:
     return probability(_life(story, clamp))
 
 
-def _by_bayes(gamma: float, seen: str) -> float:
-    """Bayes' rule for one scan, without a limit."""
-    occupied, free = {"hit": (0.8, 0.2), "free": (0.2, 0.8), "none": (1.0, 1.0)}[seen]
-    return occupied * gamma / (occupied * gamma + free * (1 - gamma))
-
-
 def _multiplied(story, clamp) -> float:
     """Probabilities multiplied as if they were odds."""
     return float(np.prod([{"hit": 0.8, "free": 0.2, "none": 1.0}[word] for word in story]) * 0.5)
