@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 from notebook_cells import defined
 
-from pfslam.particles import RESAMPLERS, effective_sample_size
+from pfslam.particles import RESAMPLERS
 from pfslam.poses import average_pose, wrap_angle
 from pfslam.teaching import ch05
-from pfslam.teaching.ch05.weights import (
-    SHARPNESS,
-    copies_table,
-    counts_of_a_scan,
-    raw_count_weights,
-    weights_from,
-)
+from pfslam.teaching.ch05 import cells
+from pfslam.teaching.ch05.measurements import LATTICE_TABLE, stored_errors
+from pfslam.teaching.ch05.slow_motion import one_update
+from pfslam.teaching.ch05.weights import copies_table
+from pfslam.teaching.ch05.window import moved_to_best, window_scores
 from pfslam.teaching.show.tables import errors_by_label, read_table
 
 EXERCISES = {
@@ -233,16 +231,6 @@ def test_a_wrong_answer_is_refused_by_name(check, answer, words):
     assert words in verdict.message
 
 
-def test_sharper_likelihoods_leave_fewer_particles():
-    """The values that one works out with NumPy alone, for counts of 500 give or take 15."""
-    counts = counts_of_a_scan()
-    alive = [effective_sample_size(weights_from(counts, b)) for b in SHARPNESS]
-    assert alive == sorted(alive, reverse=True)
-    assert alive[0] == pytest.approx(200)
-    assert alive[-1] < 5
-    assert effective_sample_size(raw_count_weights(counts)) > 199
-
-
 def test_every_scheme_makes_n_w_copies_on_average():
     table = copies_table()
     assert all(mean == pytest.approx(3.0, abs=0.12) for mean, _ in table.values())
@@ -255,3 +243,33 @@ def test_stored_runs_say_what_the_chapter_says_of_them():
     others = np.concatenate([errors["report"], errors["gentle clearing"]])
     assert typical["gentle clearing"] < typical["report"] < typical["dead reckoning"]
     assert errors["refined"].max() < min(0.02, others.min())
+
+
+def test_the_reports_settings_and_exact_scoring_as_the_chapter_says():
+    errors = errors_by_label(read_table("ch05_report"))
+    assert np.median(errors["report"]) > 0.4 > 0.02 > errors["refined"].max()
+    scoring = stored_errors(LATTICE_TABLE)
+    assert np.median(scoring["exact"]) < np.median(scoring["lattice"])
+    assert np.ptp(scoring["exact"]) < np.ptp(scoring["lattice"])
+
+
+def test_in_fifteen_cells_maps_of_their_own_come_out_right_and_a_shared_one_does_not():
+    own, shared = (cells.success(own_maps, runs=40) for own_maps in (True, False))
+    assert own["map"] > 0.3 > 0.1 > shared["map"]
+    assert own["place"] > shared["place"]
+
+
+def test_one_update_is_what_its_pictures_say():
+    u = one_update()
+    assert u.weights.sum() == pytest.approx(1.0)
+    good, middling, bad = u.counts[u.chosen]
+    assert good == u.counts.max() > middling > bad == u.counts.min()
+    copies, share = np.bincount(u.ancestors, minlength=len(u.weights)), len(u.weights) * u.weights
+    assert (np.abs(copies - share) < 1).all()
+
+
+def test_the_window_moves_a_particle_to_where_it_scores_more():
+    stand, best, moved = moved_to_best()
+    assert (best >= stand).all()
+    assert window_scores(0)[4, 4, 4] == stand[0]
+    assert np.abs(moved - one_update().predicted).max() <= 0.2 + 1e-12

@@ -1,20 +1,12 @@
 """What the notebook of chapter 04 calls."""
 
-from pfslam.teaching.ch04.checks import (
-    check_choose,
-    check_count_on_walls,
-    check_transform_test,
-)
-from pfslam.teaching.ch04.cost import (
-    update_parts,
-    update_picture,
-    width_picture,
-    width_times,
-)
+from pfslam.teaching.ch04.checks import check_choose, check_count_on_walls, check_transform_test
 from pfslam.teaching.ch04.scores import (
     LATTICE,
+    field_picture,
     fit_explorer,
     heading_picture,
+    patches_picture,
     question_picture,
     surfaces_picture,
 )
@@ -23,7 +15,6 @@ from pfslam.teaching.ch04.search import (
     block_from_volume,
     fine_scores_picture,
     first_index_walk,
-    match_on_empty_map,
     search_times,
     search_times_picture,
     trials,
@@ -38,9 +29,8 @@ from pfslam.teaching.ch04.weights import (
     walls_picture,
 )
 from pfslam.teaching.show.drives import place_at
-from pfslam.teaching.show.source import (
-    show_source,
-)
+from pfslam.teaching.show.keep import keep
+from pfslam.teaching.show.source import show_source
 
 __all__ = [
     "LATTICE",
@@ -53,12 +43,14 @@ __all__ = [
     "cloud",
     "counts_of_the_window",
     "counts_where_they_stand",
+    "field_picture",
     "fine_scores_picture",
     "first_index_walk",
     "fit_explorer",
     "heading_picture",
-    "match_on_empty_map",
+    "keep",
     "n_eff",
+    "patches_picture",
     "place_at",
     "question_picture",
     "search_times",
@@ -67,9 +59,5 @@ __all__ = [
     "show_source",
     "surfaces_picture",
     "trials",
-    "update_parts",
-    "update_picture",
     "walls_picture",
-    "width_picture",
-    "width_times",
 ]

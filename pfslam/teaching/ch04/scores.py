@@ -52,7 +52,7 @@ def draw_fit(axes: Axes, place: Place, points_w: np.ndarray, reach: float = 4.0,
 
 def question_picture(place: Place, wrong: tuple[float, float, float]) -> Picture:
     """The same scan from the true pose and from a wrong one."""
-    figure, axes = new_figure(6.2, 4.2, columns=2, sharey=True)
+    figure, axes = new_figure(5.2, 4.2, columns=2, sharey=True)
     counts = []
     for ax, offset, name in zip(axes, ((0.0, 0.0, 0.0), wrong), ("A", "B"), strict=True):
         points = place.moved(*offset)
@@ -61,7 +61,7 @@ def question_picture(place: Place, wrong: tuple[float, float, float]) -> Picture
         ax.set_title(f"pose {name}")
     axes[1].set_ylabel("")
     labels = axes[1].get_legend_handles_labels()
-    figure.legend(*labels, loc="outside lower center", ncols=2, markerscale=3, fontsize=11)
+    figure.legend(*labels, loc="outside lower center", ncols=2, markerscale=3)
     dx, dy, dtheta = wrong
     alt = f"""Two maps of the same corner with the same scan of {len(place.points_b)} end points on each. Pose A is
     the true one: {counts[0]} points lie on walls. Pose B is off by {np.hypot(dx, dy):.2f} m and
@@ -83,7 +83,7 @@ def draw_surface(axes: Axes, scores: np.ndarray, top: float, mark: tuple[float, 
 
 def surfaces_picture(corner: Place, corridor: Place) -> Picture:
     """Two score surfaces at the true heading: one with a peak, one with a ridge."""
-    figure, axes = new_figure(6.2, 3.2, columns=2, sharey=True)
+    figure, axes = new_figure(5.2, 3.2, columns=2, sharey=True)
     words = []
     for ax, place, name in zip(axes, (corner, corridor), ("corner", "corridor"), strict=True):
         share = surface(place) / len(place.points_b)
@@ -102,7 +102,7 @@ def heading_picture(place: Place) -> Picture:
     """Score against heading error at the true position."""
     degrees = np.arange(-6.0, 6.01, 0.25)
     share = [np.mean(on_walls(place, place.moved(dtheta=np.deg2rad(d)))) for d in degrees]
-    figure, axes = new_figure(6.2, 2.9)
+    figure, axes = new_figure(5.2, 2.9)
     axes.plot(degrees, share, color=COLOURS["estimate"], marker="o", markersize=3)
     axes.axvline(0.0, color=COLOURS["truth"], linestyle=":")
     axes.set(xlabel="heading error [deg]", ylabel="share on walls", ylim=(0, 1), xticks=range(-6, 7, 2))
@@ -114,7 +114,7 @@ def heading_picture(place: Place) -> Picture:
 
 def draw_guess(place: Place, x: float, y: float, theta: float) -> Figure:
     """The scan on the map from a guessed pose, and the scores of all shifts at that heading (degrees)."""
-    figure, (left, right) = new_figure(6.2, 3.7, columns=2, width_ratios=[1.25, 1])
+    figure, (left, right) = new_figure(5.2, 3.7, columns=2, width_ratios=[1.25, 1])
     points = place.moved(x, y, np.deg2rad(theta))
     draw_fit(left, place, points, reach=3.5, size=6)
     share = map_correlation(place.grid.occupied, place.grid.spec, points) / len(points)
@@ -138,10 +138,71 @@ def fit_explorer(place: Place) -> Explorer:
     return Explorer(
         steady(partial(draw_guess, place)),
         [
-            Slider("x", [-0.2, -0.1, 0.0, 0.1, 0.2], 2, "Shift in x", **metres, live=live),
-            Slider("y", [-0.2, -0.1, 0.0], 2, "Shift in y", **metres, live=live),
-            Slider("theta", [-2.0, 0.0, 2.0, 4.0], 1, "Turn", "deg", ".1f", (-6.0, 6.0, 0.1)),
+            Slider("x", [0.0, 0.05, 0.1, 0.15], 0, "Shift in x", **metres, live=live),
+            Slider("y", [-0.15, -0.1, -0.05, 0.0], 3, "Shift in y", **metres, live=live),
+            Slider("theta", [0.0, 1.0, 2.0], 0, "Turn", "deg", ".1f", (-6.0, 6.0, 0.1)),
         ],
         alt=partial(describe_guess, place),
         title="Slide the scan over the map",
     )
+
+
+# ---- patches, and the likelihood field
+
+
+def patches(place: Place, chosen: list[int], reach: int = 4) -> tuple[list[np.ndarray], np.ndarray]:
+    """The piece of the map ``(9, 9)`` around the cells of some end points, and the sum over all end points."""
+    occupied, spec = place.grid.occupied, place.grid.spec
+    cells = spec.world_to_cell(place.moved())
+    around = [
+        occupied[iy - reach : iy + reach + 1, ix - reach : ix + reach + 1].astype(int)
+        for ix, iy in cells
+        if min(ix, iy) >= reach and ix + reach < spec.shape[1] and iy + reach < spec.shape[0]
+    ]
+    return [around[k] for k in chosen], np.sum(around, axis=0)
+
+
+def patches_picture(place: Place, chosen: tuple[int, ...] = (150, 480, 900)) -> Picture:
+    """Three patches of the map and the sum over all: the scores of the 81 shifts at one heading."""
+    some, total = patches(place, list(chosen))
+    figure, row = new_figure(5.2, 2.4, columns=4, width_ratios=[1, 1, 1, 1.25])
+    for axes, patch, name in zip(
+        row, [*some, total], (*(f"point {k}" for k in chosen), "sum of all"), strict=True
+    ):
+        axes.imshow(patch, origin="lower", cmap="Greys" if patch is not total else "cividis", vmin=0)
+        axes.set(xticks=(), yticks=(), title=name)
+        axes.plot(4, 4, "+", color=COLOURS["highlight"], markersize=9, markeredgewidth=2)
+        axes.grid(False)
+    row[0].set_ylabel("9 × 9 cells")
+    iy, ix = np.unravel_index(int(np.argmax(total)), total.shape)
+    alt = f"""The map around three of the end points, 9 by 9 cells each, and the sum over all {len(place.points_b)} end
+    points. The sum is greatest, {total.max()}, at the shift of {ix - 4} cells in x and {iy - 4} in y."""
+    return Picture(figure, alt)
+
+
+def field_picture(place: Place, reach: float = 1.0) -> Picture:
+    """A corner of the map, and its likelihood field."""
+    grid = place.grid
+    iy, ix = np.nonzero(grid.occupied)
+    centres = grid.spec.cell_to_world(np.column_stack([ix, iy]))
+    middle = centres[np.argmin(np.hypot(*(centres - place.pose[:2]).T))]
+    values = score_field(grid.occupied, "distance").values / score_field(grid.occupied, "distance").top
+    figure, row = new_figure(5.2, 2.9, columns=2, sharey=True)
+    for axes, image, name in zip(
+        row, (grid.occupied, values), ("occupied cells", "likelihood field"), strict=True
+    ):
+        shown = axes.imshow(image, origin="lower", extent=grid.spec.extent, vmin=0, vmax=1)
+        axes.set(
+            xlim=(middle[0] - reach, middle[0] + reach),
+            ylim=(middle[1] - reach, middle[1] + reach),
+            title=name,
+        )
+        axes.set(xlabel="x [m]")
+        axes.grid(False)
+    row[0].set_ylabel("y [m]")
+    figure.colorbar(shown, ax=row, label="credit of a point", ticks=(0, 0.5, 1), shrink=0.8)
+    share = [float(np.mean(image > 0.1)) for image in (grid.occupied, values)]
+    alt = f"""A piece of wall, 2 m wide, as occupied cells and as likelihood field: credit falls off smoothly within two
+    cells of the wall. In the whole map {100 * share[0]:.1f} % of the cells are occupied, and {100 * share[1]:.1f} %
+    give some credit."""
+    return Picture(figure, alt)

@@ -59,7 +59,7 @@ def sharpened(counts: np.ndarray, beta: float) -> np.ndarray:
 def draw_weights(poses: np.ndarray, counts: np.ndarray, beta: float) -> Figure:
     """The cloud, each particle as large as its weight; and the weights in order."""
     weights = sharpened(counts, beta)
-    figure, (left, right) = new_figure(6.2, 3.4, columns=2)
+    figure, (left, right) = new_figure(5.2, 3.4, columns=2)
     x, y = 100.0 * (poses[:, :2] - poses[:, :2].mean(axis=0)).T
     left.scatter(x, y, s=4.0, color=COLOURS["unknown"], linewidths=0)
     left.scatter(
@@ -157,7 +157,7 @@ def beam_scores(dx: np.ndarray) -> np.ndarray:
 def walls_picture() -> Picture:
     """End-point score and beam score while the robot is thought nearer and nearer to a thin and to a thick wall."""
     dx = np.arange(-0.5, 1.301, 0.025)
-    figure, axes = new_figure(6.2, 3.1, columns=2, sharey=True)
+    figure, axes = new_figure(5.2, 3.1, columns=2, sharey=True)
     words = []
     for ax, thickness, name in zip(axes, (0.05, 1.0), ("thin wall", "wall filled to 1 m"), strict=True):
         ends = fine_scores(wall_place(thickness), dx, "distance")
@@ -169,7 +169,7 @@ def walls_picture() -> Picture:
             f"{name}: end points {np.interp(0.5, dx, ends):.2f}, whole beams {beam_scores(np.array([0.5]))[0]:.2f}"
         )
     axes[0].set_ylabel("mean score per beam")
-    axes[0].legend(loc="upper right", fontsize=11)
+    axes[0].legend(loc="upper right")
     alt = f"""Score of a pose against how much too near to the wall it is. Both scores are highest at the truth, where a
     dotted line stands. At 0.5 m too near, {"; ".join(words)}."""
     return Picture(figure, alt)

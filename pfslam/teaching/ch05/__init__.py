@@ -1,13 +1,11 @@
 """What the notebook of chapter 05 calls."""
 
 from pfslam.evaluation.faults import first_seconds
-from pfslam.teaching.ch05.checks import (
-    check_mean_pose,
-    check_resample,
-    check_update,
-)
+from pfslam.teaching.ch05.cells import slam_explorer, success
+from pfslam.teaching.ch05.checks import check_mean_pose, check_resample, check_update
 from pfslam.teaching.ch05.measurements import (
     GENTLE,
+    LATTICE_TABLE,
     corridor_excess,
     cost_at,
     erosion,
@@ -15,6 +13,7 @@ from pfslam.teaching.ch05.measurements import (
     errors_picture,
     paths_over_seeds,
     slip_picture,
+    stored_errors,
 )
 from pfslam.teaching.ch05.play import (
     dead_reckoned_maps_picture,
@@ -24,49 +23,68 @@ from pfslam.teaching.ch05.play import (
     play,
     results_picture,
 )
-from pfslam.teaching.ch05.weights import (
-    copies_table,
-    sharpness_explorer,
-)
+from pfslam.teaching.ch05.slow_motion import comb_picture, one_update, slow_motion
+from pfslam.teaching.ch05.weights import copies_table
 from pfslam.teaching.ch05.whole import check_filter
-from pfslam.teaching.ch05.your_filter import Settings, my_filter
-from pfslam.teaching.show.figures import (
-    map_along,
+from pfslam.teaching.ch05.window import moved_to_best, window_picture
+from pfslam.teaching.ch05.your_filter import (
+    CHANGES,
+    FILTER_TABLE,
+    Settings,
+    drive,
+    driven_picture,
+    error,
+    my_filter,
+    odometry_error,
+    step,
 )
-from pfslam.teaching.show.source import (
-    show_source,
-)
-from pfslam.teaching.show.tables import (
-    errors_by_label,
-    read_table,
-)
+from pfslam.teaching.show.figures import map_along
+from pfslam.teaching.show.keep import keep
+from pfslam.teaching.show.source import show_source
+from pfslam.teaching.show.tables import errors_by_label, read_table
 
 __all__ = [
+    "CHANGES",
+    "FILTER_TABLE",
     "GENTLE",
+    "LATTICE_TABLE",
     "Settings",
     "check_filter",
     "check_mean_pose",
     "check_resample",
     "check_update",
+    "comb_picture",
     "copies_table",
     "corridor_excess",
     "cost_at",
     "dead_reckoned_maps_picture",
+    "drive",
+    "driven_picture",
     "erosion",
     "erosion_picture",
+    "error",
     "errors_by_label",
     "errors_picture",
     "film_explorer",
     "first_seconds",
+    "keep",
     "map_along",
+    "moved_to_best",
     "my_filter",
     "n_eff_picture",
     "odometry_at",
+    "odometry_error",
+    "one_update",
     "paths_over_seeds",
     "play",
     "read_table",
     "results_picture",
-    "sharpness_explorer",
     "show_source",
+    "slam_explorer",
     "slip_picture",
+    "slow_motion",
+    "step",
+    "stored_errors",
+    "success",
+    "window_picture",
 ]

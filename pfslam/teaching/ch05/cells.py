@@ -108,8 +108,9 @@ def describe_cloud(maps: str, k: int) -> str:
     """The same in words."""
     moment = slam_walk(maps == "its own")[k]
     kinds = len(np.unique(np.round(moment.maps, 3), axis=0))
-    return f"""Maps: {maps}. After {k} moves the robot is in cell {moment.true_cell}. {moment.right:.2f} of the weight is
-    there; N_eff is {effective_sample_size(moment.weights):.0f} of {PARTICLES}; there are {kinds} different maps."""
+    n_eff = effective_sample_size(moment.weights)
+    return f"""Maps: {maps}. After {k} moves the robot is in cell {moment.true_cell}. {moment.right:.2f} of the weight
+    is there; N_eff is {n_eff:.0f} of {PARTICLES}; there are {kinds} different maps."""
 
 
 def slam_explorer() -> Explorer:

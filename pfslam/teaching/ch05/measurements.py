@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import csv
+import io
+from pathlib import Path
+
 import numpy as np
 
 from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import SlamCost, slam_cost
 from pfslam.grid import LOG_4, MapConfig, OccupancyGrid
+from pfslam.io.files import read_text
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording
 from pfslam.runs import run_slam
@@ -15,6 +20,8 @@ from pfslam.teaching.show.figures import draw_map, map_along
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, new_figure
 
+LOOKS = {"dead reckoning": "odometry", "report": "report", "gentle clearing": "report", "refined": "refined"}
+LATTICE_TABLE = Path(__file__).parent / "lattice.csv"
 GENTLE = 0.25 * LOG_4
 """Log-odds that a free cell loses in the cure for erosion: a quarter of what a hit gains."""
 
@@ -43,10 +50,10 @@ def recording_start(recording: Recording) -> float:
 
 def slip_picture(excess: dict[str, np.ndarray]) -> Picture:
     """One dot per run, one row per case."""
-    figure, axes = new_figure(6.2, 2.9)
+    figure, axes = new_figure(5.2, 2.9)
     words = []
     for row, (name, values) in enumerate(excess.items()):
-        colour = COLOURS[("odometry", "particles", "hits", "estimate")[row]]
+        colour = COLOURS[("odometry", "report", "report", "refined")[row]]
         axes.scatter(values, np.full(len(values), -row), color=colour, s=40, alpha=0.8)
         words.append(f"{name}: {np.min(values):.2f} to {np.max(values):.2f} m (runs: {len(values)})")
     axes.axvline(0.0, color=COLOURS["truth"], linestyle=":")
@@ -58,10 +65,19 @@ def slip_picture(excess: dict[str, np.ndarray]) -> Picture:
     )
 
 
+def stored_errors(table: Path) -> dict[str, np.ndarray]:
+    """The errors (m, RMS) of a table that ``book/_tools/filter_tables.py`` made, one array for each label."""
+    rows = list(csv.DictReader(io.StringIO(read_text(table))))
+    labels = dict.fromkeys(row["label"] for row in rows)
+    return {
+        name: np.array([float(row["ate_rmse_m"]) for row in rows if row["label"] == name]) for name in labels
+    }
+
+
 def errors_picture(errors: dict[str, np.ndarray]) -> Picture:
     """One dot per run, one row per filter, logarithmic scale."""
-    figure, axes = new_figure(6.2, 2.9)
-    colours = ("odometry", "particles", "free", "estimate")
+    figure, axes = new_figure(5.2, 2.9)
+    colours = [LOOKS.get(name, "estimate") for name in errors]
     words = []
     for row, ((name, values), colour) in enumerate(zip(errors.items(), colours, strict=True)):
         axes.scatter(values, np.full(len(values), -row), color=COLOURS[colour], s=40, alpha=0.8)
@@ -104,7 +120,7 @@ def erosion_picture(
     maps: dict[str, tuple[OccupancyGrid, float]], window: tuple[float, float, float, float]
 ) -> Picture:
     """The same piece of wall drawn with each amount of clearing; ``window`` is x_min, x_max, y_min, y_max."""
-    figure, axes = new_figure(6.2, 4.8, rows=len(maps), sharex=True)
+    figure, axes = new_figure(5.2, 4.8, rows=len(maps), sharex=True)
     words = []
     for ax, (name, (grid, share)) in zip(axes, maps.items(), strict=True):
         draw_map(ax, grid, f"{name}: {share:.0%} of wall cells rubbed out")

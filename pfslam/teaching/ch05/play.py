@@ -87,7 +87,7 @@ def odometry_at(recording: Recording, t: np.ndarray) -> Trajectory:
 
 def dead_reckoned_maps_picture(recordings: dict[str, Recording]) -> Picture:
     """Figures 5 and 6 of the report: what dead reckoning draws."""
-    figure, axes = new_figure(6.2, 3.7, columns=len(recordings))
+    figure, axes = new_figure(5.2, 3.4, columns=len(recordings))
     words = []
     for ax, (name, recording) in zip(axes, recordings.items(), strict=True):
         odometry = dead_reckoning(recording)
@@ -102,7 +102,7 @@ def dead_reckoned_maps_picture(recordings: dict[str, Recording]) -> Picture:
 
 def results_picture(runs: dict[str, Played]) -> Picture:
     """Figures 7 and 8 of the report in one: map and trajectory of each run, with the truth."""
-    figure, axes = new_figure(6.2, 3.7, columns=len(runs))
+    figure, axes = new_figure(5.2, 3.4, columns=len(runs))
     words = []
     for ax, (name, run) in zip(axes, runs.items(), strict=True):
         draw_map(ax, run.grid, name)
@@ -110,21 +110,34 @@ def results_picture(runs: dict[str, Played]) -> Picture:
         draw_trajectory(ax, run.recording.true_path(), "truth")
         error = trajectory_error(run.trajectory, run.recording.true_path())
         words.append(f"{name}: error {error.ate_rmse_m:.2f} m, at most {error.ate_max_m:.2f} m")
-    axes[0].legend(loc="upper right", fontsize=11, borderaxespad=0.2)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     axes[1].set_ylabel("")
     return Picture(figure, f"Map, estimated path and true path of two runs. {'; '.join(words)}.")
 
 
+def with_resamplings(run: Played) -> tuple[np.ndarray, np.ndarray]:
+    """Times (s) and N_eff / N_p, with a second value, 1, wherever the cloud was resampled: the teeth of a saw."""
+    resampled = np.flatnonzero([info.resampled for info in run.infos])
+    t, share = (
+        np.append(run.seconds, run.seconds[resampled]),
+        np.append(run.n_eff_share, np.ones(len(resampled))),
+    )
+    order = np.argsort(t, kind="stable")
+    return t[order], share[order]
+
+
 def n_eff_picture(runs: dict[str, Played]) -> Picture:
     """N_eff over time for each run, with the threshold below which it resamples."""
-    figure, axes = new_figure(6.2, 3.3)
+    figure, axes = new_figure(5.2, 3.0)
     words = []
-    for (name, run), colour in zip(runs.items(), ("odometry", "estimate"), strict=True):
-        axes.plot(run.seconds, run.n_eff_share, color=COLOURS[colour], linewidth=1.2, label=name)
+    for name, run in runs.items():
+        colour = name if name in COLOURS else "estimate"
+        t, share = with_resamplings(run)
+        axes.plot(t, share, color=COLOURS[colour], linewidth=1.2, label=name)
         axes.axhline(run.config.resample_below, color=COLOURS[colour], linestyle=":")
         resamplings = sum(info.resampled for info in run.infos)
         words.append(f"{name}: median {np.median(run.n_eff_share[1:]):.2f}, {resamplings} resamplings")
-    axes.set(xlabel="time [s]", ylabel="$N_{eff}$ / $N_p$", ylim=(0, 1.05))
+    axes.set(xlabel="time [s]", ylabel="$N_{eff}$ / $N_p$", ylim=(0, 1.05), xlim=(30, 50))
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(runs))
     alt = f"Effective share of particles over the drive. {'; '.join(words)}. Dotted: the thresholds for resampling."
     return Picture(figure, alt)
@@ -135,10 +148,17 @@ def n_eff_picture(runs: dict[str, Played]) -> Picture:
 
 def film_explorer(runs: dict[str, Played]) -> Explorer:
     """The runs as films of ``FRAMES`` pictures: choose one and play it."""
-    frames = range(1, FRAMES + 1)
+    frames, first = range(1, FRAMES + 1), next(iter(runs.values()))
+    off = [
+        np.hypot(*(first.infos[k].estimate - first.recording.true_path().at(first.infos[k].t))[:2])
+        for k in first.shown
+    ]
     return Explorer(
         steady(partial(_film_frame, runs)),
-        [Slider("name", list(runs), 0, "Filter"), Slider("frame", list(frames), FRAMES - 1, "Frame")],
+        [
+            Slider("name", list(runs), 0, "Filter"),
+            Slider("frame", list(frames), int(np.argmax(off)), "Frame"),
+        ],
         alt=partial(_film_alt, runs),
         title="The filter at work",
         play="frame",
@@ -147,7 +167,7 @@ def film_explorer(runs: dict[str, Played]) -> Explorer:
 
 def _film_frame(runs: dict[str, Played], name: str, frame: int) -> Figure:
     run = runs[name]
-    figure, axes = new_figure(6.2, 4.4, 2, 2, width_ratios=[1.6, 1], height_ratios=[1.5, 1])
+    figure, axes = new_figure(5.2, 4.4, 2, 2, width_ratios=[1.6, 1], height_ratios=[1.5, 1])
     grid_spec = axes[0, 0].get_gridspec()
     for ax in axes[:, 0]:
         ax.remove()
@@ -196,12 +216,14 @@ def _draw_cloud(axes: Axes, run: Played, frame: int, reach: float = 0.4) -> None
         xlim=(x - reach, x + reach), ylim=(y - reach, y + reach), xticks=(), yticks=(), xlabel="", ylabel=""
     )
     axes.set_facecolor(COLOURS["unknown"])
-    axes.set_title(f"particles, {2 * reach:g} m wide")
+    axes.set_title(f"{2 * reach:g} m wide")
 
 
 def _draw_n_eff(axes: Axes, run: Played, frame: int) -> None:
     k = run.shown[frame - 1]
-    axes.plot(run.seconds[1 : k + 1], run.n_eff_share[1 : k + 1], color=COLOURS["estimate"], linewidth=1.0)
+    t, share = with_resamplings(run)
+    past = (t > 0) & (t <= run.seconds[k])
+    axes.plot(t[past], share[past], color=COLOURS["estimate"], linewidth=0.7)
     axes.axhline(run.config.resample_below, color=COLOURS["highlight"], linestyle="--")
     axes.set(xlim=(0, run.seconds[-1]), ylim=(0, 1.08), xlabel="time [s]", ylabel="$N_{eff}$ / $N_p$")
     axes.set(xticks=(0, 60, 120), yticks=(0, 0.5, 1))

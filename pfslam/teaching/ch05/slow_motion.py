@@ -165,7 +165,7 @@ def _zoom(axes: Axes, u: Update, poses, sizes, middle, letters: bool = False, tr
         xticks=(),
         yticks=(),
     )
-    axes.set(xlabel=f"{2 * ZOOM:g} m wide; cross: truth", ylabel="")
+    axes.set(xlabel=f"{2 * ZOOM:g} m; cross: truth", ylabel="")
 
 
 def _weights(left: Axes, right: Axes, u: Update) -> str:
@@ -214,6 +214,9 @@ def draw_step(k: int) -> Figure:
     """One picture of the update."""
     figure, (left, right) = new_figure(5.2, 3.5, columns=2, width_ratios=[1.25, 1])
     figure.suptitle(f"{k}. {STEPS[k - 1](left, right, one_update())}", fontsize=12)
+    figure.set_layout_engine("none")  # every picture of the update has its axes in the same places
+    left.set_position((0.13, 0.16, 0.45, 0.67))
+    right.set_position((0.72, 0.16, 0.26, 0.67) if k in (3, 4, 5, 6) else (0.64, 0.16, 0.34, 0.67))
     return figure
 
 

@@ -60,7 +60,7 @@ def window_picture() -> Picture:
     figure.colorbar(image, ax=row, label="count", shrink=0.7)
     before = scores[YAWS, CELLS, CELLS]
     alt = f"""Scores of the poses around one particle at three headings. Where it stands (plus) it scores {before}; the
-    best of 729 poses, {np.hypot(*step[:2]):.2f} m and {np.rad2deg(step[2]):.1f} degrees away (circle), scores {best}."""
+    best of 729 poses, {np.hypot(*step[:2]):.2f} m and {np.rad2deg(step[2]):.1f}° away (circle), scores {best}."""
     return Picture(figure, alt)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,12 @@ from pfslam.grid import LOG_4, GridSpec, OccupancyGrid
 from pfslam.motion import controls, dead_reckoning, motion_model
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
+from pfslam.teaching.show.figures import draw_map, draw_trajectory
 from pfslam.teaching.show.keep import FILE, kept
+from pfslam.teaching.show.pictures import Picture
+from pfslam.teaching.show.style import new_figure
+
+FILTER_TABLE = Path(__file__).parent / "your_filter.csv"
 
 
 @dataclass(frozen=True)
@@ -153,6 +159,15 @@ def my_filter(file=FILE, **parts: Callable) -> Filter:
     return Filter(**{**BOOK, **own})
 
 
+CHANGES: dict[str, dict] = {
+    "as printed": {},
+    "half the noise": {"sigma_v": 0.1, "sigma_omega": 0.05},
+    "full clearing": {"free": LOG_4},
+    "never resampled": {"resample_below": 0.0},
+}
+"""Ways to harm the filter on purpose, as settings of `drive`."""
+
+
 # ---- driving
 
 
@@ -216,3 +231,24 @@ def error(driven: Driven | Trajectory, recording: Recording) -> TrajectoryError:
 def odometry_error(recording: Recording, path: Trajectory) -> float:
     """What dead reckoning is off by (m, RMS) at the times of a path."""
     return error(Trajectory(path.t, dead_reckoning(recording).at(path.t)), recording).ate_rmse_m
+
+
+# ---- pictures
+
+
+def driven_picture(runs: dict[str, Driven], recording: Recording) -> Picture:
+    """Map and path of each run, with the truth and what dead reckoning made of the same drive."""
+    figure, row = new_figure(5.2, 3.4, columns=len(runs), sharey=True, squeeze=False)
+    words = []
+    for axes, (name, run) in zip(row[0], runs.items(), strict=True):
+        draw_map(axes, run.grid, name)
+        at = run.trajectory.t
+        draw_trajectory(axes, Trajectory(at, dead_reckoning(recording).at(at)), "odometry")
+        draw_trajectory(axes, run.trajectory, "estimate")
+        draw_trajectory(axes, Trajectory(at, recording.true_path().at(at)), "truth")
+        off = error(run, recording)
+        words.append(f"{name}: {off.ate_rmse_m:.2f} m off (RMS), at most {off.ate_max_m:.2f} m")
+        axes.set_ylabel("y [m]" if axes is row[0, 0] else "")
+    handles = row[0, 0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=3)
+    return Picture(figure, f"Map, odometry, estimate and truth. {'; '.join(words)}.")

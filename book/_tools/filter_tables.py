@@ -1,0 +1,88 @@
+"""The two tables of chapter 05 that no study can make: exact scoring against the lattice, and the reader's filter.
+
+``python book/_tools/filter_tables.py`` makes them anew, which takes about half an hour.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pfslam.config import SlamConfig
+from pfslam.datasets import load
+from pfslam.evaluation.faults import first_seconds
+from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.events import Drive
+from pfslam.grid import GridSpec
+from pfslam.io.files import write_text
+from pfslam.matching import Matched, match
+from pfslam.poses import Trajectory
+from pfslam.search.lattice import Lattice
+from pfslam.slam import PARTS, SlamState, slam_step
+from pfslam.teaching.ch05.measurements import LATTICE_TABLE
+from pfslam.teaching.ch05.your_filter import CHANGES, FILTER_TABLE, drive, error, my_filter, step
+
+
+def exact_match(field, spec, points_b, poses, sigmas, config, rng) -> Matched:
+    """Every particle scored at its own pose: the map and the scan are shifted so that it comes to lie on a node."""
+    lattice, found = Lattice(spec.resolution, config.yaw_step), []
+    for pose in poses:
+        node = lattice.pose(lattice.nearest(pose[None])[0])
+        off = pose - node
+        c, s = np.cos(off[2]), np.sin(off[2])
+        moved_map = GridSpec(tuple(np.asarray(spec.origin) - off[:2]), spec.resolution, spec.shape)
+        turned = points_b @ np.array([[c, -s], [s, c]]).T
+        one = match(field, moved_map, turned, node[None], sigmas, config, rng)
+        found.append(Matched(one.poses + off, one.log_likelihood, one.score))
+    return Matched(*(np.concatenate(parts) for parts in zip(*(vars(m).values() for m in found), strict=True)))
+
+
+def lattice_rows(seeds: int = 12) -> Iterator[dict]:
+    """The report's filter with 20 particles on the first 45 s of hall, every fifth scan, scored both ways."""
+    recording = first_seconds(load("hall"), 45.0)
+    config = replace(SlamConfig.report(), particles=20, every=5)
+    for seed in range(seeds):
+        for label, parts in (("lattice", PARTS), ("exact", PARTS._replace(match=exact_match))):
+            rng, t, poses = np.random.default_rng(seed), [], []
+            state = SlamState.start(config)
+            for event in Drive.of(recording, config).events():
+                state, info = slam_step(state, event, config, rng, parts)
+                t.append(info.t)
+                poses.append(info.estimate)
+            path = Trajectory(np.array(t), np.array(poses))
+            off = trajectory_error(path, recording.true_path()).ate_rmse_m
+            yield {"label": label, "seed": seed, "ate_rmse_m": f"{off:.5f}"}
+
+
+def filter_rows(seeds: int = 3) -> Iterator[dict]:
+    """The printed solutions joined, on the whole of hall: 200 particles, every tenth scan, and three kinds of harm."""
+    hall = load("hall")
+    for label, changes in CHANGES.items():
+        for seed in range(seeds):
+            driven = drive(
+                step, my_filter("none"), hall, particles=200, every=10, seconds=np.inf, seed=seed, **changes
+            )
+            yield {"label": label, "seed": seed, "ate_rmse_m": f"{error(driven, hall).ate_rmse_m:.5f}"}
+
+
+def write(path, rows: Iterator[dict]) -> None:
+    """A table as CSV, each row on the screen as it is made."""
+    text = io.StringIO()
+    table = csv.DictWriter(text, ["label", "seed", "ate_rmse_m"], lineterminator="\n")
+    table.writeheader()
+    for row in rows:
+        print(row, flush=True)
+        table.writerow(row)
+    write_text(path, text.getvalue())
+
+
+if __name__ == "__main__":
+    if "lattice" in sys.argv[1:] or not sys.argv[1:]:
+        write(LATTICE_TABLE, lattice_rows())
+    if "filter" in sys.argv[1:] or not sys.argv[1:]:
+        write(FILTER_TABLE, filter_rows())
