@@ -120,7 +120,7 @@ def draw_guess(place: Place, x: float, y: float, theta: float) -> Figure:
     share = map_correlation(place.grid.occupied, place.grid.spec, points) / len(points)
     left.set_title(f"{share:.0%} on walls")
     draw_surface(right, surface(place, np.deg2rad(theta)) / len(points), 1.0, (x, y))
-    right.set_title("score at this heading")
+    right.set_title("scores")
     return figure
 
 
@@ -162,7 +162,7 @@ def patches(place: Place, chosen: list[int], reach: int = 4) -> tuple[list[np.nd
     return [around[k] for k in chosen], np.sum(around, axis=0)
 
 
-def patches_picture(place: Place, chosen: tuple[int, ...] = (150, 480, 900)) -> Picture:
+def patches_picture(place: Place, chosen: tuple[int, ...] = (150, 300, 900)) -> Picture:
     """Three patches of the map and the sum over all: the scores of the 81 shifts at one heading."""
     some, total = patches(place, list(chosen))
     figure, row = new_figure(5.2, 2.4, columns=4, width_ratios=[1, 1, 1, 1.25])

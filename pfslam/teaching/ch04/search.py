@@ -174,7 +174,7 @@ def fine_scores_picture(place: Place) -> Picture:
     dx = np.arange(-60, 61) * 0.005
     figure, axes = new_figure(5.2, 3.2)
     words = []
-    for kind, name, colour in (("occupied", "count", "hits"), ("distance", "distance field", "estimate")):
+    for kind, name, colour in (("occupied", "count", "hits"), ("distance", "likelihood field", "estimate")):
         scores = fine_scores(place, dx, kind)
         axes.plot(
             dx, scores, color=COLOURS[colour], label=name, linestyle="--" if kind == "occupied" else "-"

@@ -169,7 +169,7 @@ def walls_picture() -> Picture:
             f"{name}: end points {np.interp(0.5, dx, ends):.2f}, whole beams {beam_scores(np.array([0.5]))[0]:.2f}"
         )
     axes[0].set_ylabel("mean score per beam")
-    axes[0].legend(loc="upper right")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     alt = f"""Score of a pose against how much too near to the wall it is. Both scores are highest at the truth, where a
     dotted line stands. At 0.5 m too near, {"; ".join(words)}."""
     return Picture(figure, alt)
