@@ -5,15 +5,17 @@ import itertools
 import numpy as np
 import pytest
 
-from pfslam.teaching.ch07 import changes as ch07_changes
-from pfslam.teaching.ch07 import explorers as ch07_explorers
-from pfslam.teaching.ch07 import sweeps as ch07
+from pfslam.teaching.ch07 import pictures, runs
+from pfslam.teaching.ch07.checks import SAMPLES, exact_ends
 from pfslam.teaching.ch07.statistics import (
+    FEWEST,
+    Difference,
     best_of,
     bootstrap_interval,
     difference_interval,
+    paired_interval,
+    re_paired,
     resampled,
-    verdict,
     wrong_winner,
 )
 
@@ -28,6 +30,14 @@ def test_bootstrap_medians_of_three_values_come_as_often_as_counted():
         assert np.mean(found == value) == pytest.approx(ways.count(value) / 27, abs=0.04)
 
 
+def test_the_ends_counted_for_the_exercise_are_those_of_the_bootstrap():
+    for values in SAMPLES:
+        draws = np.sort(np.median(RNG(2).choice(values, (40_000, len(values))), axis=1))
+        for level in (0.8, 0.9, 0.95, 0.99):
+            found = np.quantile(draws, [(1 - level) / 2, (1 + level) / 2])
+            np.testing.assert_array_equal(found, exact_ends(values, level))
+
+
 def test_interval_covers_the_true_median_about_as_often_as_it_says():
     rng = RNG(1)
     inside = 0
@@ -37,15 +47,38 @@ def test_interval_covers_the_true_median_about_as_often_as_it_says():
     assert 0.88 <= inside / 200 <= 1.0  # 95 % asked; 200 trials are good to 3 %
 
 
-def test_difference_is_after_minus_before_seed_by_seed():
-    before = np.array([3.0, 1.0, 2.0])
-    assert difference_interval(before, before - 0.5, RNG(0)) == (-0.5, -0.5, -0.5)
+def test_a_difference_of_independent_runs_is_covered_and_does_not_depend_on_their_order():
+    rng, inside = RNG(3), 0
+    for _ in range(200):
+        before, after = rng.exponential(size=20), 0.5 + rng.exponential(size=25)
+        found = difference_interval(before, after, rng)
+        inside += found.low <= 0.5 <= found.high
+    assert 0.9 <= inside / 200 <= 1.0
+    shuffled = difference_interval(rng.permutation(before), after, RNG(4))
+    same = difference_interval(before, after, RNG(4))
+    assert shuffled.value == same.value
+    assert shuffled[1:] == pytest.approx(same[1:], abs=0.12)
+
+
+def test_pairs_are_taken_one_by_one():
+    before = np.array([3.0, 1.0, 2.0, 5.0, 9.0, 4.0])
+    assert paired_interval(before, before - 0.5, RNG(0)) == (-0.5, -0.5, -0.5)
+    assert re_paired(before, before - 0.5, RNG(0), times=20) < 1.0  # other pairs, other answers
+
+
+def test_too_few_runs_get_no_interval():
+    few, enough = np.arange(FEWEST - 1.0), np.arange(float(FEWEST))
+    assert difference_interval(few, enough, RNG(0)).verdict == "too few runs"
+    assert paired_interval(few, few, RNG(0)).verdict == "too few runs"
+    assert difference_interval(enough, enough, RNG(0)).verdict == "undecided"
+    assert paired_interval(enough, enough, RNG(0)).verdict == "no change"
+    assert 2.0 ** (1 - FEWEST) < 0.05 < 2.0 ** (2 - FEWEST)
 
 
 @pytest.mark.parametrize(
     ("ends", "words"),
     [
-        ((0.0, 0.0), "no change"),
+        ((0, 0), "no change"),
         ((-2, -1), "helps"),
         ((1, 2), "hurts"),
         ((-1, 2), "undecided"),
@@ -53,17 +86,17 @@ def test_difference_is_after_minus_before_seed_by_seed():
     ],
 )
 def test_verdicts(ends, words):
-    assert verdict(*ends) == words
+    assert Difference(0.0, *ends).verdict == words
 
 
 def test_wrong_winner_of_equals_is_a_coin_and_of_strangers_never():
-    runs = np.arange(20.0)
-    assert wrong_winner(runs, runs, 5, RNG(0)) == pytest.approx(0.5, abs=0.04)
-    assert wrong_winner(runs, runs + 100.0, 1, RNG(0)) == 0.0
+    some = np.arange(20.0)
+    assert wrong_winner(some, some, 5, RNG(0)) == pytest.approx(0.5, abs=0.02)
+    assert wrong_winner(some, some + 100.0, 1, RNG(0)) == 0.0
     # One run each: the share of all pairs in which the worse one looks better.
-    worse = runs + 3.0
-    pairs = np.mean(worse[:, None] < runs) + 0.5 * np.mean(worse[:, None] == runs)
-    assert wrong_winner(runs, worse, 1, RNG(0)) == pytest.approx(pairs, abs=0.04)
+    worse = some + 3.0
+    pairs = np.mean(worse[:, None] < some) + 0.5 * np.mean(worse[:, None] == some)
+    assert wrong_winner(some, worse, 1, RNG(0)) == pytest.approx(pairs, abs=0.02)
 
 
 def test_best_of_many_equal_settings_looks_better_than_it_is():
@@ -72,41 +105,57 @@ def test_best_of_many_equal_settings_looks_better_than_it_is():
     assert (reported, real) == (1.0, 2.0)
 
 
-@pytest.mark.parametrize("name", ch07.SWEEPS)
+@pytest.mark.parametrize("name", runs.SWEEPS)
 def test_every_sweep_has_runs_for_every_metric(name):
-    for metric in ch07.METRICS.values():
-        series = ch07.sweep_series(ch07.SWEEPS[name], metric.column)
+    for metric in runs.METRICS.values():
+        series = runs.sweep_series(runs.SWEEPS[name], metric.column)
         assert len(series["hall"]) >= 3
         assert all(
-            len(runs) >= 4 and np.isfinite(runs).all() for some in series.values() for runs in some.values()
+            len(some) >= 4 and np.isfinite(some).all() for group in series.values() for some in group.values()
         )
 
 
 def test_sweep_explorer_says_the_medians_that_it_draws():
-    explorer = ch07_explorers.sweep_explorer()
+    explorer = pictures.sweep_explorer()
     for state in explorer.states():
         values = explorer.values(state)
-        sweep, what = ch07.SWEEPS[values["parameter"]], ch07.METRICS[values["metric"]]
-        for some in ch07.sweep_series(sweep, what.column).values():
-            for runs in some.values():
-                assert f"{np.median(runs):{what.form}} {what.unit}".strip() in explorer.alt(**values)
+        sweep, what = runs.SWEEPS[values["parameter"]], runs.METRICS[values["metric"]]
+        for some in runs.sweep_series(sweep, what.column).values():
+            for group in some.values():
+                assert f"{np.median(group):{what.form}} {what.unit}".strip() in explorer.alt(**values)
     assert explorer.frame(**explorer.values(explorer.start)).shape[2] == 3
 
 
 def test_seeds_explorer_draws_every_pair():
-    pairs = {
-        "filters": ch07_changes.filter_pair(),
-        "threshold": ch07_changes.threshold_pair("count, 0.5 rad/s", 0.1, 0.9),
-    }
-    explorer = ch07_explorers.seeds_explorer(pairs)
+    pairs = {"filters": runs.filter_pair(), "threshold": runs.threshold_pair("count, 0.5 rad/s", 0.1, 0.9)}
+    explorer = pictures.seeds_explorer(pairs)
     for state in explorer.states():
-        assert "crown the wrong one in" in explorer.alt(**explorer.values(state))
+        values = explorer.values(state)
+        words = explorer.alt(**values)
+        assert "crown the wrong one in" in words
+        assert ("too few for an interval" in words) == (values["seeds"] < FEWEST)
     assert explorer.frame(**explorer.values(explorer.start)).shape[2] == 3
-    assert ch07_explorers.how_often_wrong(pairs["filters"], 3) == 0.0  # in whichever order
+    assert pictures.how_often_wrong(pairs["filters"], 3) == 0.0  # in whichever order
 
 
 def test_a_threshold_that_is_not_reached_changes_nothing():
-    change = ch07_changes.threshold_change("count, 0.14 rad/s", 0.1, 0.9)
-    reached = ch07.groups("ch07_threshold", "count, 0.14 rad/s", "resample_below", "resamplings")[0.9] > 0
+    change = runs.threshold_change("count, 0.14 rad/s", 0.1, 0.9)
+    reached = runs.groups("ch07_threshold", "count, 0.14 rad/s", "resample_below", "resamplings")[0.9] > 0
     assert reached.sum() <= 2
-    np.testing.assert_array_equal(change.by_seed[~reached], 0.0)  # to the last bit
+    np.testing.assert_array_equal(change.before[~reached], change.after[~reached])  # to the last bit
+    assert change.same_runs == np.count_nonzero(~reached)
+
+
+def test_the_runs_over_buildings_are_complete_and_say_what_the_chapter_says():
+    for name in runs.BUILDING_CHANGES:
+        change = runs.building_change(name)
+        assert len(change.before) == len(change.after) == 20
+        assert np.isfinite([change.before, change.after]).all()
+
+    def verdict(name):
+        change = runs.building_change(name)
+        return paired_interval(change.before, change.after, RNG(0)).verdict
+
+    assert verdict("0.5 rad/s: 0.1 N to 0.9 N") == "helps"
+    assert verdict("noise 0.14 to 0.5 rad/s") == verdict("every 10th scan to every 5th") == "hurts"
+    assert verdict("100 particles to one") == verdict("every 10th scan to every 20th") == "undecided"

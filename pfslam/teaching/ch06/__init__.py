@@ -33,6 +33,7 @@ from pfslam.teaching.ch06.pairs import (
     points_of,
     score_table,
     shots_along,
+    state_gaps,
     take_shot,
     views_of_cell,
 )
@@ -80,6 +81,7 @@ __all__ = [
     "score_table",
     "shots_along",
     "show_source",
+    "state_gaps",
     "structured_light_explorer",
     "swapped_centre",
     "swapped_picture",

@@ -32,8 +32,8 @@ from pfslam.texture.mapping import FloorTexture, TextureConfig, map_texture, pro
 from pfslam.texture.views import PixelRays, floor_pixels, posed_pairs, read_disparity, read_rgb
 
 EVERY = 60
-"""Of the scans: the image pair nearest to each is taken. The filter updates at these scans too, so that the report's
-way, where a state takes the image nearest to it, is as near in time as it is with all images."""
+"""Of the scans: the image pair nearest to each is taken. The filter updates at these scans too, so that an image has
+a state near it although so few images are used."""
 WORD_SHOT = 1091  # the disparity image with the letter C in front of the robot
 VISIBLE_TO = 4.0  # m: floor that an image shows no nearer than this is not asked for
 
@@ -82,6 +82,21 @@ def cheap_run(drive: Drive) -> SlamResult:
     """The refined filter with 20 particles and every tenth scan: two seconds, and poses good to a centimetre."""
     config = replace(SlamConfig.refined(), particles=20, every=10)
     return run_slam(drive.recording, config, keep_particles=False)
+
+
+def state_gaps(drive: Drive, result: SlamResult) -> tuple[float, float]:
+    """Give how far in time (s, median) an image is from its state if every state takes its nearest image.
+
+    First with the drive's few images, then with all that the camera took.
+    """
+    whole, states, gaps = drive.simulation.recording.camera, result.trajectory.t, []
+    for stamps in (
+        drive.stream.disparity_t[drive.stream.disparity_index],
+        whole.disparity_t[image_pairs(whole).disparity],
+    ):
+        taken = np.unique(stamps[nearest_stamp(stamps, states)])
+        gaps.append(float(np.median(np.abs(taken - states[nearest_stamp(states, taken)]))))
+    return gaps[0], gaps[1]
 
 
 def take_shot(drive: Drive, k: int = WORD_SHOT) -> Shot:

@@ -1,180 +1,357 @@
-"""Checks of the exercises of chapter 07. Each takes the student's function and says what is wrong in words."""
+"""Checks of the exercises of chapter 07: each takes the reader's function and says what is wrong in words."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from math import comb
 
 import numpy as np
 
 from pfslam.particles import effective_sample_size
-from pfslam.teaching.ch07.statistics import bootstrap_interval
-from pfslam.teaching.show.checks import Check, attempt, hint, is_unanswered, not_a_number, passed, unanswered
+from pfslam.teaching.show.checks import Check, answer_to, compare, hint, is_number, passed
 
-BETTER, WORSE = np.array([0.10, 0.20, 0.25, 0.30, 0.60]), np.array([0.15, 0.28, 0.35, 0.40, 0.22])
-
-
-def check_wrong_pairs(wrong_pairs) -> Check:
-    """Whether ``wrong_pairs(better, worse)`` is the share of all pairs of runs that rank the two settings wrongly."""
-    answer = attempt(wrong_pairs, BETTER.copy(), WORSE.copy())
-    verdict = not_a_number(answer, "pairs per pair, from 0 to 1")
-    if verdict is not None:
-        return verdict
-    wrong = np.less.outer(WORSE, BETTER)
-    right = float(wrong.mean())
-    if np.isclose(answer, right):
-        return passed(f"{wrong.sum()} of {wrong.size} pairs of runs would have told you the opposite.")
-    mistakes = {
-        float(
-            np.mean(WORSE < BETTER)
-        ): "You compare run i with run i only. Whoever runs each setting once may draw "
-        "any run of the one beside any run of the other: all 25 pairs count.",
-        1 - right: "That is the share of pairs that rank them rightly.",
-        100 * right: "That is in per cent; a share from 0 to 1 is asked for.",
-        float(wrong.sum()): "That is how many pairs, not their share.",
-        float(
-            np.median(WORSE) < np.median(BETTER)
-        ): "You compare the medians. The question is what one run of each would have said.",
-        float(
-            np.mean(WORSE) < np.mean(BETTER)
-        ): "You compare the means. The question is what one run of each would have said.",
-    }
-    for value, words in mistakes.items():
-        if np.isclose(answer, value):
-            return hint(words)
-    return hint(f"Your function returns {answer:.3f}; by counting the pairs it should be {right:.2f}.")
+# ---- 1: one run of each
 
 
-ERRORS = np.round(0.1 + 0.15 * -np.log1p(-(np.arange(21) + 0.5) / 21), 4)
-"""Twenty-one errors with a long tail, as runs have them: median 0.204 m, mean 0.248 m."""
+def _two_settings(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of all runs of two settings, not equally many."""
+    rng = np.random.default_rng(seed)
+    return rng.gamma(4.0, 0.06, 7), rng.gamma(5.0, 0.07, 5)
 
 
-def check_median_interval(median_interval) -> Check:
-    """Whether ``median_interval(values, rng)`` is a 95 % bootstrap interval ``(low, high)`` of the median."""
-    answers = [attempt(median_interval, ERRORS.copy(), np.random.default_rng(1)) for _ in range(2)]
-    problem = _no_interval(answers[0])
-    if problem is not None:
-        return problem
-    low, high = (float(end) for end in answers[0])
-    if answers[0] is not answers[1] and not np.allclose(answers[0], answers[1]):
-        return hint(
-            "Twice the same rng, two intervals: you draw from np.random. Draw from the rng that is given."
-        )
-    known = _mistakes()
-    for name, (ends, words) in known.items():
-        if np.allclose([low, high], ends, atol=1e-9 if name == "exact" else 0.012):
-            return hint(words)
-    right = bootstrap_interval(ERRORS, np.random.default_rng(0))
-    if np.allclose([low, high], right, atol=0.03):
-        return passed(f"The median lies between {low:.3f} and {high:.3f} m, says this sample of 21 runs.")
-    return hint(
-        f"Your interval is {low:.3f} to {high:.3f}; about {right[0]:.3f} to {right[1]:.3f} was expected."
+SETTINGS = [
+    (np.array([0.10, 0.21, 0.25, 0.30, 0.62]), np.array([0.15, 0.28, 0.35, 0.41, 0.22])),
+    *(_two_settings(seed) for seed in (1, 2)),
+]
+
+
+def wrong_pairs(better: np.ndarray, worse: np.ndarray) -> float:
+    """Give the share of all pairs of runs in which the worse setting looks better."""
+    return float(np.less.outer(worse, better).mean())
+
+
+def _same_numbers_only(better, worse):
+    n = min(len(better), len(worse))
+    return float(np.mean(np.asarray(worse)[:n] < np.asarray(better)[:n]))
+
+
+PAIR_MISTAKES = [
+    (lambda b, w: 1 - wrong_pairs(b, w), "That is the share of pairs that rank them rightly."),
+    (lambda b, w: 100 * wrong_pairs(b, w), "That is in per cent; a share from 0 to 1 is asked for."),
+    (lambda b, w: float(np.less.outer(w, b).sum()), "That is how many pairs, not their share."),
+    (_same_numbers_only, "You compare run i with run i only. Two people who run one setting each may meet any run of "
+     "the one beside any run of the other: all pairs count."),
+    (lambda b, w: float(np.median(w) < np.median(b)), "You compare the medians. The question is what one run of each "
+     "would have said."),
+    (lambda b, w: float(np.mean(w) < np.mean(b)), "You compare the means. The question is what one run of each would "
+     "have said."),
+    (lambda b, w: float(np.mean(w < np.median(b))), "You compare every run of the worse with the median of the better. "
+     "One run of each meets one run of the other."),
+    (ValueError, "The two settings need not have equally many runs: compare every run of the one with every run of the "
+     "other, as worse[:, None] < better[None, :] does."),
+]  # fmt: skip
+
+
+def check_wrong_pairs(theirs: Callable) -> Check:
+    """Check that ``wrong_pairs(better, worse)`` is the share of all pairs of runs that rank the settings wrongly."""
+    share = wrong_pairs(*SETTINGS[0])
+    praise = f"{share * 25:.0f} of 25 pairs of runs would have told you the opposite."
+    return compare(theirs, wrong_pairs, SETTINGS, mistakes=PAIR_MISTAKES, praise=praise)
+
+
+# ---- 2: the interval of a median
+
+LEVEL = 0.95
+SEEDS = range(5)
+
+
+def _errors(n: int, seed: int) -> np.ndarray:
+    """Errors with a long tail, as runs have them, in no order."""
+    values = 0.1 + 0.15 * -np.log1p(-(np.arange(n) + 0.5) / n)
+    return np.random.default_rng(seed).permutation(np.round(values, 4))
+
+
+SAMPLES = [_errors(17, 1), _errors(27, 2)]
+"""So many that 80, 90, 95 and 99 % end at different runs, and that 2000 resamples find the ends again and again."""
+
+
+def exact_ends(values: np.ndarray, level: float) -> np.ndarray:
+    """Give the ends of the bootstrap interval of the median of an odd number of runs, by counting."""
+    n, ordered = len(values), np.sort(values)
+    below = [sum(comb(n, j) * k**j * (n - k) ** (n - j) for j in range((n + 1) // 2, n + 1)) / n**n
+             for k in range(n + 1)]  # fmt: skip
+    k = int(np.searchsorted(below, (1 - level) / 2))
+    return ordered[[k - 1, n - k]]
+
+
+def check_median_interval(median_interval: Callable) -> Check:
+    """Check that ``median_interval(values, rng)`` is a 95 % bootstrap interval ``(low, high)`` of the median."""
+    found = []
+    for values in SAMPLES:
+        answers = [
+            answer_to(median_interval, (values, np.random.default_rng(seed)), exact_ends(values, LEVEL))
+            for seed in (*SEEDS, 0)
+        ]
+        for answer in answers:
+            if isinstance(answer, Check):
+                return answer
+        if not np.allclose(answers[0], answers[-1]):
+            return hint(
+                "Twice the same rng, two intervals: you draw from np.random. Draw from the rng that is given."
+            )
+        found.append(np.array(answers[:-1], dtype=float))
+    words = _about_intervals(found)
+    if words:
+        return hint(words)
+    low, high = exact_ends(SAMPLES[0], LEVEL)
+    return passed(
+        f"The median lies between {low:.3f} and {high:.3f} m, says the first sample, of {len(SAMPLES[0])} runs."
     )
 
 
-def _no_interval(answer) -> Check | None:
-    """The verdict on an answer that is not two numbers in order."""
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    if np.shape(answer) != (2,) or np.asarray(answer).dtype.kind not in "fiu":
-        return hint(f"Return two numbers, low and high; yours have the shape {np.shape(answer)}.")
-    low, high = answer
-    if low == high:
-        return hint(
-            "The interval has no width. Each sample was the data itself in another order: draw *with* replacement, "
-            "so that some runs come twice and others not at all."
+def _about_intervals(found: list[np.ndarray]) -> str:
+    """Say what is wrong with intervals ``(seeds, 2)`` for each of the samples, or nothing."""
+    if all(np.array_equal(ends[:, 0], ends[:, 1]) for ends in found):
+        return (
+            "The interval has no width. Each sample was the data itself in another order: draw *with* replacement, so "
+            "that some runs come twice and others not at all."
         )
-    return hint("Low comes first, then high.") if low > high else None
+    if any((ends[:, 0] > ends[:, 1]).any() for ends in found):
+        return "Low comes first, then high."
+    if all(_mostly(ends, exact_ends(values, LEVEL)) for ends, values in zip(found, SAMPLES, strict=True)):
+        return ""
+    for ends_of, words in _interval_mistakes():
+        if all(_mostly(ends, ends_of(values)) for ends, values in zip(found, SAMPLES, strict=True)):
+            return words
+    level = _other_level(found)
+    if level is not None:
+        return (
+            f"That is an interval of about {level:.0%}. For 95 % leave out 2.5 % of the medians at each end."
+        )
+    if max(np.ptp(ends, axis=0).max() for ends in found) > 0.02:
+        words = "Its ends are rare events: use two thousand resamples."
+        return f"Your interval changes a lot from one rng to the next. {words}"
+    wrong = next(k for k in range(len(SAMPLES)) if not _mostly(found[k], exact_ends(SAMPLES[k], LEVEL)))
+    (low, high), (right_low, right_high) = found[wrong][0], exact_ends(SAMPLES[wrong], LEVEL)
+    return (
+        f"For {len(SAMPLES[wrong])} runs your interval is {low:.5f} to {high:.5f}; expected about {right_low:.5f} to "
+        f"{right_high:.5f}."
+    )
 
 
-def _mistakes() -> dict[str, tuple[tuple[float, ...], str]]:
-    """Intervals that common mistakes give, and their names."""
-    middle, error = float(np.median(ERRORS)), float(ERRORS.std(ddof=1) / np.sqrt(len(ERRORS)))
-    of_mean = bootstrap_interval(ERRORS, np.random.default_rng(0), np.mean)
-    return {
-        "range": (
-            tuple(np.quantile(ERRORS, [0.025, 0.975])),
+def _mostly(found: np.ndarray, ends: np.ndarray, off: float = 5e-4) -> bool:
+    """Whether four of five intervals end there: a rare draw may move an end by one run."""
+    return int(np.isclose(found, ends, rtol=0, atol=off).all(axis=1).sum()) >= len(found) - 1
+
+
+def _other_level(found: list[np.ndarray]) -> float | None:
+    """The level of an interval that is a bootstrap interval of the median, but not one of 95 %."""
+    ranks = []
+    for ends, values in zip(found, SAMPLES, strict=True):
+        n, ordered = len(values), np.sort(values)
+        low, high = (int(np.argmin(np.abs(ordered - end))) + 1 for end in np.median(ends, axis=0))
+        off = np.abs(np.median(ends, axis=0) - ordered[[low - 1, high - 1]]).max()
+        if off > 5e-4 or abs(low + high - n - 1) > 1 or high - low > 0.7 * n:
+            return None
+        ranks.append(low)
+    steps = {level: int(np.searchsorted(np.sort(SAMPLES[1]), exact_ends(SAMPLES[1], level)[0])) + 1
+             for level in (0.8, 0.9, 0.95, 0.99)}  # fmt: skip
+    nearest = min(steps, key=lambda level: abs(steps[level] - ranks[1]))
+    return None if nearest == LEVEL else nearest
+
+
+def _interval_mistakes() -> list[tuple[Callable, str]]:
+    """Rules for the ends of an interval that are not this one, and their words."""
+    return [
+        (
+            lambda values: np.quantile(values, [0.025, 0.975]),
             "That is where single runs lie, not where their median lies. Take medians of resamples first.",
         ),
-        "mean": (
-            of_mean,
-            "That is the interval of the mean. One bad run pulls a mean; the median was asked.",
-        ),
-        "bell": (
-            (middle - 1.96 * error, middle + 1.96 * error),
+        (
+            _bell,
             "Median plus or minus two standard errors: that is the bell curve's formula for a mean. These errors have "
             "a long tail; let the resamples say it.",
         ),
-    }
+        (
+            lambda values: [values.min(), values.max()],
+            "That is the range of all runs. The median is known better than that.",
+        ),
+    ]
 
 
-def check_sigma_from_sheet(sigma_from_sheet) -> Check:
-    """Whether ``sigma_from_sheet(walk, rate)`` turns deg / sqrt(hour) into rad/s per sample."""
-    walk, rate = 6.0, 100.0
-    answer = attempt(sigma_from_sheet, walk, rate)
-    verdict = not_a_number(answer, "rad/s")
-    if verdict is not None:
-        return verdict
-    density = np.deg2rad(walk) / 60.0
-    right = density * np.sqrt(rate)
-    if np.isclose(answer, right):
-        other = attempt(sigma_from_sheet, walk, 25.0)
-        if np.isclose(other, density * 5.0):
-            return passed(f"{right:.4f} rad/s at 100 Hz, and half of it at 25 Hz: the same gyro.")
-        return hint("Right at 100 Hz, wrong at 25 Hz: the rate must not be built in.")
-    mistakes = {
-        walk / 60.0 * np.sqrt(rate): "That is in degrees per second. The motion model counts in radians.",
-        np.deg2rad(walk)
-        / 3600.0
-        * np.sqrt(rate): "An hour has 3600 s, so a *root* hour has 60 root seconds.",
-        np.deg2rad(walk) * np.sqrt(rate): "That is still per root hour. A root hour has 60 root seconds.",
-        density: "That is the density, in rad per root second. What noise has one sample that lasts tau = 1 / rate?",
-        density
-        / np.sqrt(rate): "The wrong way round. After time T the heading spreads by sigma * sqrt(tau * T): a "
-        "shorter tau needs a *larger* sigma for the same spread.",
-        density * rate: "Variances scale with the rate, standard deviations with its root.",
-        right**2: "That is the variance. Fields called sigma take a standard deviation.",
-    }
-    for value, words in mistakes.items():
-        if np.isclose(answer, value):
+def _bell(values: np.ndarray) -> list[float]:
+    reach = 1.96 * values.std(ddof=1) / np.sqrt(len(values))
+    return [np.median(values) - reach, np.median(values) + reach]
+
+
+# ---- 3: the interval of a difference
+
+
+def _experiment(seed: int, n: int, m: int) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of two settings whose runs have nothing to do with one another, each list sorted by chance alone."""
+    rng = np.random.default_rng(seed)
+    return np.round(0.1 + rng.gamma(2.0, 0.08, n), 4), np.round(0.12 + rng.gamma(2.0, 0.05, m), 4)
+
+
+EXPERIMENTS = [_experiment(5, 15, 15), _experiment(6, 21, 21)]
+
+
+def difference_ends(before, after, rng, draws: int = 2000, statistic: Callable = np.median) -> np.ndarray:
+    """Give the difference of the medians and the ends of its 95 % interval, from two independent resamples."""
+    a, b = (statistic(rng.choice(v, (draws, len(v))), axis=1) for v in (before, after))
+    return np.array([statistic(after) - statistic(before), *np.quantile(b - a, [0.025, 0.975])])
+
+
+def _paired(before, after, rng, draws: int = 2000) -> np.ndarray:
+    change = after - before
+    medians = np.median(rng.choice(change, (draws, len(change))), axis=1)
+    return np.array([np.median(change), *np.quantile(medians, [0.025, 0.975])])
+
+
+def _same_rows(before, after, rng, draws: int = 2000) -> np.ndarray:
+    rows = rng.integers(0, len(before), (draws, len(before)))
+    apart = np.median(after[rows], axis=1) - np.median(before[rows], axis=1)
+    return np.array([np.median(after) - np.median(before), *np.quantile(apart, [0.025, 0.975])])
+
+
+def _ends_apart(before, after, rng) -> np.ndarray:
+    a, b = (
+        np.quantile(np.median(rng.choice(v, (2000, len(v))), axis=1), [0.025, 0.975]) for v in (before, after)
+    )
+    return np.array([np.median(after) - np.median(before), b[0] - a[1], b[1] - a[0]])
+
+
+DIFFERENCE_MISTAKES = [
+    (_paired, "You take differences run by run and then their median. Run 3 of the one has nothing to do with run 3 of "
+     "the other; in another order the answer changes. Resample each setting by itself."),
+    (_same_rows, "You draw the same rows for both settings, which pairs run i with run i. Draw twice."),
+    (lambda b, a, rng: difference_ends(a, b, rng), "You subtract after from before. An "
+     "improvement should be negative."),
+    (lambda b, a, rng: difference_ends(b, a, rng, statistic=np.mean), "That is the difference of the means. "
+     "The medians were asked for."),
+    (_ends_apart, "You subtract the ends of two intervals. Both medians are hardly ever off in the worst way together: "
+     "subtract medians draw by draw, and take the ends of these differences."),
+    (lambda b, a, rng: difference_ends(b, a, rng)[[0, 2, 1]], "Low comes before high."),
+    (lambda b, a, rng: difference_ends(b, a, rng)[[1, 2, 0]], "The difference comes first, then low and high."),
+]  # fmt: skip
+
+
+def check_difference(difference: Callable) -> Check:
+    """Check that ``difference(before, after, rng)`` returns (difference of medians, low, high)."""
+    found, right = [], []
+    for before, after in EXPERIMENTS:
+        expected = np.mean(
+            [difference_ends(before, after, np.random.default_rng(s)) for s in range(20)], axis=0
+        )
+        answers = [
+            answer_to(difference, (before, after, np.random.default_rng(s)), expected) for s in (*SEEDS, 0)
+        ]
+        for answer in answers:
+            if isinstance(answer, Check):
+                return answer
+        if not np.allclose(answers[0], answers[-1]):
+            return hint("Twice the same rng, two intervals: draw from the rng that is given.")
+        found.append(np.mean(answers[:-1], axis=0))
+        right.append(expected)
+    if all(_near(a, b) for a, b in zip(found, right, strict=True)):
+        return passed("Resampled apart, because nothing ties run 3 of the one to run 3 of the other.")
+    for wrong, words in DIFFERENCE_MISTAKES:
+        others = [
+            np.mean([wrong(*case, np.random.default_rng(s)) for s in range(10)], axis=0)
+            for case in EXPERIMENTS
+        ]
+        if all(np.abs(a - b).max() < 0.012 for a, b in zip(found, others, strict=True)):
             return hint(words)
-    return hint(f"For 6 deg per root hour at 100 Hz it should be {right:.4f} rad/s; yours is {answer:.4g}.")
+    k = next(k for k in range(len(found)) if not _near(found[k], right[k]))
+    shown = (", ".join(f"{x:+.4f}" for x in numbers) for numbers in (found[k], right[k]))
+    return hint("For one pair of settings your numbers are {}; expected about {}.".format(*shown))
 
 
-SCORES = 0.85 + 0.015 * np.random.default_rng(7).standard_normal(200)
-"""Mean scores per beam of 200 particles: about 500 hits of 590, give or take 9."""
+def _near(found: np.ndarray, right: np.ndarray) -> bool:
+    """The value to four digits, the ends to what chance moves them."""
+    return bool(abs(found[0] - right[0]) < 5e-4 and np.abs(found[1:] - right[1:]).max() < 0.006)
 
 
-def check_sharpness(sharpness) -> Check:
-    """Whether ``sharpness(scores, share)`` gives the beta at which N_eff of exp(beta score) is that share of N."""
-    for share in (0.5, 0.2):
-        answer = attempt(sharpness, SCORES.copy(), share)
-        verdict = not_a_number(answer, "1 (beta has no unit)")
-        if verdict is not None:
-            return verdict
-        found = share_at(float(answer))
-        if abs(found - share) < 0.01:
-            continue
-        return hint(_off(float(answer), found, share))
-    return passed("The sharper the likelihood, the fewer particles count; you can set how many.")
+# ---- 4: a data sheet
+
+SHEETS = [
+    (6.0, 100.0),
+    (0.7, 31.0),
+    *[tuple(row) for row in np.random.default_rng(3).uniform((0.1, 10.0), (9.0, 400.0), (2, 2)).tolist()],
+]
 
 
-def share_at(beta: float, scores: np.ndarray = SCORES) -> float:
-    """N_eff / N of weights proportional to exp(beta * score)."""
+def sigma_from_sheet(walk: float, rate: float) -> float:
+    """Give the standard deviation per sample (rad/s) of a gyro with an angle random walk in deg / sqrt(hour)."""
+    return np.deg2rad(walk) / 60.0 * np.sqrt(rate)
+
+
+SHEET_MISTAKES = [
+    (lambda w, r: w / 60.0 * np.sqrt(r), "That is in degrees per second. The motion model counts in radians."),
+    (lambda w, r: np.deg2rad(w) / 3600.0 * np.sqrt(r), "An hour has 3600 s, so a *root* hour has 60 root seconds."),
+    (lambda w, r: np.deg2rad(w) * np.sqrt(r), "That is still per root hour. A root hour has 60 root seconds."),
+    (lambda w, r: np.deg2rad(w) / 60.0, "That is the density, in rad per root second. What noise has one sample that "
+     "lasts tau = 1 / rate?"),
+    (lambda w, r: np.deg2rad(w) / 60.0 / np.sqrt(r), "The wrong way round. After time T the heading spreads by sigma * "
+     "sqrt(tau * T): a shorter tau needs a *larger* sigma for the same spread."),
+    (lambda w, r: np.deg2rad(w) / 60.0 * r, "Variances scale with the rate, standard deviations with its root."),
+    (lambda w, r: sigma_from_sheet(w, r) ** 2, "That is the variance. Fields called sigma take a standard deviation."),
+    (lambda w, r: np.deg2rad(w) / 60.0 * 10.0, "You built in 100 Hz. The rate is an argument."),
+    (lambda w, r: sigma_from_sheet(np.rad2deg(np.rad2deg(w)), r), "You turned degrees into degrees once more: radians "
+     "are degrees times pi / 180."),
+]  # fmt: skip
+
+
+def check_sigma_from_sheet(theirs: Callable) -> Check:
+    """Check that ``sigma_from_sheet(walk, rate)`` turns deg / sqrt(hour) into rad/s per sample."""
+    praise = "At a quarter of the rate it is half as large: the same gyro."
+    return compare(theirs, sigma_from_sheet, SHEETS, mistakes=SHEET_MISTAKES, praise=praise)
+
+
+# ---- 5: how sharp a likelihood is
+
+
+def _scores(seed: int, n: int) -> np.ndarray:
+    """Mean scores per beam of ``n`` particles: of 590 beams about 500 hit, give or take 9."""
+    return 0.85 + 0.015 * np.random.default_rng(seed).standard_normal(n)
+
+
+CLOUDS = [(_scores(7, 200), 0.5), (_scores(7, 200), 0.2), (_scores(8, 90), 0.35)]
+
+
+def share_at(beta: float, scores: np.ndarray) -> float:
+    """Give N_eff / N of weights proportional to exp(beta * score)."""
     joint = np.exp(beta * (scores - scores.max()))
     return effective_sample_size(joint / joint.sum()) / len(scores)
 
 
-def _off(beta: float, found: float, share: float) -> str:
-    """What is wrong with a beta that gives another share than asked."""
+def check_sharpness(sharpness: Callable) -> Check:
+    """Check that ``sharpness(scores, share)`` gives the beta at which N_eff of exp(beta score) is that share of N."""
+    for scores, share in CLOUDS:
+        beta = answer_to(sharpness, (scores, share), 0.0)
+        if isinstance(beta, Check):
+            return beta
+        if not is_number(beta):
+            return hint(f"A finite number is asked for; your function returns {beta}.")
+        found = share_at(float(beta), scores)
+        if abs(found - share) > 0.01:
+            return hint(_off(float(beta), found, share, len(scores)))
+    return passed("The sharper the likelihood, the fewer particles count; you can set how many.")
+
+
+def _off(beta: float, found: float, share: float, n: int) -> str:
+    """Say what is wrong with a beta that gives another share than asked."""
     if beta <= 0:
         return "With beta at zero or below, a good score earns nothing. Search among positive numbers."
-    if abs(found * len(SCORES) - share) < 0.5 or found < 0.01:
+    if found * n < 2.5:
         return (
-            "N_eff is about one particle. The share is a part of N: at 0.5 a hundred of 200 particles should count. "
-            "(Or do you multiply by the number of beams? Then beta = 1 is already softmax of the count.)"
+            f"N_eff is about one particle. The share is a part of N: at {share:g} so many of {n} particles should "
+            "count. (Or do you multiply by the number of beams? Then beta = 1 is already softmax of the count.)"
         )
     if found > 0.98:
         return f"At your beta = {beta:.3g} N_eff is {found:.2f} N: the weights are flat, like raw counts."
-    if abs(found - (1 - share)) < 0.02:
+    if abs(found - (1 - share)) < 0.02 < abs(2 * share - 1):
         return f"At your beta N_eff is {found:.2f} N: that is the share that does *not* count."
-    return f"At your beta = {beta:.3g} N_eff is {found:.2f} N, asked was {share:.2f} N. N_eff falls as beta grows."
+    if abs(found - share**2) < 0.02:
+        return f"At your beta N_eff is {found:.2f} N, the square of what was asked: the sum of squares is 1 / N_eff."
+    return f"At your beta = {beta:.3g} N_eff is {found:.3f} N, asked was {share:.2f} N. N_eff falls as beta grows."
