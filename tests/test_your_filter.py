@@ -17,6 +17,8 @@ from pfslam.teaching.show.keep import keep, kept
 SOLUTIONS = {
     "scan_points": ("00", 1),
     "to_world": ("00", 3),
+    "cell_of": ("02", 1),
+    "update_log_odds": ("02", 3),
     "move": ("03", 2),
     "count_on_walls": ("04", 1),
     "update": ("05", 1),
