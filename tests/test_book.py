@@ -101,3 +101,16 @@ def test_every_word_of_the_glossary_leads_to_a_chapter():
     links = re.findall(r"^  \[(\d\d)\]\(\.\./(notebooks/\1_\w+\.ipynb)\)$", text, re.MULTILINE)
     assert len(links) == len(words) > 40
     assert all((ROOT / link).is_file() for _, link in links)
+
+
+def test_figures_are_numbered_by_chapter(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "book" / "_ext"))
+    book = importlib.import_module("pfslam_book")
+    counted = {
+        "book/index": {"figure": {"hero": (1,)}},
+        "notebooks/03_prediction_only": {"figure": {"fans": (7,), "corridor": (8,)}, "table": {"t": (1,)}},
+    }
+    env = type("Env", (), {"toc_fignumbers": counted})
+    assert book.number_figures(None, env) == ["notebooks/03_prediction_only"]
+    assert counted["notebooks/03_prediction_only"]["figure"] == {"fans": (3, 1), "corridor": (3, 2)}
+    assert counted["book/index"]["figure"] == {"hero": (1,)}

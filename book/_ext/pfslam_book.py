@@ -73,6 +73,8 @@ COLUMNS = re.compile(r"\S {2,}\S")
 # The lines around what a search finds are fetched from its page, which a browser forbids from file://.
 SEARCH_SUMMARY = ("SHOW_SEARCH_SUMMARY: true", "SHOW_SEARCH_SUMMARY: location.protocol !== 'file:'")
 
+CHAPTER = re.compile(r"notebooks/(\d\d)_")
+
 
 def mathjax_file() -> Path:
     """The one MathJax script that the site uses, as installed."""
@@ -133,6 +135,16 @@ def number_equations(app, doctree) -> None:
         if label:
             node["number"] = int(label[1])
             equations[label[0]] = (app.env.docname, int(label[1]))
+
+
+def number_figures(app, env) -> list[str]:
+    """Figures are numbered by chapter, the second of chapter 03 as 3.2, so that a teacher can name one."""
+    chapters = {page: number for page, number in env.toc_fignumbers.items() if CHAPTER.match(page)}
+    for page, kinds in chapters.items():
+        chapter = int(CHAPTER.match(page)[1])
+        for name in kinds.get("figure", {}):
+            kinds["figure"][name] = (chapter, list(kinds["figure"]).index(name) + 1)
+    return list(chapters)
 
 
 def wrap_sentences(app, doctree) -> None:
@@ -239,6 +251,7 @@ def setup(app):
     app.connect("config-inited", read_in_parallel)
     app.connect("env-before-read-docs", deal_out)
     app.connect("doctree-read", number_equations)
+    app.connect("env-get-updated", number_figures, priority=900)  # after Sphinx has counted through the book
     app.connect("doctree-read", wrap_sentences)
     app.connect("doctree-read", name_folds)
     app.connect("build-finished", finish_site)
