@@ -22,6 +22,7 @@ from pfslam.teaching.ch00.readings import (
     streams,
 )
 from pfslam.teaching.ch00.robot import robot_picture
+from pfslam.teaching.show.keep import keep
 from pfslam.teaching.show.source import show_source
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "check_to_world",
     "counts_picture",
     "distance_by_pairing",
+    "keep",
     "late_clock",
     "late_clock_explorer",
     "pictures_of_inverse",

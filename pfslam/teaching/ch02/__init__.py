@@ -32,6 +32,7 @@ from pfslam.teaching.ch02.one_scan import (
     scan_after,
     walls_left,
 )
+from pfslam.teaching.show.keep import keep
 from pfslam.teaching.show.source import show_source
 
 __all__ = [
@@ -49,6 +50,7 @@ __all__ = [
     "evidence_explorer",
     "glass_picture",
     "growth_explorer",
+    "keep",
     "logistic_picture",
     "question_picture",
     "ray_picture",
