@@ -17,7 +17,7 @@ from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, new_figure
 from pfslam.teaching.show.widgets import Explorer, Slider
 
-STREAM_COLOURS = ("odometry", "odometry", "hits", "truth", "truth")
+STREAM_COLOURS = ("odometry", "odometry", "hits", "highlight", "highlight")
 SEEN_TO = 5.0  # m to either side that the scan panel shows
 PANELS = (
     (0.13, 0.48, 0.35, 0.45),

@@ -72,7 +72,7 @@ def opinion_picture(recording: Recording) -> Picture:
     figure, axes = new_figure(5.0, 4.4)
     draw_trajectory(axes, odometry, "odometry", "wheels and gyro")
     x, y = odometry.poses[[0, -1], :2].T
-    axes.scatter(x[0], y[0], s=90, color=COLOURS["free"], zorder=4, label="start")
+    axes.scatter(x[0], y[0], s=140, color=COLOURS["truth"], marker="*", zorder=4, label="start")
     axes.scatter(x[1], y[1], s=90, color=COLOURS["highlight"], marker="s", zorder=4, label="end")
     metric_axes(axes).legend(loc="center right")
     alt = f"""A path of {length(odometry):.0f} metres drawn from wheels and gyro alone: two long arms at a right
@@ -104,7 +104,7 @@ def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
     figure, axes = new_figure(5.0, 3.8)
     looks = {
         "own interval": (COLOURS["odometry"], 1.2),
-        "from the sum": (COLOURS["particles"], 1.6),
+        "from the sum": (COLOURS["estimate"], 0.7),
         "from the sum, 10 a second": (COLOURS["estimate"], 2.4),
     }
     for name, (colour, width) in looks.items():

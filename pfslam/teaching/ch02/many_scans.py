@@ -217,7 +217,7 @@ def draw_evidence(walls: Walls, hit: float, free: float, clamp: float) -> Figure
     axes[1].set(
         xlabel="scans", ylabel=r"$\lambda$ of the door, in log 4", xlim=(0, len(levels)), xticks=(0, 40, 80)
     )
-    axes[1].set(ylim=(-1.1 * min(clamp, 25.0), 1.1 * min(clamp, 85.0)))
+    axes[1].set(ylim=(-1.1 * clamp, 1.1 * clamp))
     axes[1].set_title(f"open after {scans_to_believe(hit, free, clamp)} scans")
     return figure
 
