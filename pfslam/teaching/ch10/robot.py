@@ -34,6 +34,8 @@ from pfslam.teaching.show.tables import Shown
 from pfslam.teaching.show.widgets import Explorer, Slider
 
 HEALTHY = "none"
+PLAN = (5.4, 5.2)
+"""Size of a plan view (inches): its words can still be read on a phone."""
 MARKS = {True: "✓", False: "✗", None: "–"}
 
 
@@ -232,6 +234,7 @@ def drives() -> dict[str, tuple[str, Path | None]]:
 def path_picture(recording: Recording, path: Trajectory) -> Picture:
     """Draw a recording's path by dead reckoning, the report's figure 1 for any data."""
     figure = trajectory_figure(recording, path, "odometry", "Dead reckoning of the converted log")
+    figure.set_size_inches(*PLAN)
     apart = np.hypot(*path.poses[-1, :2])
     return Picture(
         figure, f"Path of the converted log by dead reckoning: it ends {apart:.1f} m from its start."
@@ -241,6 +244,7 @@ def path_picture(recording: Recording, path: Trajectory) -> Picture:
 def map_picture(recording: Recording, path: Trajectory) -> Picture:
     """Draw the map that dead reckoning makes, the report's figure 5 for any data."""
     figure = map_figure(map_along(recording, path, every=20), "Its map, drawn from dead reckoning")
+    figure.set_size_inches(*PLAN)
     return Picture(
         figure, "Map of the converted log drawn from dead reckoning: corridors appear twice, at an angle."
     )
@@ -249,6 +253,7 @@ def map_picture(recording: Recording, path: Trajectory) -> Picture:
 def run_figure(name: str, recording: Recording, result: SlamResult) -> Picture:
     """Draw map and path of a run on anything."""
     figure = map_figure(result.grid, f"{name}: {len(result.infos)} scans", result.trajectory)
+    figure.set_size_inches(*PLAN)
     if recording.truth is not None:
         draw_trajectory(figure.axes[0], recording.truth, "truth")
         figure.axes[0].legend()
