@@ -141,6 +141,11 @@ def along_x(poses, v, omega, dt):
     return poses + dt * np.stack([v, 0 * v, omega], axis=-1)
 
 
+def turn_first(poses, v, omega, dt):
+    turned = poses + dt * np.stack([0 * v, 0 * v, omega], axis=-1)
+    return motion_model(turned, v, 0.0, dt)
+
+
 def without_return(*arguments):
     pass
 
@@ -154,6 +159,7 @@ WRONG_SPREADS = [
     (lambda s, rate, t: np.rad2deg(s * np.sqrt(t * rate)), "left out tau"),
     (lambda s, rate, t: np.rad2deg(s * np.sqrt(t) / rate), "outside it"),
     (lambda s, rate, t: -np.rad2deg(s * np.sqrt(t / rate)), "sign"),
+    (lambda s, rate, t: np.deg2rad(s * np.sqrt(t / rate)), "are swapped"),
     (lambda s, rate, t: 1000 * np.rad2deg(s * np.sqrt(t / rate)), "thousand times too large"),
     (lambda s, rate, t: 2.5 * np.sqrt(t / rate), "your function returns 1; expected 4.584"),
     (lambda s, rate, t: "wide", "One number"),
@@ -176,6 +182,7 @@ WRONG_MOVES = [
     (moving(omega=0.6), "where omega leads"),
     (moving(shape="uniform"), "wrong shape"),
     (moving(model=motion_model_arc), "exact arc"),
+    (moving(model=turn_first), "turn first"),
     (moving(model=along_x), "own old heading"),
     (lambda p, v, w, dt, sv, sw, rng: moving()(p, v, w, dt, sw, sv, rng), "the other way round"),
     (lambda p, v, w, dt, sv, sw, rng: moving()(p[:1], v, w, dt, sv, sw, rng), "shape"),

@@ -110,6 +110,7 @@ def counting(rounding=np.floor, transposed=False, guard="both", move=1.0, cells=
 WRONG_COUNTS = [
     (counting(np.rint), "floor, not round"),
     (counting(np.ceil), "floor, not ceil"),
+    (lambda p, m, o, r: counting()(p - r / 2, m, o, r), "Half a cell off"),
     (counting(np.trunc), "towards zero"),
     (counting(transposed=True), "occupied[iy, ix]"),
     (counting(transposed=True, guard="none"), "the first index of the array is the row"),

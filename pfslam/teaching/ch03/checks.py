@@ -84,6 +84,8 @@ def _sideways(ahead: np.ndarray, sideways: np.ndarray, turned: np.ndarray) -> st
         return "All particles moved alike: you drew one number for the whole cloud. Draw one for each."
     arc = motion_model_arc(np.zeros(3), ahead / DT, turned / DT, DT)
     if np.abs(sideways).max() > 1e-4 and np.corrcoef(sideways, arc[:, 1])[0, 1] > 0.99:
+        if sideways.std() > 1.5 * arc[:, 1].std():  # an arc leaves the old heading by half of the turn
+            return "You turn first and drive then. Eq. 5 drives along the old heading: compute x and y before theta."
         return "That is the exact arc. Eq. 5 drives straight along the old heading and turns then: use motion_model."
     if sideways.std() > 0.3 * ahead.std():
         return "Particles moved sideways, which wheels cannot. Noise belongs on v and omega, not on the pose."

@@ -73,6 +73,8 @@ COUNT_INSIDE = [
     (_found(_distinct), "Two points in one wall cell are two points. You count the cells; Eq. 8 counts the points."),
     (lambda p, m, o, r: counted(p, m, o, r, np.rint), "A cell begins at its lower edge: floor, not round. Rounding "
      "moves half of all points to a neighbour."),
+    (lambda p, m, o, r: counted(np.asarray(p) - r / 2, m, o, r), "Half a cell off: the origin is the outer corner of "
+     "cell [0, 0], not its middle."),
     (lambda p, m, o, r: counted(p, m, o, r, np.ceil), "A cell begins at its lower edge: floor, not ceil."),
     (lambda p, m, o, r: counted(np.asarray(p)[:, ::-1], m, o[::-1], r), "Rows are y: the array is occupied[iy, ix]."),
     (lambda p, m, o, r: counted(p, m, 0.0 * o, r), "Cell [0, 0] lies at the origin of the grid: subtract it before you "

@@ -23,7 +23,7 @@ from pfslam.teaching.ch05.play import (
     play,
     results_picture,
 )
-from pfslam.teaching.ch05.slow_motion import comb_picture, one_update, slow_motion
+from pfslam.teaching.ch05.slow_motion import comb_picture, one_update, slow_motion_explorer
 from pfslam.teaching.ch05.weights import copies_table
 from pfslam.teaching.ch05.whole import check_filter
 from pfslam.teaching.ch05.window import moved_to_best, window_picture
@@ -82,7 +82,7 @@ __all__ = [
     "show_source",
     "slam_explorer",
     "slip_picture",
-    "slow_motion",
+    "slow_motion_explorer",
     "step",
     "stored_errors",
     "success",

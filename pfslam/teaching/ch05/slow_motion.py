@@ -216,7 +216,7 @@ def draw_step(k: int) -> Figure:
     figure.suptitle(f"{k}. {STEPS[k - 1](left, right, one_update())}", fontsize=12)
     figure.set_layout_engine("none")  # every picture of the update has its axes in the same places
     left.set_position((0.13, 0.16, 0.45, 0.67))
-    right.set_position((0.72, 0.16, 0.26, 0.67) if k in (3, 4, 5, 6) else (0.64, 0.16, 0.34, 0.67))
+    right.set_position((0.745, 0.16, 0.235, 0.67) if k in (3, 4, 5, 6) else (0.64, 0.16, 0.34, 0.67))
     return figure
 
 
@@ -238,7 +238,7 @@ def describe_step(k: int) -> str:
     return f"Step {k} of {len(STEPS)}. {words[k - 1]}"
 
 
-def slow_motion() -> Explorer:
+def slow_motion_explorer() -> Explorer:
     """The update, step by step."""
     return Explorer(
         draw_step,

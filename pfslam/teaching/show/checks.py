@@ -241,6 +241,9 @@ FACTORS = {
     0.001: "a thousand times too small: are they in kilometres, or is one length in millimetres?",
     100.0: "a hundred times too large: are they in centimetres, or in percent?",
     0.01: "a hundred times too small.",
+    (180.0 / np.pi) ** 2: "turned from radians into degrees twice, or from degrees where they were degrees.",
+    (np.pi / 180.0)
+    ** 2: "turned from degrees into radians where they were radians: rad2deg and deg2rad are swapped.",
     2.0: "twice as large as they should be.",
     0.5: "half as large as they should be.",
 }
