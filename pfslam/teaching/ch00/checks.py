@@ -15,7 +15,7 @@ NOT_MEASURED = (np.inf, 0.0, 0.05, np.nan, 60.0, 30.6)
 
 
 def _scan_case(seed: int) -> tuple:
-    """Ranges, bearings and a lever arm with both coordinates; six beams in the middle measured nothing."""
+    """Return ranges, bearings and a lever arm with both coordinates; six beams in the middle measured nothing."""
     rng = np.random.default_rng(seed)
     ranges, angles = rng.uniform(0.2, 9.0, 12), np.sort(rng.uniform(-2.3, 2.3, 12))
     ranges[:2], ranges[3:9] = (0.15, 29.5), rng.permutation(NOT_MEASURED)
@@ -23,23 +23,23 @@ def _scan_case(seed: int) -> tuple:
 
 
 def measured(ranges: np.ndarray) -> np.ndarray:
-    """Which ranges ``(M,)`` lie between the least and the greatest that can be measured."""
+    """Tell which ranges ``(M,)`` lie between the least and the greatest that can be measured."""
     return (ranges >= RANGE_MIN) & (ranges <= RANGE_MAX)
 
 
 def polar(ranges: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Points ``(M, 2)`` at these ranges (m) and bearings (rad)."""
+    """Return points ``(M, 2)`` at these ranges (m) and bearings (rad)."""
     return np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)])
 
 
 def scan_points(ranges, angles, lidar_xy) -> np.ndarray:
-    """The right answer of exercise 1."""
+    """Solve exercise 1."""
     good = measured(ranges)
     return polar(ranges[good], angles[good]) + lidar_xy
 
 
 def _scan_mistake(change: Callable) -> Callable:
-    """A wrong ``scan_points`` made of the valid ranges, their bearings and the lever arm."""
+    """Return a wrong ``scan_points`` made of the valid ranges, their bearings and the lever arm."""
     return lambda r, a, arm: change(r[measured(r)], a[measured(r)], np.asarray(arm))
 
 
@@ -90,7 +90,7 @@ SCAN_MISTAKES = [
 
 
 def _rows_hint(answer, ranges: np.ndarray) -> str:
-    """What is wrong with the number of points, or nothing."""
+    """Return what is wrong with the number of points, or nothing."""
     try:
         rows = len(answer)
     except TypeError:
@@ -108,7 +108,7 @@ def _rows_hint(answer, ranges: np.ndarray) -> str:
 
 
 def check_scan_points(theirs: Callable) -> Check:
-    """Whether ``scan_points(ranges, angles, lidar_xy)`` keeps each valid beam with its bearing, in the body frame."""
+    """Check whether ``scan_points(ranges, angles, lidar_xy)`` keeps each valid beam with its bearing, in frame b."""
     cases = [_scan_case(seed) for seed in range(4)]
     words = _rows_hint(attempt(theirs, *(part.copy() for part in cases[0])), cases[0][0])
     if words:
@@ -123,7 +123,7 @@ def check_scan_points(theirs: Callable) -> Check:
 
 
 def _stamp_case(seed: int) -> tuple:
-    """Jittering stamps with a pause, queries between them, in the pause, before the first and after the last."""
+    """Return jittering stamps with a pause, queries between them, in the pause, before the first and after the last."""
     rng = np.random.default_rng(seed)
     t = 10.0 + np.cumsum(rng.uniform(0.02, 0.05, 12)) + np.where(np.arange(12) > 6, 0.5, 0.0)
     between = t[[0, 2, 4, 8, 9]] + np.diff(t)[[0, 2, 4, 8, 9]] * np.array([0.3, 0.7, 0.4, 0.8, 0.2])
@@ -135,12 +135,12 @@ def _apart(t, query) -> np.ndarray:
 
 
 def nearest_within(t, query, max_gap) -> np.ndarray:
-    """The right answer of exercise 2."""
+    """Solve exercise 2."""
     return np.where(_apart(t, query).min(axis=1) <= max_gap, _apart(t, query).argmin(axis=1), -1)
 
 
 def _neighbour(t, query, back: int) -> np.ndarray:
-    """The next stamp, or the one before."""
+    """Return the next stamp, or the one before."""
     return np.clip(np.searchsorted(t, query) - back, 0, len(t) - 1)
 
 
@@ -208,7 +208,7 @@ STAMP_MISTAKES = [
 
 
 def check_nearest_within(theirs: Callable) -> Check:
-    """Whether ``nearest_within(t, query, max_gap)`` gives the nearest index, or -1 where none is near enough."""
+    """Check whether ``nearest_within(t, query, max_gap)`` gives the nearest index, or -1 where none is near enough."""
     cases = [_stamp_case(seed) for seed in range(4)]
     answer = attempt(theirs, cases[0][0].copy(), cases[0][1].copy(), 0.1)
     if isinstance(answer, list | tuple | np.ndarray) and any(part is None for part in answer):
@@ -223,17 +223,17 @@ def check_nearest_within(theirs: Callable) -> Check:
 
 
 def rotation(theta: float) -> np.ndarray:
-    """The turn by ``theta`` (rad) as a matrix ``(2, 2)``."""
+    """Return the turn by ``theta`` (rad) as a matrix ``(2, 2)``."""
     return np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]])
 
 
 def to_world(pose_wb, points_b) -> np.ndarray:
-    """The right answer of exercise 3."""
+    """Solve exercise 3."""
     return np.asarray(points_b) @ rotation(pose_wb[2]).T + pose_wb[:2]
 
 
 def _world_case(seed: int) -> tuple:
-    """A pose with nothing round about it, and five points."""
+    """Return a pose with nothing round about it, and five points."""
     rng = np.random.default_rng(seed)
     heading = (0.7, -2.4, 2.1, -0.6)[seed]
     return np.array([*rng.uniform(1.0, 4.0, 2), heading]), rng.uniform(-3.0, 3.0, (5, 2))
@@ -302,7 +302,7 @@ WORLD_MISTAKES = [
 
 
 def check_to_world(theirs: Callable) -> Check:
-    """Whether ``to_world(pose_wb, points_b)`` turns by the heading and then shifts by the position."""
+    """Check whether ``to_world(pose_wb, points_b)`` turns by the heading and then shifts by the position."""
     cases = [_world_case(seed) for seed in range(4)]
     praise = "First the turn, then the shift: that is T_wb."
     return compare(theirs, to_world, cases, mistakes=WORLD_MISTAKES, praise=praise)
@@ -312,7 +312,7 @@ def check_to_world(theirs: Callable) -> Check:
 
 
 def _count_case(seed: int) -> tuple:
-    """Scan times, stamps that jitter, counts of four wheels that differ, and the metres per count."""
+    """Return scan times, stamps that jitter, counts of four wheels that differ, and the metres per count."""
     rng = np.random.default_rng(seed)
     t = 3.0 + np.cumsum(rng.uniform(0.05, 0.12, 14))
     counts = rng.integers(4, 30, 14)[:, None] + rng.integers(0, 9, (14, 4))
@@ -320,18 +320,18 @@ def _count_case(seed: int) -> tuple:
 
 
 def _sums(wheels: Callable, counts, metres: float) -> np.ndarray:
-    """Running sum (m) from 0 at the first stamp, each reading made one number by ``wheels``."""
+    """Return the running sum (m) from 0 at the first stamp, each reading made one number by ``wheels``."""
     per_reading = wheels(np.asarray(counts)) * metres
     return np.cumsum(per_reading) - per_reading[0]
 
 
 def mean_of_wheels(counts: np.ndarray) -> np.ndarray:
-    """Mean count of the four wheels, one for each reading."""
+    """Return the mean count of the four wheels, one for each reading."""
     return np.mean(counts, axis=1)
 
 
 def distance_at(t_scan, t, counts, metres_per_count) -> np.ndarray:
-    """The right answer of exercise 4."""
+    """Solve exercise 4."""
     return np.interp(t_scan, t, _sums(mean_of_wheels, counts, metres_per_count))
 
 
@@ -402,7 +402,7 @@ DISTANCE_MISTAKES = [
 
 
 def check_distance_at(theirs: Callable) -> Check:
-    """Whether ``distance_at(t_scan, t, counts, metres_per_count)`` adds up first and interpolates then."""
+    """Check whether ``distance_at(t_scan, t, counts, metres_per_count)`` adds up first and interpolates then."""
     cases = [_count_case(seed) for seed in range(4)]
     praise = "Added up first, then interpolated: no count is lost, whichever scans you choose."
     return compare(theirs, distance_at, cases, mistakes=DISTANCE_MISTAKES, praise=praise)

@@ -30,7 +30,7 @@ WAYS = ("right", "no lever arm", "lever arm on y", "inverse pose")
 
 
 def room_ranges(sensor: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Exact distances ``(M,)`` from ``sensor (2,)`` along ``directions (M,)`` rad to the walls or the post."""
+    """Return exact distances ``(M,)`` from ``sensor (2,)`` along ``directions (M,)`` rad to the walls or the post."""
     d = np.column_stack([np.cos(directions), np.sin(directions)])
     x_min, x_max, y_min, y_max = ROOM
     with np.errstate(divide="ignore"):
@@ -45,7 +45,7 @@ def room_ranges(sensor: np.ndarray, directions: np.ndarray) -> np.ndarray:
 
 
 def turn_points(way: str, turned_deg: float) -> np.ndarray:
-    """All end points ``(M, 2)`` of the scans of a turn on the spot, brought to the world in one of ``WAYS``."""
+    """Return all end points ``(M, 2)`` of the scans of a turn on the spot, brought to the world in one of ``WAYS``."""
     arm = np.array(LidarModel().position_b[:2])
     assumed = {"no lever arm": np.zeros(2), "lever arm on y": arm[::-1]}.get(way, arm)
     points = []
@@ -59,7 +59,7 @@ def turn_points(way: str, turned_deg: float) -> np.ndarray:
 
 
 def off_walls(points: np.ndarray) -> np.ndarray:
-    """Distance (m) of each point ``(M, 2)`` from the nearest wall or from the post's surface."""
+    """Return the distance (m) of each point ``(M, 2)`` from the nearest wall or from the post's surface."""
     x, y = points.T
     x_min, x_max, y_min, y_max = ROOM
     outside = np.hypot(
@@ -71,7 +71,7 @@ def off_walls(points: np.ndarray) -> np.ndarray:
 
 
 def turn_frame(way: str, turned: float) -> Figure:
-    """The whole room, and the post close up, as the robot draws them while it turns."""
+    """Draw the whole room, and the post close up, as the robot draws them while it turns."""
     points = turn_points(way, turned)
     figure, axes = new_figure(5.0, 3.3, 1, 2, width_ratios=[1.5, 1])
     figure.set_layout_engine("none")
@@ -88,7 +88,7 @@ def turn_frame(way: str, turned: float) -> Figure:
 
 
 def turn_explorer() -> Explorer:
-    """A choice of what is wrong, and how far the robot has turned."""
+    """Make the explorer with a choice of what is wrong, and how far the robot has turned."""
     controls = [
         Slider("way", WAYS, 1, "Drawn with"),
         Slider("turned", (0.0, 45.0, 90.0, 180.0, 360.0), 0, "Turned by", "deg", "g"),
@@ -111,14 +111,14 @@ def _draw_room(axes: Axes) -> None:
 
 
 def turn_alt(way: str, turned: float) -> str:
-    """The words for one state of the turn."""
+    """Return the words for one state of the turn."""
     off = off_walls(turn_points(way, turned))
     return f"""A room with a post, drawn ({way}) by a robot that has turned on the spot by {turned:.0f} degrees. End
     points lie {100 * np.mean(off):.1f} cm from what they hit on average, {100 * off.max():.0f} cm at most."""
 
 
 def pictures_of_inverse() -> Picture:
-    """Four drawings of one turn, A to D, for the self-test: which of them used the inverse pose?"""
+    """Make four drawings of one turn, A to D, for the self-test: which of them used the inverse pose?"""
     figure, grid = new_figure(5.0, 4.6, 2, 2, sharex=True, sharey=True)
     order = ("no lever arm", "inverse pose", "right", "lever arm on y")
     words = []
@@ -142,7 +142,7 @@ SCANS, APART = 8, 0.1
 
 
 def shifted_scans(recording: Recording, moment: float, offset: float) -> np.ndarray:
-    """End points ``(M, 2)`` of scans around a moment, each drawn from the true pose ``offset`` s after its stamp."""
+    """Return points ``(M, 2)`` of scans around a moment, each drawn from the pose ``offset`` s after its stamp."""
     (encoders, _), scans, lidar = recording.wheels_and_gyro(), recording.scans(), recording.robot.lidar
     times = encoders.t[0] + moment + APART * (np.arange(SCANS) - SCANS / 2)
     truth, points = recording.true_path(), []
@@ -153,20 +153,20 @@ def shifted_scans(recording: Recording, moment: float, offset: float) -> np.ndar
 
 
 def turn_rate(recording: Recording, moment: float) -> float:
-    """Mean true yaw rate (rad/s) over the scans around a moment."""
+    """Return the mean true yaw rate (rad/s) over the scans around a moment."""
     t = recording.wheels_and_gyro()[0].t[0] + moment + APART * SCANS / 2 * np.array([-1.0, 1.0])
     heading = np.unwrap(recording.true_path().at(t)[:, 2])
     return float(np.diff(heading)[0] / np.diff(t)[0])
 
 
 def spread(drawn: np.ndarray, right: np.ndarray) -> float:
-    """How far (m, median) a drawn point lies from the nearest of the right ones; every third is asked."""
+    """Return how far (m, median) a drawn point lies from the nearest of the right ones; every third is asked."""
     dx, dy = (np.subtract.outer(drawn[::3, k], right[:, k]) for k in (0, 1))
     return float(np.median(np.sqrt((dx**2 + dy**2).min(axis=1))))
 
 
 def late_clock(recording: Recording, moment: float, offset: float) -> dict[str, float]:
-    """What a clock late by ``offset`` s does to the scans around a moment.
+    """Return what a clock late by ``offset`` s does to the scans around a moment.
 
     ``angle`` (rad) that the robot turns in that time, ``range`` (m) of a beam in the median, ``sideways`` (m) that its
     end point moves, and ``off_walls`` (m): how far a point then lies from the nearest one drawn with the right stamp.
@@ -180,7 +180,7 @@ def late_clock(recording: Recording, moment: float, offset: float) -> dict[str, 
 
 
 def draw_late_clock(recording: Recording, right: dict[str, np.ndarray], offset: float) -> Figure:
-    """A straight stretch and a turn with the same clock offset (ms), over where the points belong."""
+    """Draw a straight stretch and a turn with the same clock offset (ms), over where the points belong."""
     start, truth = recording.wheels_and_gyro()[0].t[0], recording.true_path()
     figure, axes = new_figure(5.0, 3.3, 1, 2)
     figure.set_layout_engine("none")
@@ -197,7 +197,7 @@ def draw_late_clock(recording: Recording, right: dict[str, np.ndarray], offset: 
 
 
 def describe_late_clock(recording: Recording, right: dict[str, np.ndarray], offset: float) -> str:
-    """The same in words."""
+    """Describe the picture of these values in words."""
     words = [
         f"{name} ({turn_rate(recording, moment):+.2f} rad/s): in the median a point lies "
         f"{100 * spread(shifted_scans(recording, moment, offset / 1e3), right[name]):.1f} cm off the walls"
@@ -207,7 +207,7 @@ def describe_late_clock(recording: Recording, right: dict[str, np.ndarray], offs
 
 
 def late_clock_explorer(recording: Recording) -> Explorer:
-    """One slider: by how much the LiDAR's clock is wrong."""
+    """Make the explorer with one slider: by how much the LiDAR's clock is wrong."""
     right = {name: shifted_scans(recording, moment, 0.0) for name, moment in STRETCHES.items()}
     offset = Slider("offset", (0, 20, 50, 100, 150, 200), 0, "Clock offset", "ms", "g", (-300, 300, 5))
     return Explorer(

@@ -28,14 +28,14 @@ PANELS = (
 
 
 def camera_of(recording: Recording) -> RgbdStream:
-    """The recording's camera; ``DataError`` where the robot had none."""
+    """Return the recording's camera; ``DataError`` where the robot had none."""
     if recording.camera is None:
         raise DataError(recording.name, "camera", "no images", "a recording with a camera")
     return recording.camera
 
 
 def streams(recording: Recording) -> dict[str, np.ndarray]:
-    """The stamps (s) of every stream, counted from the first encoder reading."""
+    """Return the stamps (s) of every stream, counted from the first encoder reading."""
     (encoders, imu), camera = recording.wheels_and_gyro(), camera_of(recording)
     stamps = {
         "encoders": encoders.t,
@@ -48,7 +48,7 @@ def streams(recording: Recording) -> dict[str, np.ndarray]:
 
 
 def raster_picture(recording: Recording, start: float = 60.0, seconds: float = 0.25) -> Picture:
-    """One tick for every reading of every stream within a quarter of a second."""
+    """Draw one tick for every reading of every stream within a quarter of a second."""
     figure, axes = new_figure(5.0, 2.8)
     words = []
     for row, (name, t) in enumerate(streams(recording).items()):
@@ -96,7 +96,7 @@ def scrub(recording: Recording, frames: int = 24, first: float = 8.0, last: floa
 
 
 def _image_at(recording: Recording, t: float) -> tuple[np.ndarray, float]:
-    """The stored colour image nearest in time, at half its size, and how much later it was taken."""
+    """Return the stored colour image nearest in time, at half its size, and how much later it was taken."""
     camera = camera_of(recording)
     stored = camera.rgb_t[camera.rgb_index]
     j = nearest_stamp(stored, np.array([t]))[0]
@@ -104,7 +104,7 @@ def _image_at(recording: Recording, t: float) -> tuple[np.ndarray, float]:
 
 
 def draw_scrub(view: Scrub, time: float) -> Figure:
-    """Everything the robot knows around one moment: scan, colour image, wheels and gyro."""
+    """Draw everything the robot knows around one moment: scan, colour image, wheels and gyro."""
     figure, grid = new_figure(5.0, 5.0, 2, 2)
     figure.set_layout_engine("none")  # placed by hand: looking for room takes longer than drawing
     scan, camera, wheels, gyro = grid.ravel()
@@ -126,7 +126,7 @@ def _scan_at(view: Scrub, time: float) -> np.ndarray:
 
 
 def _draw_scan_ahead(axes: Axes, view: Scrub, time: float) -> None:
-    """The scan with "ahead" at the top; the body's y axis points to the left."""
+    """Draw the scan with "ahead" at the top; the body's y axis points to the left."""
     points = _scan_at(view, time)
     axes.scatter(points[:, 1], points[:, 0], s=3, color=COLOURS["hits"], linewidths=0)
     axes.plot(0, 0, marker="^", markersize=9, color=COLOURS["estimate"])
@@ -141,7 +141,7 @@ def _draw_curve(axes: Axes, t, values, now: float, label: str, limits: tuple) ->
 
 
 def describe_scrub(view: Scrub, time: float) -> str:
-    """The same in words."""
+    """Describe the picture of these values in words."""
     k = int(np.argmin(np.abs(view.t - time)))
     reach = np.hypot(*_scan_at(view, time).T)
     later = 1e3 * view.images[time][1]
@@ -151,7 +151,7 @@ def describe_scrub(view: Scrub, time: float) -> str:
 
 
 def scrub_explorer(recording: Recording) -> Explorer:
-    """One slider: the time; a play button runs through the drive."""
+    """Make the explorer with one slider: the time; a play button runs through the drive."""
     view = scrub(recording)
     return Explorer(
         partial(draw_scrub, view),
@@ -166,7 +166,7 @@ def scrub_explorer(recording: Recording) -> Explorer:
 
 
 def distance_by_pairing(recording: Recording, every: int) -> tuple[float, float]:
-    """Metres between the first and the last of every ``every``-th scan: nearest increments summed, and cumulated."""
+    """Return metres from first to last of every ``every``-th scan: by nearest increments, and from the sum."""
     encoders, _ = recording.wheels_and_gyro()
     t, model = recording.scans().t[::every], recording.robot.encoders
     t = t[(t >= encoders.t[0]) & (t <= encoders.t[-1])]
@@ -176,7 +176,7 @@ def distance_by_pairing(recording: Recording, every: int) -> tuple[float, float]
 
 
 def all_stored(camera: RgbdStream) -> RgbdStream:
-    """The camera with every image that has a stamp marked as stored: to pair stamps without reading images."""
+    """Return the camera with every image that has a stamp marked as stored: to pair stamps without reading images."""
     every = np.arange(len(camera.disparity_t)), np.arange(len(camera.rgb_t))
     return replace(camera, disparity_index=every[0], rgb_index=every[1])
 
@@ -185,7 +185,7 @@ def all_stored(camera: RgbdStream) -> RgbdStream:
 
 
 def counts_picture(recording: Recording, start: float = 50.0, seconds: float = 4.0) -> Picture:
-    """The same four seconds of one wheel, logged in the two ways that exist; which is which is the question."""
+    """Draw the same four seconds of one wheel, logged in the two ways that exist; which is which is the question."""
     encoders, _ = recording.wheels_and_gyro()
     t = encoders.t - encoders.t[0] - start
     shown = (t >= 0) & (t < seconds)

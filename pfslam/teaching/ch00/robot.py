@@ -18,7 +18,7 @@ DARK = COLOURS["truth"]
 
 
 def robot_picture(robot: RobotModel) -> Picture:
-    """The robot from the side and from above, with the frames b, l and c where they are."""
+    """Draw the robot from the side and from above, with the frames b, l and c where they are."""
     figure, (side, top) = new_figure(5.0, 7.0, 2, 1, height_ratios=[1.0, 1.0])
     _draw_side(side, robot)
     _draw_top(top, robot)
@@ -86,7 +86,7 @@ def _draw_top(axes: Axes, robot: RobotModel) -> None:
 def _draw_axes(
     axes: Axes, origin, tilt: float, name: str, labels: tuple[str, str], length: float = 0.2
 ) -> None:
-    """Two arrows from the origin of a frame, with its letter; an axis without a label is not drawn."""
+    """Draw two arrows from the origin of a frame, with its letter; an axis without a label is not drawn."""
     for turn, label in zip((0.0, np.pi / 2), labels, strict=True):
         if not label:
             continue

@@ -15,19 +15,19 @@ from pfslam.teaching.show.checks import Check, compare
 
 
 def _counts_case(seed: int) -> tuple:
-    """Counts of four wheels that differ, and the metres per count."""
+    """Return counts of four wheels that differ, and the metres per count."""
     rng = np.random.default_rng(seed)
     counts = rng.integers(3, 30, 9)[:, None] + rng.integers(0, 10, (9, 4))
     return counts, (0.0022, 0.0031, 0.0017, 0.0022)[seed]
 
 
 def path_length(counts, metres_per_count) -> float:
-    """The right answer of exercise 1."""
+    """Solve exercise 1."""
     return float(np.mean(counts, axis=1).sum() * metres_per_count)
 
 
 def _wheels(one: Callable) -> Callable:
-    """A wrong length, with another way to make one number of four wheels."""
+    """Return a wrong length, with another way to make one number of four wheels."""
     return lambda counts, metres: one(np.asarray(counts)).sum() * metres
 
 
@@ -85,7 +85,7 @@ LENGTH_MISTAKES = [
 
 
 def check_path_length(theirs: Callable) -> Check:
-    """Whether ``path_length(counts, metres_per_count)`` adds up the mean of the four wheels."""
+    """Check whether ``path_length(counts, metres_per_count)`` adds up the mean of the four wheels."""
     cases = [_counts_case(seed) for seed in range(4)]
     return compare(
         theirs, path_length, cases, mistakes=LENGTH_MISTAKES, praise="The mean of the wheels, summed."
@@ -99,7 +99,7 @@ RESTS = ((0.0, 15.0), (35.0, 41.0), (58.0, 80.0))
 
 
 def _gyro_case(seed: int) -> tuple:
-    """Stamps, yaw rate and speed of a drive of 70 s with three rests; a gyro with bias, noise and a warm-up."""
+    """Return stamps, yaw rate and speed of a drive of 70 s with three rests; a gyro with bias, noise and a warm-up."""
     rng = np.random.default_rng(seed)
     t = 100.0 + np.cumsum(rng.uniform(0.008, 0.012, 7000))
     since = t - t[0]
@@ -111,12 +111,12 @@ def _gyro_case(seed: int) -> tuple:
 
 
 def gyro_bias(t, yaw_rate, speed, warm: float = WARM) -> float:
-    """The right answer of exercise 2."""
+    """Solve exercise 2."""
     return float(yaw_rate[(speed == 0) & (t > t[0] + warm)].mean())
 
 
 def _same_bias(found, expected) -> bool:
-    """Whether two biases agree as well as the noise of the gyro allows."""
+    """Tell whether two biases agree as well as the noise of the gyro allows."""
     return bool(abs(float(found) - float(expected)) < 0.12 * abs(float(expected)))
 
 
@@ -172,7 +172,7 @@ BIAS_MISTAKES = [
 
 
 def check_gyro_bias(theirs: Callable) -> Check:
-    """Whether ``gyro_bias(t, yaw_rate, speed)`` averages a noisy gyro while the robot rests and the gyro is warm."""
+    """Check whether ``gyro_bias(t, yaw_rate, speed)`` averages a noisy gyro at rest, once it is warm."""
     cases = [_gyro_case(seed) for seed in range(4)]
     praise = "The mean over the time when the robot stood still and the gyro was warm."
     return compare(theirs, gyro_bias, cases, mistakes=BIAS_MISTAKES, same=_same_bias, praise=praise)
@@ -182,7 +182,7 @@ def check_gyro_bias(theirs: Callable) -> Check:
 
 
 def _arc(pose, v, omega, dt) -> np.ndarray:
-    """The right answer of exercise 3."""
+    """Solve exercise 3."""
     return motion_model_arc(np.asarray(pose, dtype=float), v, omega, dt)
 
 
@@ -197,7 +197,7 @@ ARC_CASES = [
 
 
 def _same_arc(found, expected) -> bool:
-    """Whether two poses agree to a fifth of a millimetre, headings on the circle; NaN only with itself."""
+    """Tell whether two poses agree to a fifth of a millimetre, headings on the circle; NaN only with itself."""
     apart = np.asarray(found, dtype=float) - np.asarray(expected, dtype=float)
     apart[2] = wrap_angle(apart[2])
     both = np.isnan(found) & np.isnan(expected)
@@ -205,7 +205,7 @@ def _same_arc(found, expected) -> bool:
 
 
 def _chord(length: Callable, part: float) -> Callable:
-    """A step by ``length(half) v dt`` in the direction of the old heading plus ``part`` of the turn."""
+    """Return a step by ``length(half) v dt`` in the direction of the old heading plus ``part`` of the turn."""
 
     def step(pose, v, omega, dt):
         half = 0.5 * omega * dt
@@ -220,7 +220,7 @@ def _sine_over(half: float) -> float:
 
 
 def _by_radius(pose, v, omega, dt, sign: float = 0.0) -> np.ndarray:
-    """The arc with its radius, which is NaN straight on; ``sign`` 1 takes the radius without its sign."""
+    """Return the arc with its radius, which is NaN straight on; ``sign`` 1 takes the radius without its sign."""
     radius = np.float64(v) / (abs(omega) if sign else omega)
     old, new = pose[2], pose[2] + omega * dt
     return np.array(
@@ -229,7 +229,7 @@ def _by_radius(pose, v, omega, dt, sign: float = 0.0) -> np.ndarray:
 
 
 def _small_steps(pose, v, omega, dt, n: int, model=motion_model) -> np.ndarray:
-    """The end of ``n`` small steps of Eq. 5."""
+    """Return the end of ``n`` small steps of Eq. 5."""
     steps = Controls(np.linspace(0.0, dt, n + 1), np.full(n, v), np.full(n, omega))
     return integrate(steps, start=pose, model=model).poses[-1]
 
@@ -287,7 +287,7 @@ ARC_MISTAKES = [
 
 
 def check_arc(theirs: Callable) -> Check:
-    """Whether ``arc_step(pose, v, omega, dt)`` drives an exact arc: left, right, far, straight on and backwards."""
+    """Check whether ``arc_step(pose, v, omega, dt)`` drives an exact arc, straight on and backwards as well."""
     praise = "One long arc ends where ten thousand small steps end, and straight on works too."
     with np.errstate(all="ignore"):
         return compare(theirs, _arc, ARC_CASES, mistakes=ARC_MISTAKES, same=_same_arc, praise=praise)
@@ -297,7 +297,7 @@ def check_arc(theirs: Callable) -> Check:
 
 
 def _drive_case(seed: int) -> tuple:
-    """Encoder stamps and counts, gyro stamps and rates of five seconds, and the metres per count."""
+    """Return encoder stamps and counts, gyro stamps and rates of five seconds, and the metres per count."""
     rng = np.random.default_rng(seed)
     t_enc = 50.0 + np.cumsum(rng.uniform(0.004, 0.046, 220))
     bend = rng.uniform(0.5, 1.5)
@@ -320,21 +320,21 @@ def _controls(t_enc, counts, t_gyro, yaw_rate, metres: float) -> Controls:
 
 
 def dead_reckon(*case, model=motion_model) -> np.ndarray:
-    """The right answer of exercise 4, by Euler steps or along arcs."""
+    """Solve exercise 4, by Euler steps or along arcs."""
     inputs = _controls(*case)
     theta = np.concatenate([[0.0], np.cumsum(inputs.omega * np.diff(inputs.t))])
     return np.column_stack([integrate(inputs, model=model).poses[:, :2], theta])
 
 
 def _same_path(found, expected) -> bool:
-    """Whether two paths agree to a millimetre and a milliradian, headings on the circle."""
+    """Tell whether two paths agree to a millimetre and a milliradian, headings on the circle."""
     apart = np.asarray(found, dtype=float) - np.asarray(expected, dtype=float)
     apart[:, 2] = wrap_angle(apart[:, 2])
     return bool(np.isfinite(apart).all() and np.abs(apart).max() < 1e-3)
 
 
 def _otherwise(change: Callable) -> Callable:
-    """A wrong path, made of the right controls with something changed: ``change(inputs, *case)``."""
+    """Return a wrong path, made of the right controls with something changed: ``change(inputs, *case)``."""
 
     def path(*case):
         return integrate(change(_controls(*case), *case)).poses
@@ -347,7 +347,7 @@ def _nearest(t, query) -> np.ndarray:
 
 
 def _per_interval(inputs: Controls, t_enc, counts, *rest) -> Controls:
-    """Speed by the nearest reading, divided by its own interval."""
+    """Return the speed by the nearest reading, divided by its own interval."""
     speed = np.asarray(counts).mean(axis=1)[1:] * rest[-1] / np.diff(t_enc)
     return Controls(inputs.t, speed[_nearest(t_enc[1:], inputs.t[1:])], inputs.omega)
 
@@ -426,7 +426,7 @@ PATH_MISTAKES = [
 
 
 def check_dead_reckon(theirs: Callable) -> Check:
-    """Whether ``dead_reckon(t_enc, counts, t_gyro, yaw_rate, metres_per_count)`` is right, by Euler steps or arcs."""
+    """Check whether ``dead_reckon(...)`` turns raw readings into a path, by Euler steps or along arcs."""
     cases, praise = (
         [_drive_case(seed) for seed in range(4)],
         "From raw readings to a path: this is dead reckoning.",

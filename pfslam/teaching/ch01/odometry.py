@@ -29,7 +29,7 @@ def calibrated(
     gyro_scale: float = 1.0,
     metres_per_count: float | None = None,
 ) -> Recording:
-    """The same readings, understood with another calibration of gyro (rad/s, 1) and wheels (m)."""
+    """Return the same readings, understood with another calibration of gyro (rad/s, 1) and wheels (m)."""
     robot = recording.robot
     imu = replace(robot.imu, gyro_bias=gyro_bias, gyro_scale=gyro_scale)
     length = robot.encoders.metres_per_count if metres_per_count is None else metres_per_count
@@ -38,7 +38,7 @@ def calibrated(
 
 
 def readings_of_equation_19(recording: Recording) -> dict[str, Controls]:
-    """Three ways to read Eq. 19: as printed, divided by each reading's own interval, and the package's.
+    """Return three ways to read Eq. 19: as printed, divided by each reading's own interval, and the package's.
 
     The first two take the encoder reading with the nearest stamp, as the report says.
     """
@@ -56,18 +56,18 @@ def readings_of_equation_19(recording: Recording) -> dict[str, Controls]:
 
 
 def nearest(stamps: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Index of the stamp nearest to each time."""
+    """Return the index of the stamp nearest to each time."""
     after = np.clip(np.searchsorted(stamps, t), 1, len(stamps) - 1)
     return after - (t - stamps[after - 1] < stamps[after] - t)
 
 
 def distance(inputs: Controls) -> float:
-    """Distance (m) that a list of controls drives."""
+    """Return the distance (m) that a list of controls drives."""
     return float(inputs.v @ np.diff(inputs.t))
 
 
 def opinion_picture(recording: Recording) -> Picture:
-    """The robot's own idea of its drive, nothing else."""
+    """Draw the robot's own idea of its drive, nothing else."""
     odometry = dead_reckoning(recording)
     figure, axes = new_figure(5.0, 4.4)
     draw_trajectory(axes, odometry, "odometry", "wheels and gyro")
@@ -81,7 +81,7 @@ def opinion_picture(recording: Recording) -> Picture:
 
 
 def two_paths_picture(recordings: dict[str, Recording]) -> Picture:
-    """Figures 1 and 2 of the report, with the truth that the report did not have."""
+    """Draw figures 1 and 2 of the report, with the truth that the report did not have."""
     figure, grid = new_figure(5.0, 3.4, 1, 2, sharex=True, sharey=True)
     words = []
     for axes, (name, recording) in zip(grid, recordings.items(), strict=True):
@@ -97,7 +97,7 @@ def two_paths_picture(recordings: dict[str, Recording]) -> Picture:
 
 
 def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
-    """Speed over time around the worst spike: two readings of Eq. 19, and the second over longer intervals."""
+    """Draw the speed over time around the worst spike: two readings of Eq. 19, and the second over longer intervals."""
     readings = readings_of_equation_19(recording)
     readings["from the sum, 10 a second"] = at_rate(readings["from the sum"], 10.0)
     start = readings["own interval"].t[1 + np.argmax(readings["own interval"].v)] - seconds / 2
@@ -124,7 +124,7 @@ def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
 
 
 def arcs_picture(radius: float = 1.3, track: float = 0.7, angle: float = 0.9) -> Picture:
-    """Two arcs about one centre: what the wheels on either side travel while the robot turns."""
+    """Draw two arcs about one centre: what the wheels on either side travel while the robot turns."""
     figure, axes = new_figure(5.0, 4.2)
     turn = np.linspace(0.0, angle, 60)
     ways = (
@@ -166,7 +166,7 @@ def arcs_picture(radius: float = 1.3, track: float = 0.7, angle: float = 0.9) ->
 
 
 def _draw_chassis(axes: Axes, radius: float, track: float, at: float) -> None:
-    """A robot that drives round the origin, after the angle ``at`` (rad): chassis, four wheels and heading."""
+    """Draw a robot that drives round the origin, after the angle ``at`` (rad): chassis, four wheels and heading."""
     ahead, out = np.array([-np.sin(at), np.cos(at)]), np.array([np.cos(at), np.sin(at)])
     corners = [(-0.2, -0.25), (-0.2, 0.25), (0.2, 0.25), (0.2, -0.25)]
     middle = radius * out
@@ -182,7 +182,7 @@ def _draw_chassis(axes: Axes, radius: float, track: float, at: float) -> None:
 
 
 def circle_picture(v: float = 1.0, omega: float = 0.8, seconds: float = 7.0) -> Picture:
-    """Euler steps of two sizes against the arc that the robot drives."""
+    """Draw Euler steps of two sizes against the arc that the robot drives."""
     figure, axes = new_figure(5.0, 4.6)
     exact = _circle(v, omega, seconds, 0.01, motion_model_arc)
     axes.plot(*exact[:, :2].T, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"], label="exact arc")
@@ -209,7 +209,7 @@ def _circle(v: float, omega: float, seconds: float, tau: float, model) -> np.nda
 
 
 def heading_errors(recording: Recording, calibrations: dict[str, dict]) -> dict[str, np.ndarray]:
-    """Heading error over time, degrees, ``(K, 2)`` with the time first, for each named calibration."""
+    """Return the heading error over time, degrees, ``(K, 2)`` with the time first, for each named calibration."""
     errors = {}
     for name, calibration in calibrations.items():
         odometry = dead_reckoning(calibrated(recording, **calibration))
@@ -220,7 +220,7 @@ def heading_errors(recording: Recording, calibrations: dict[str, dict]) -> dict[
 
 
 def heading_error_picture(recording: Recording, calibrations: dict[str, dict]) -> Picture:
-    """Heading error over time: one curve for each calibration."""
+    """Draw the heading error over time: one curve for each calibration."""
     figure, axes = new_figure(5.0, 3.6)
     styles = zip(("odometry", "highlight", "estimate"), ("--", "-.", "-"), strict=True)
     words = []
@@ -236,7 +236,7 @@ def heading_error_picture(recording: Recording, calibrations: dict[str, dict]) -
 
 
 def draw_calibration(recording: Recording, bias: float, scale: float, diameter: float) -> Figure:
-    """The dead-reckoned path for a gyro bias (rad/s), a gyro scale and a wheel diameter (mm), over the truth."""
+    """Draw the dead-reckoned path for a gyro bias (rad/s), a gyro scale and a wheel diameter (mm), over the truth."""
     odometry, truth = _sketch(recording, bias, scale, diameter), recording.true_path()
     figure, axes = new_figure(4.8, 5.2)
     draw_trajectory(axes, Trajectory(truth.t[::4], truth.poses[::4]), "truth")
@@ -250,7 +250,7 @@ def draw_calibration(recording: Recording, bias: float, scale: float, diameter: 
 
 
 def describe_calibration(recording: Recording, bias: float, scale: float, diameter: float) -> str:
-    """The same in words."""
+    """Describe the picture of these values in words."""
     odometry = _sketch(recording, bias, scale, diameter)
     error = trajectory_error(odometry, recording.true_path())
     x, y = odometry.poses[-1, :2]
@@ -265,7 +265,7 @@ def _sketch(recording: Recording, bias: float, scale: float, diameter: float) ->
 
 
 def calibration_explorer(recording: Recording) -> Explorer:
-    """Three sliders that bend the trajectory."""
+    """Make the explorer with three sliders that bend the trajectory."""
     return Explorer(
         steady(partial(draw_calibration, recording)),
         [
@@ -282,5 +282,5 @@ def calibration_explorer(recording: Recording) -> Explorer:
             Slider("diameter", (240.0, 252.1, 254.0), 1, "Wheel diameter", "mm", ".1f", (230.0, 270.0, 0.1)),
         ],
         alt=partial(describe_calibration, recording),
-        title="Find the calibration that lays the path on the truth",
+        title="Find the calibration that brings the path onto the truth",
     )

@@ -20,7 +20,7 @@ from pfslam.teaching.show.widgets import Explorer, Slider
 
 
 def effective_track(recording: Recording, seconds: float = 1.0) -> dict[str, float]:
-    """The width (m) that makes the wheels agree with the gyro: in all turns, in slow ones, in fast ones.
+    """Return the width (m) that makes the wheels agree with the gyro: in all turns, in slow ones, in fast ones.
 
     The drive is cut into pieces of ``seconds``; those that turn by less than 0.1 rad say nothing. Slow and fast are
     the halves below and above the median speed of these pieces.
@@ -39,7 +39,7 @@ def effective_track(recording: Recording, seconds: float = 1.0) -> dict[str, flo
 
 
 def track_picture(recording: Recording, fitted: float) -> Picture:
-    """Heading over time: from the truth, from the wheels with the measured width, and with a fitted one."""
+    """Draw the heading over time: from the truth, from the wheels with the measured width, and with a fitted one."""
     inputs, truth = controls(recording), recording.true_path()
     t = inputs.t[::DRAW_EVERY]
     measured = recording.robot.encoders.track
@@ -61,21 +61,21 @@ def track_picture(recording: Recording, fitted: float) -> Picture:
 
 
 def smoothed(inputs: Controls, seconds: float) -> Controls:
-    """The same controls with the yaw rate averaged over the last ``seconds``: a low-pass filter."""
+    """Return the same controls with the yaw rate averaged over the last ``seconds``: a low-pass filter."""
     n = max(round(seconds / float(np.median(np.diff(inputs.t)))), 1)
     total = np.concatenate([np.zeros(n), np.cumsum(inputs.omega)])
     return replace(inputs, omega=(total[n:] - total[:-n]) / n)
 
 
 def smoothing_errors(inputs: Controls, seconds: float) -> tuple[float, float]:
-    """What smoothing does to the raw path: heading at the end (deg), greatest distance on the way (m)."""
+    """Return what smoothing does to the raw path: heading at the end (deg), greatest distance on the way (m)."""
     raw, soft = integrate(inputs), integrate(smoothed(inputs, seconds))
     away = np.hypot(*(soft.poses - raw.poses)[:, :2].T).max()
     return float(np.rad2deg(abs(soft.poses[-1, 2] - raw.poses[-1, 2]))), float(away)
 
 
 def draw_smoothing(inputs: Controls, seconds: float) -> Figure:
-    """The yaw rate in the sharpest turn, raw and smoothed, and the path of both."""
+    """Draw the yaw rate in the sharpest turn, raw and smoothed, and the path of both."""
     soft = smoothed(inputs, seconds)
     figure, (left, right) = new_figure(5.0, 3.7, columns=2)
     middle = inputs.t[1 + np.argmax(np.abs(smoothed(inputs, 1.0).omega))] - 0.5
@@ -101,14 +101,14 @@ def draw_smoothing(inputs: Controls, seconds: float) -> Figure:
 
 
 def describe_smoothing(inputs: Controls, seconds: float) -> str:
-    """The same in words."""
+    """Describe the picture of these values in words."""
     degrees, away = smoothing_errors(inputs, seconds)
     return f"""Yaw rate averaged over the last {seconds:g} s: at the end the heading differs from the raw one by
     {degrees:.2f} degrees, on the way the paths are up to {away:.2f} m apart."""
 
 
 def smoothing_explorer(recording: Recording) -> Explorer:
-    """One slider: how much the gyro is smoothed before it is added up."""
+    """Make the explorer with one slider: how much the gyro is smoothed before it is added up."""
     inputs = controls(recording)
     return Explorer(
         steady(partial(draw_smoothing, inputs)),
@@ -124,5 +124,5 @@ def smoothing_explorer(recording: Recording) -> Explorer:
             )
         ],
         alt=partial(describe_smoothing, inputs),
-        title="A smoother gyro is a later gyro",
+        title="A smoothed gyro lags behind",
     )

@@ -13,7 +13,7 @@ from pfslam.teaching.show.checks import Check, attempt, compare, hint
 
 
 def _cell_case(seed: int) -> tuple:
-    """Points inside a grid and beside it, a corner that is no multiple of the cell, and the size of the cells."""
+    """Return points in a grid and beside it, a corner that is no multiple of the cell, and the size of a cell."""
     rng = np.random.default_rng(seed)
     resolution = (0.05, 0.3, 0.07, 0.5)[seed]
     corner = rng.uniform(-2.0, -1.0, 2)
@@ -24,12 +24,12 @@ def _cell_case(seed: int) -> tuple:
 
 
 def _cells(rule: Callable, points, corner, resolution) -> np.ndarray:
-    """Cells (row, column) of points by some rule of rounding."""
+    """Return cells (row, column) of points by some rule of rounding."""
     return rule((np.asarray(points) - corner) / resolution).astype(int)[..., ::-1]
 
 
 def cell_of(points, origin, resolution) -> np.ndarray:
-    """The right answer of exercise 1."""
+    """Solve exercise 1."""
     return _cells(np.floor, points, origin, resolution)
 
 
@@ -86,7 +86,7 @@ CELL_MISTAKES = [
 
 
 def check_cell_of(theirs: Callable) -> Check:
-    """Whether ``cell_of(points, origin, resolution)`` gives (row, column) by floor, outside the grid too."""
+    """Check whether ``cell_of(points, origin, resolution)`` gives (row, column) by floor, outside the grid too."""
     cases = [_cell_case(seed) for seed in range(4)]
     praise = "Floor, row first, and negative numbers for points outside the grid."
     return compare(theirs, cell_of, cases, mistakes=CELL_MISTAKES, praise=praise)
@@ -105,7 +105,7 @@ STORIES = (
 
 
 def _life(story, clamp, changes=(LOG_4, -LOG_4, 0.0), low=True, high=True, start=0.0) -> float:
-    """Log-odds after a story, limited at every step on the sides that are asked for."""
+    """Return log-odds after a story, limited at every step on the sides that are asked for."""
     level = start
     for word in story:
         level += dict(zip(("hit", "free", "none"), changes, strict=True))[word]
@@ -115,17 +115,17 @@ def _life(story, clamp, changes=(LOG_4, -LOG_4, 0.0), low=True, high=True, start
 
 
 def probability(level: float) -> float:
-    """Probability of log-odds."""
+    """Return the probability of log-odds."""
     return float(1 / (1 + np.exp(-level)))
 
 
 def cell_story(story, clamp) -> float:
-    """The right answer of exercise 2."""
+    """Solve exercise 2."""
     return probability(_life(story, clamp))
 
 
 def _multiplied(story, clamp) -> float:
-    """Probabilities multiplied as if they were odds."""
+    """Return probabilities multiplied as if they were odds."""
     return float(np.prod([{"hit": 0.8, "free": 0.2, "none": 1.0}[word] for word in story]) * 0.5)
 
 
@@ -190,7 +190,7 @@ STORY_MISTAKES = [
 
 
 def check_cell_story(theirs: Callable) -> Check:
-    """Whether ``cell_story(story, clamp)`` adds log 4 for a hit, clamps at each step, and returns a probability."""
+    """Check whether ``cell_story(story, clamp)`` adds log 4 for a hit and clamps at each step."""
     cases = [(list(story), clamp) for story, clamp in STORIES]
     praise = (
         "Each hit adds log 4 and each free scan takes it away, never further than the clamp on either side."
@@ -202,7 +202,7 @@ def check_cell_story(theirs: Callable) -> Check:
 
 
 def _map_case(seed: int) -> tuple:
-    """A map, hits and free cells with repetitions, some of them in both lists, and three different amounts."""
+    """Return a map, hits and free cells with repetitions, some of them in both lists, and three different amounts."""
     rng = np.random.default_rng(seed)
     clamp = (2.0, 3.5, 2.6, 3.0)[seed]
     before = rng.uniform(-0.6, 0.6, (5, 6)) * clamp
@@ -214,7 +214,7 @@ def _map_case(seed: int) -> tuple:
 
 
 def _changes(shape, hits, free, per_beam: bool) -> tuple[np.ndarray, np.ndarray]:
-    """How often each cell is hit and crossed, or whether."""
+    """Return how often each cell is hit and crossed, or whether."""
     struck, crossed = np.zeros(shape), np.zeros(shape)
     np.add.at(struck, tuple(np.asarray(hits).T), 1)
     np.add.at(crossed, tuple(np.asarray(free).T), 1)
@@ -224,7 +224,7 @@ def _changes(shape, hits, free, per_beam: bool) -> tuple[np.ndarray, np.ndarray]
 def _written(
     rule: str = "hits win", beams: tuple[bool, bool] = (False, False), clip=np.clip, first: bool = False
 ):
-    """A way to write a scan: who wins, whether hits and free cells count per beam, and how the result is limited."""
+    """Make a way to write a scan: who wins, what counts per beam, and how the result is limited."""
 
     def update(log_odds, hits, free, hit_step, free_step, clamp):
         struck, crossed = (
@@ -252,12 +252,12 @@ update_log_odds = _written()
 
 
 def _swapped(log_odds, hits, free, hit_step, free_step, clamp) -> np.ndarray:
-    """The two steps exchanged."""
+    """Return the two steps exchanged."""
     return update_log_odds(log_odds, hits, free, free_step, hit_step, clamp)
 
 
 def _twice(log_odds, hits, free, hit_step, free_step, clamp) -> np.ndarray:
-    """Free cells lowered, hit cells among them too, and then every hit raised by two steps."""
+    """Return free cells lowered, hit cells among them too, and then every hit raised by two steps."""
     return _written("sum")(log_odds, hits, free, 2 * hit_step, free_step, clamp)
 
 
@@ -330,8 +330,7 @@ WRITE_MISTAKES = [
 
 
 def check_update_log_odds(theirs: Callable) -> Check:
-    """Whether ``update_log_odds(log_odds, hits, free, hit_step, free_step, clamp)`` writes each cell once, "
-    "hits first."""
+    """Check whether ``update_log_odds(...)`` writes each cell once, lets hits win, and clamps on both sides."""
     cases = [_map_case(seed) for seed in range(4)]
     praise = "Every cell once, hits win, and the clamp holds on both sides."
     return compare(theirs, update_log_odds, cases, mistakes=WRITE_MISTAKES, praise=praise)
@@ -345,14 +344,14 @@ READINGS = (np.inf, 0.0, 0.05, 11.4, np.nan, 2.0, 60.0, -1.0, -np.inf, 0.2)
 
 
 def meaning(reading, range_min, range_max) -> str:
-    """The right answer of exercise 4."""
+    """Solve exercise 4."""
     if np.isnan(reading) or reading < range_min:
         return "nothing"
     return "hit" if reading <= range_max else "free"
 
 
 def _meaning_mistake(change: Callable) -> Callable:
-    """A wrong answer: what ``change`` says, or the right one where it says nothing."""
+    """Return a wrong answer: what ``change`` says, or the right one where it says nothing."""
     return lambda r, low, high: change(r, low, high) or meaning(r, low, high)
 
 
@@ -406,12 +405,12 @@ MEANING_MISTAKES = [
 
 
 def _same_word(found, *words) -> bool:
-    """Whether an answer is one of these words."""
+    """Tell whether an answer is one of these words."""
     return isinstance(found, str) and found in words
 
 
 def check_meaning(theirs: Callable) -> Check:
-    """Whether ``meaning(reading, range_min, range_max)`` tells hit, free up to the maximum, and nothing apart."""
+    """Check whether ``meaning(reading, range_min, range_max)`` tells hit, free up to the maximum, and nothing apart."""
     cases = [(reading, *limits) for limits in RANGES for reading in READINGS]
     found = attempt(theirs, 2.0, 0.1, 30.0)
     if not (found is None or found is ... or isinstance(found, Check) or _same_word(found, *WORDS)):

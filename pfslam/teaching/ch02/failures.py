@@ -20,7 +20,7 @@ EDGE_RULES = ("both bounds tested", "clipped to the edge", "upper bound only")
 
 
 def hits_on_grid(points: np.ndarray, spec: GridSpec, rule: str) -> np.ndarray:
-    """Cells ``(H, W)`` bool that the points ``(M, 2)`` mark, by one of ``EDGE_RULES``."""
+    """Return cells ``(H, W)`` bool that the points ``(M, 2)`` mark, by one of ``EDGE_RULES``."""
     cells = spec.world_to_cell(points)
     top = np.array(spec.shape[::-1]) - 1
     if rule == EDGE_RULES[0]:
@@ -36,12 +36,12 @@ def hits_on_grid(points: np.ndarray, spec: GridSpec, rule: str) -> np.ndarray:
 
 
 def too_small(scan: Placed, lacking: float) -> GridSpec:
-    """The scan's grid without its left ``lacking`` metres."""
+    """Return the scan's grid without its left ``lacking`` metres."""
     return scan.spec().grown(-round(lacking / CELL), 0, 0, 0)
 
 
 def edge_picture(scan: Placed, lacking: float = 3.6) -> Picture:
-    """One scan on a grid that is large enough, and by three rules on one that is too small."""
+    """Draw one scan on a grid that is large enough, and by three rules on one that is too small."""
     spec = too_small(scan, lacking)
     right = hits_on_grid(scan.points, spec, EDGE_RULES[0])
     figure, axes = new_figure(5.0, 5.6, 2, 2, sharex=True, sharey=True)
@@ -74,7 +74,7 @@ GLASS_RULES = ("wall at maximum range", "forgotten", "clears nothing")
 
 
 def behind_glass(recording: Recording, index: int, longest: float = 8.0) -> Recording:
-    """A recording of one scan, in which some beams met glass, and a LiDAR that reaches ``longest`` m."""
+    """Return a recording of one scan, in which some beams met glass, and a LiDAR that reaches ``longest`` m."""
     scans, robot = recording.scans(), recording.robot
     ranges = scans.ranges[index].copy()
     ranges[GLASS] = 60.0
@@ -84,7 +84,7 @@ def behind_glass(recording: Recording, index: int, longest: float = 8.0) -> Reco
 
 
 def glass_map(recording: Recording, rule: str) -> OccupancyGrid:
-    """The one scan on an empty map, by one of ``GLASS_RULES``."""
+    """Return the one scan on an empty map, by one of ``GLASS_RULES``."""
     longest = recording.robot.lidar.range_max
     if rule == GLASS_RULES[0]:
         scans = recording.scans()
@@ -97,7 +97,7 @@ def glass_map(recording: Recording, rule: str) -> OccupancyGrid:
 
 
 def glass_picture(recording: Recording, seconds: float = 40.0) -> Picture:
-    """A scan in which a pane of glass swallowed some beams, by three rules."""
+    """Draw a scan in which a pane of glass swallowed some beams, by three rules."""
     index = int(np.searchsorted(recording.scans().t, recording.scans().t[0] + seconds))
     glass, whole = behind_glass(recording, index), placed(recording, recording.true_path(), index)
     pane = whole.points[(whole.beams >= GLASS.start) & (whole.beams < GLASS.stop)]

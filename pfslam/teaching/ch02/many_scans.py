@@ -22,20 +22,20 @@ from pfslam.teaching.show.widgets import Explorer, Slider
 
 
 def scans_between(recording: Recording, first: float, last: float, every: int) -> list[Placed]:
-    """Every ``every``-th scan between two times (s after the first scan), drawn from true poses."""
+    """Return every ``every``-th scan between two times (s after the first scan), drawn from true poses."""
     t, truth = recording.scans().t, recording.true_path()
     low, high = np.searchsorted(t, t[0] + np.array([first, last]))
     return [placed(recording, truth, int(i)) for i in range(low, high, every)]
 
 
 def spec_of(scans: list[Placed], resolution: float = CELL) -> GridSpec:
-    """A grid that holds all the scans."""
+    """Return a grid that holds all the scans."""
     ends = [end for s in scans for end in (s.points.min(axis=0), s.points.max(axis=0), s.sensor)]
     return GridSpec.around(np.array(ends), resolution, margin=0.3)
 
 
 def drawn(scans: list[Placed], config: MapConfig | None = None) -> Iterator[OccupancyGrid]:
-    """The map after each of the scans."""
+    """Return the map after each of the scans."""
     grid = OccupancyGrid.empty(spec_of(scans))
     for scan in scans:
         grid, _ = integrate_scan(grid, scan.points, scan.beams, scan.sensor, config or MapConfig())
@@ -43,7 +43,7 @@ def drawn(scans: list[Placed], config: MapConfig | None = None) -> Iterator[Occu
 
 
 def hit_counts(scans: list[Placed], spec: GridSpec) -> np.ndarray:
-    """How many of the scans hit each cell ``(H, W)``."""
+    """Return how many of the scans hit each cell ``(H, W)``."""
     count = np.zeros(spec.shape, dtype=int)
     for scan in scans:
         cells = np.unique(spec.world_to_cell(scan.points), axis=0)
@@ -70,7 +70,7 @@ class Growth:
 
 
 def growth(recording: Recording, first: float = 14.0, every: int = 8) -> Growth:
-    """The drive round the first corner and up the corridor, from true poses, with the report's map."""
+    """Return the drive round the first corner and up the corridor, from true poses, with the report's map."""
     t = recording.scans().t
     scans = scans_between(recording, first, float(t[-1] - t[0]), every)[: COUNTS[-1]]
     maps = [grid for n, grid in enumerate(drawn(scans), start=1) if n in COUNTS]
@@ -80,7 +80,7 @@ def growth(recording: Recording, first: float = 14.0, every: int = 8) -> Growth:
 
 
 def _three_cells(scans: list[Placed]) -> dict[str, tuple[int, int]]:
-    """Cells ``(iy, ix)``: of those that never fell the one hit most; the one that went up and down most; a floor."""
+    """Find three cells ``(iy, ix)``: a wall that never fell, the one that went up and down most, and a floor."""
     spec = spec_of(scans)
     rose, fell, before = np.zeros(spec.shape, int), np.zeros(spec.shape, int), np.zeros(spec.shape)
     for grid in drawn(scans):
@@ -98,7 +98,7 @@ def _three_cells(scans: list[Placed]) -> dict[str, tuple[int, int]]:
 
 
 def draw_growth(story: Growth, scans: int) -> Figure:
-    """The map after so many scans, and the diaries of three cells."""
+    """Draw the map after so many scans, and the diaries of three cells."""
     figure, axes = new_figure(5.0, 4.2, 1, 2)
     figure.set_layout_engine("none")
     for ax, place in zip(axes, ((0.11, 0.13, 0.38, 0.79), (0.63, 0.13, 0.33, 0.79)), strict=True):
@@ -134,7 +134,7 @@ def _draw_diaries(axes: Axes, story: Growth, scans: int) -> None:
 
 
 def describe_growth(story: Growth, scans: int) -> str:
-    """The same in words."""
+    """Describe the picture of these values in words."""
     grid = story.maps[COUNTS.index(scans)]
     area = CELL**2 * np.count_nonzero(grid.free)
     words = ", ".join(f"{name} {story.diary[name][scans - 1] / LOG_4:+.0f}" for name in story.cells)
@@ -143,7 +143,7 @@ def describe_growth(story: Growth, scans: int) -> str:
 
 
 def growth_explorer(recording: Recording) -> Explorer:
-    """One slider: how many scans are in the map."""
+    """Make the explorer with one slider: how many scans are in the map."""
     story = growth(recording)
     return Explorer(
         partial(draw_growth, story),
@@ -164,7 +164,7 @@ DOOR_CLOSED, DOOR_OPEN = 40, 60  # so many scans see the door closed, and so man
 def door(
     hit: float, free: float, clamp: float, closed: int = DOOR_CLOSED, opened: int = DOOR_OPEN
 ) -> np.ndarray:
-    """Log-odds ``(1 + closed + opened,)`` of a door's cell: hit at every scan while closed, seen through when open."""
+    """Return log-odds ``(1 + closed + opened,)`` of a door's cell: hit while closed, seen through when open."""
     levels = [0.0]
     for change in [hit] * closed + [-free] * opened:
         levels.append(float(np.clip(levels[-1] + change, -clamp, clamp)))
@@ -172,7 +172,7 @@ def door(
 
 
 def scans_to_believe(hit: float, free: float, clamp: float, closed: int = DOOR_CLOSED) -> int:
-    """How many scans through the open door it takes until its cell counts as free."""
+    """Return how many scans through the open door it takes until its cell counts as free."""
     level, scans = door(hit, free, clamp, closed, 0)[-1], 0
     while level >= -1e-9:
         level, scans = max(level - free, -clamp), scans + 1
@@ -187,22 +187,22 @@ class Walls:
     wall: np.ndarray
 
     def map(self, hit: float, free: float, clamp: float) -> OccupancyGrid:
-        """The map of the scans; the three numbers in units of log 4."""
+        """Return the map of the scans; the three numbers in units of log 4."""
         *_, grid = drawn(self.scans, MapConfig(hit=hit * LOG_4, free=free * LOG_4, clamp=clamp * LOG_4))
         return grid
 
     def worn(self, grid: OccupancyGrid) -> float:
-        """Which share of the well-seen wall cells is not occupied in the map."""
+        """Tell which share of the well-seen wall cells is not occupied in the map."""
         return float(np.mean(~grid.occupied[self.wall]))
 
 
 def walls_of(scans: list[Placed]) -> Walls:
-    """The scans with their well-seen walls."""
+    """Return the scans with their well-seen walls."""
     return Walls(scans, hit_counts(scans, spec_of(scans)) >= SEEN)
 
 
 def draw_evidence(walls: Walls, hit: float, free: float, clamp: float) -> Figure:
-    """A corridor's walls, and a door, for three numbers in units of log 4."""
+    """Draw a corridor's walls, and a door, for three numbers in units of log 4."""
     grid = walls.map(hit, free, clamp)
     figure, axes = new_figure(5.0, 4.4, 1, 2)
     figure.set_layout_engine("none")
@@ -223,7 +223,7 @@ def draw_evidence(walls: Walls, hit: float, free: float, clamp: float) -> Figure
 
 
 def describe_evidence(walls: Walls, hit: float, free: float, clamp: float) -> str:
-    """The same in words."""
+    """Describe the picture of these values in words."""
     share, needed = walls.worn(walls.map(hit, free, clamp)), scans_to_believe(hit, free, clamp)
     return f"""Hit {hit:g}, free {free:g}, clamp {clamp:g} (in log 4): {100 * share:.0f} % of the corridor's
     well-seen wall cells are not occupied; after {DOOR_CLOSED} scans of a closed door it takes {needed} scans of
@@ -231,7 +231,7 @@ def describe_evidence(walls: Walls, hit: float, free: float, clamp: float) -> st
 
 
 def evidence_explorer(walls: Walls) -> Explorer:
-    """Three sliders: what a hit adds, what a free beam takes away, and how far the sum may go."""
+    """Make the explorer with three sliders: what a hit adds, what a free beam takes away, and the clamp."""
     sliders = [
         Slider("hit", (0.5, 1.0, 2.0), 1, "Hit", "log 4", "g", (0.1, 3.0, 0.1)),
         Slider("free", (0.1, 0.25, 1.0), 2, "Free", "log 4", "g", (0.05, 2.0, 0.05)),
@@ -242,7 +242,7 @@ def evidence_explorer(walls: Walls) -> Explorer:
 
 
 def dead_reckoned_maps(recordings: dict[str, Recording], every: int = 20) -> dict[str, tuple]:
-    """For each recording: its dead reckoning, the map along it, and the map along the truth."""
+    """Return for each recording: its dead reckoning, the map along it, and the map along the truth."""
     result = {}
     for name, recording in recordings.items():
         odometry, truth = dead_reckoning(recording), recording.true_path()
@@ -252,7 +252,7 @@ def dead_reckoned_maps(recordings: dict[str, Recording], every: int = 20) -> dic
 
 
 def dead_reckoned_picture(drawn: dict[str, tuple[Trajectory, OccupancyGrid, OccupancyGrid]]) -> Picture:
-    """Figures 5 and 6 of the report above, and below the maps that true poses draw of the same scans."""
+    """Draw figures 5 and 6 of the report above, and below the maps that true poses draw of the same scans."""
     figure, axes = new_figure(5.0, 6.0, 2, len(drawn), sharex=True, sharey=True)
     words = []
     for column, (name, (odometry, wrong, right)) in enumerate(drawn.items()):

@@ -32,12 +32,12 @@ class Placed:
     pose: np.ndarray
 
     def spec(self, resolution: float = CELL) -> GridSpec:
-        """A grid that holds the scan."""
+        """Return a grid that holds the scan."""
         return GridSpec.around(np.vstack([self.points, self.sensor]), resolution, margin=0.2)
 
 
 def placed(recording: Recording, trajectory: Trajectory, index: int) -> Placed:
-    """Scan number ``index``, drawn from where the trajectory says."""
+    """Return scan number ``index``, drawn from where the trajectory says."""
     scans, lidar = recording.scans(), recording.robot.lidar
     pose, ranges = trajectory.at(scans.t[index]), scans.ranges[index]
     points = transform_points(pose, scan_points(ranges, lidar))
@@ -46,7 +46,7 @@ def placed(recording: Recording, trajectory: Trajectory, index: int) -> Placed:
 
 
 def scan_after(recording: Recording, trajectory: Trajectory, seconds: float) -> Placed:
-    """The first scan at least so many seconds after the first scan of all."""
+    """Return the first scan at least so many seconds after the first scan of all."""
     t = recording.scans().t
     return placed(recording, trajectory, int(np.searchsorted(t, t[0] + seconds)))
 
@@ -55,7 +55,7 @@ def scan_after(recording: Recording, trajectory: Trajectory, seconds: float) -> 
 
 
 def question_picture(scan: Placed) -> Picture:
-    """A scan from above: every tenth beam as a line, every end point as a dot."""
+    """Draw a scan from above: every tenth beam as a line, every end point as a dot."""
     figure, axes = new_figure(5.0, 4.3)
     for x, y in scan.points[::10]:
         axes.plot([scan.sensor[0], x], [scan.sensor[1], y], color=COLOURS["free"], linewidth=0.7, alpha=0.7)
@@ -69,14 +69,14 @@ def question_picture(scan: Placed) -> Picture:
 
 
 def crossed(start, end, samples: int = 2000) -> set[tuple[int, int]]:
-    """The cells ``(ix, iy)`` that the line between two cells' middles really runs through, by looking closely."""
+    """Find the cells ``(ix, iy)`` that the line between the middles of two cells runs through, by sampling it."""
     along = np.linspace(0.0, 1.0, samples)[:, None]
     cells = np.floor(np.array(start) + 0.5 + along * np.subtract(end, start)).astype(int)
     return {(int(ix), int(iy)) for ix, iy in cells}
 
 
 def ray_picture(start=(0, 0), end=(7, 3)) -> Picture:
-    """The cells of one beam on squared paper: Bresenham's, the one that is hit, and those that he leaves out."""
+    """Draw the cells of one beam on squared paper: Bresenham's, the one that is hit, and those that it leaves out."""
     cells = trace_rays(np.array(start), np.array([end]))
     left_out = sorted(crossed(start, end) - {tuple(cell) for cell in cells.tolist()} - {end})
     figure, axes = new_figure(5.0, 3.1)
@@ -102,7 +102,7 @@ def ray_picture(start=(0, 0), end=(7, 3)) -> Picture:
 
 
 def logistic_picture() -> Picture:
-    """Probability against log-odds, with the five values that hits, free beams and the clamp allow."""
+    """Draw probability against log-odds, with the five values that hits, free beams and the clamp allow."""
     figure, axes = new_figure(5.0, 3.2)
     axis = np.linspace(-6, 6, 200)
     axes.plot(axis, probability(axis), color=COLOURS["estimate"])
@@ -126,7 +126,7 @@ def logistic_picture() -> Picture:
 
 
 def cleared(scan: Placed, rays: str) -> np.ndarray:
-    """Cells ``(H, W)`` bool of the scan's own grid that it saw through; "bresenham" or "polygon"."""
+    """Return cells ``(H, W)`` bool of the scan's own grid that it saw through; "bresenham" or "polygon"."""
     spec = scan.spec()
     mask, rectangle = free_cells(spec, scan.points, scan.beams, scan.sensor, rays)
     whole = np.zeros(spec.shape, dtype=bool)
@@ -136,7 +136,7 @@ def cleared(scan: Placed, rays: str) -> np.ndarray:
 
 
 def rays_picture(scan: Placed) -> Picture:
-    """What both ways clear, and what the polygon adds."""
+    """Draw what both ways clear, and what the polygon adds."""
     traced, filled = cleared(scan, "bresenham"), cleared(scan, "polygon")
     image = np.ones((*traced.shape, 3)) * to_rgb(COLOURS["unknown"])
     image[traced] = 1.0
@@ -156,7 +156,7 @@ def rays_picture(scan: Placed) -> Picture:
 
 
 def crossings(scan: Placed) -> np.ndarray:
-    """How many beams of the scan cross each cell ``(H, W)``."""
+    """Return how many beams of the scan cross each cell ``(H, W)``."""
     spec = scan.spec()
     ix, iy = trace_rays(spec.world_to_cell(scan.sensor), spec.world_to_cell(scan.points)).T
     count = np.zeros(spec.shape, dtype=int)
@@ -165,7 +165,7 @@ def crossings(scan: Placed) -> np.ndarray:
 
 
 def crossings_at(scan: Placed, metres: float) -> float:
-    """Mean number of beams through a crossed cell so far from the LiDAR, within 10 cm."""
+    """Return the mean number of beams through a crossed cell so far from the LiDAR, within 10 cm."""
     count, spec = crossings(scan), scan.spec()
     iy, ix = np.nonzero(count)
     away = np.hypot(*(spec.cell_to_world(np.column_stack([ix, iy])) - scan.sensor).T)
@@ -175,7 +175,7 @@ def crossings_at(scan: Placed, metres: float) -> float:
 def crossings_picture(
     scan: Placed, distances: Iterable[float] = (0.25, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
 ) -> Picture:
-    """Beams through a cell against its distance: what "once per beam" would count."""
+    """Draw beams through a cell against its distance: what "once per beam" would count."""
     distances = tuple(distances)
     mean = [crossings_at(scan, metres) for metres in distances]
     figure, axes = new_figure(5.0, 3.1)
@@ -194,7 +194,7 @@ RULES = ("hits win, once per scan", "sum over the beams", "the last beam wins")
 
 
 def one_scan(scan: Placed, rule: str) -> np.ndarray:
-    """Log-odds ``(H, W)`` after this scan on an empty map, without a clamp, by one of ``RULES``."""
+    """Return log-odds ``(H, W)`` after this scan on an empty map, without a clamp, by one of ``RULES``."""
     spec = scan.spec()
     start, ends = spec.world_to_cell(scan.sensor), spec.world_to_cell(scan.points)
     grid, hit = np.zeros(spec.shape), (ends[:, 1], ends[:, 0])
@@ -213,14 +213,14 @@ def one_scan(scan: Placed, rule: str) -> np.ndarray:
 
 
 def walls_left(scan: Placed, rule: str) -> float:
-    """Which share of the cells that hold an end point are occupied after the scan."""
+    """Tell which share of the cells that hold an end point are occupied after the scan."""
     hit = scan.spec().world_to_cell(scan.points)
     cells = np.unique(hit, axis=0)
     return float(np.mean(one_scan(scan, rule)[cells[:, 1], cells[:, 0]] > 0))
 
 
 def rules_picture(scan: Placed, window: tuple[float, float, float, float]) -> Picture:
-    """The same scan written by the three rules; ``window`` is x_min, x_max, y_min, y_max."""
+    """Draw the same scan written by the three rules; ``window`` is x_min, x_max, y_min, y_max."""
     figure, axes = new_figure(5.0, 4.6, 1, 3, sharey=True)
     words = []
     for ax, rule in zip(axes, RULES, strict=True):
@@ -237,7 +237,7 @@ def rules_picture(scan: Placed, window: tuple[float, float, float, float]) -> Pi
 
 
 def draw_log_odds(axes: Axes, log_odds: np.ndarray, spec: GridSpec, clamp: float = 2 * LOG_4) -> Axes:
-    """Log-odds in grey: white is free, the grey of "unknown" is zero, black is occupied; steps stay visible."""
+    """Draw log-odds in grey: white is free, the grey of "unknown" is zero, black is occupied; steps stay visible."""
     part = np.clip(log_odds / clamp, -1, 1)[..., None]
     unknown, black = np.array(to_rgb(COLOURS["unknown"])), np.array(to_rgb(COLOURS["truth"]))
     image = np.where(part > 0, unknown + (black - unknown) * part, unknown - (1.0 - unknown) * part)
