@@ -279,7 +279,7 @@ RUNGS = {
     "cut to the map": "cut to the map",
     "pose of its own time": "a pose for every image",
     "depth limited": "depth range",
-    "floor plane fitted": "pitch from the floor plane",
+    "tolerance grows, floor plane fitted": "pitch from the floor plane",
     "best view kept": "best view wins",
 }
 """The lines of the chapter's table, each with the step of ``TextureConfig.steps`` that it ends with."""
