@@ -233,6 +233,7 @@ def single(s, t, counts, metres):
         (check_nearest_within, lambda t, q, gap: np.maximum(nearest_by_search(t, q, gap), 0), "you answer 0"),
         (check_nearest_within, lambda t, q, gap: [None if i < 0 else i for i in nearest_in_a_loop(t, q, gap)], "None"),
         (check_nearest_within, lambda t, q, gap: nearest_by_search(t, q, gap / 1000), "in seconds"),
+        (check_nearest_within, lambda t, q, gap: np.array(3), "shape"),
         (check_to_world, matrix(lambda c, s: (0, -1), lambda c, s: (1, 0)), "whatever the heading"),
         (check_to_world, matrix(lambda c, s: (0, -s), lambda c, s: (s, 0)), "cosines of the matrix are missing"),
         (check_to_world, matrix(lambda c, s: (c, -s), lambda c, s: (s, -c)), "mirrors"),

@@ -211,7 +211,8 @@ def check_nearest_within(theirs: Callable) -> Check:
     """Check whether ``nearest_within(t, query, max_gap)`` gives the nearest index, or -1 where none is near enough."""
     cases = [_stamp_case(seed) for seed in range(4)]
     answer = attempt(theirs, cases[0][0].copy(), cases[0][1].copy(), 0.1)
-    if isinstance(answer, list | tuple | np.ndarray) and any(part is None for part in answer):
+    parts = answer.ravel() if isinstance(answer, np.ndarray) else answer
+    if isinstance(parts, list | tuple | np.ndarray) and any(part is None for part in parts):
         return hint(
             "Where no stamp is near enough the answer is -1, a whole number like the others; yours is None."
         )
