@@ -45,7 +45,7 @@ quick: lint  ## Lint and the fast unit tests: what to run after each edit
 	$(PYTEST) --dist loadfile -m "not slow and not weekly and not browser and not lab" tests
 
 weekly: $(STAMP)  ## The long tests: thousands of damaged inputs, accuracy over many seeds
-	PFSLAM_CASES=2000 $(PYTEST) --dist load tests/test_bad_input.py tests/test_bad_words.py
+	PFSLAM_CASES=2000 $(PYTEST) --dist load tests/test_bad_input.py tests/test_settings.py
 	$(PYTEST) --dist loadfile -m weekly tests
 
 lint: $(STAMP)

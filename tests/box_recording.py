@@ -1,6 +1,7 @@
 """A drive made by hand, small enough to check: a robot circles in a rectangular room without any noise."""
 
 import numpy as np
+from rooms import box, ray_cast, sensor_position
 
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream
@@ -45,15 +46,8 @@ def true_pose(elapsed):
 
 def room_ranges(pose, lidar):
     """What the LiDAR sees from ``pose``: the distance to the walls of the room along each beam."""
-    x, y, theta = pose
-    forward = lidar.position_b[0]
-    x, y = x + forward * np.cos(theta), y + forward * np.sin(theta)
-    direction = theta + lidar.angles
-    c, s = np.cos(direction), np.sin(direction)
-    with np.errstate(divide="ignore"):
-        to_x = np.where(c > 0, ROOM[1] - x, ROOM[0] - x) / c
-        to_y = np.where(s > 0, ROOM[3] - y, ROOM[2] - y) / s
-    return np.minimum(to_x, to_y)
+    x0, x1, y0, y1 = ROOM
+    return ray_cast(box(x0, y0, x1, y1), sensor_position(pose, lidar), pose[2] + lidar.angles)
 
 
 def box_camera(start, count):

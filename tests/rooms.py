@@ -43,6 +43,14 @@ def ray_cast(walls, origin, angles, farthest=np.inf):
     return np.minimum(r.min(axis=1), farthest)
 
 
+def distance_to_walls(points, walls=ROOM):
+    """Distance from each of ``points (N, 2)`` to the nearest wall."""
+    a, b = np.reshape(walls, (-1, 2, 2)).transpose(1, 0, 2)
+    to, edge = points[:, None] - a, b - a
+    along = np.clip((to * edge).sum(axis=-1) / (edge**2).sum(axis=-1), 0.0, 1.0)
+    return np.linalg.norm(to - along[..., None] * edge, axis=-1).min(axis=1)
+
+
 def sensor_position(pose, lidar=LIDAR):
     x, y, theta = pose
     return np.array([x + lidar.position_b[0] * np.cos(theta), y + lidar.position_b[0] * np.sin(theta)])

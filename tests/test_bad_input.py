@@ -1,4 +1,4 @@
-"""A campaign of damaged input: every case ends in one line that names the file, or in a recording that works.
+"""A campaign of damaged files and bad command lines: each ends in one line, or in a result that is right.
 
 ``make weekly`` tries 2,000 cases of each kind.
 """
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from box_recording import box_recording
 
+from pfslam.__main__ import main
 from pfslam.errors import DataError
 from pfslam.io.carmen import load_carmen
 from pfslam.io.course import load_course, save_course
@@ -18,7 +19,7 @@ from pfslam.motion import dead_reckoning
 
 CASES = int(os.environ.get("PFSLAM_CASES", "60"))
 NUMBERS = [np.nan, np.inf, -np.inf, 0, -1, 1e300, -1e300, 1e18, 5e-324, 2**31, 1e12]
-WORDS = ["nan", "inf", "-1", "x", "1e400", "999999", "1e300", "\n", "0", "FLASER", "é", "9" * 400]
+LOG_WORDS = ["nan", "inf", "-1", "x", "1e400", "999999", "1e300", "\n", "0", "FLASER", "é", "9" * 400]
 TYPES = ["f2", ">f8", "i1", "u8", "c16", "U5", "O", "?", "f4", "S3", "M8[s]"]
 LOG = "PARAM robot_frontlaser_offset 0.1 1 h 1\n" + "".join(
     f"FLASER 20 {' '.join(['2.5'] * 20)} {k / 10} 0 0 {k / 10} 0 0 {10 + k} robot {10 + k}\n"
@@ -115,25 +116,13 @@ def test_damaged_sets(good, tmp_path, seed):
 
 
 @pytest.mark.parametrize("seed", range(CASES // 4))
-def test_swapped_files(good, tmp_path, seed):
-    rng = np.random.default_rng(seed)
-    contents = list(good.values())
-    first, second = rng.choice(len(contents), size=2, replace=False)
-    contents[first], contents[second] = contents[second], contents[first]
-    for name, data in zip(good, contents, strict=True):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_bytes(data)
-    works_or_says_why(load_all, tmp_path, [list(good)[i].name for i in (first, second)])
-
-
-@pytest.mark.parametrize("seed", range(CASES // 4))
 def test_damaged_logs(tmp_path, seed):
     rng = np.random.default_rng(seed)
     data = LOG.encode()
     if rng.random() < 0.6:
         words = LOG.split(" ")
         for at in rng.integers(len(words), size=rng.integers(1, 4)):
-            words[at] = rng.choice(WORDS)
+            words[at] = rng.choice(LOG_WORDS)
         data = " ".join(words).encode("latin-1")
     else:
         data = damaged_bytes(data, rng)
@@ -146,3 +135,84 @@ def test_a_long_value_is_cut():
     line = str(DataError("file", "field", "9" * 5000, "less"))
     assert len(line) < 250
     assert line.endswith("..., expected less")
+
+
+# Command lines
+
+PLAIN = """run simulate report study 7 8 -7 -- - .. . / 7.5 nan 1e9 0 -1 99999999999999999999 matching /dev/null ~
+--data --out --seed --particles --every --method --texture --no-texture --images --help %s {0} $HOME"""
+WORDS = [*PLAIN.split(), "hall ", "", "a b", "a\nb", "x" * 5000, "\u0667", "ä.log", "--dataset=7", "\x00"]
+GOOD = [
+    ["run", "7", "--data", "DATA", "--out", "OUT", "--particles", "2", "--no-texture"],
+    ["run", "7", "--data", "DATA", "--out", "OUT", "--method", "report", "--particles", "2", "--every", "9"],
+    ["report", "7", "--data", "DATA", "--out", "OUT"],
+    ["study", "STUDY", "--out", "OUT", "--jobs", "1"],
+    ["simulate", "hall", "--out", "OUT", "--seed", "1"],
+]
+STUDY = """name = "small"
+about = "A campaign."
+[common]
+dataset = "7"
+data_dir = "DATA"
+method = "dead-reckoning"
+seed = [0, 1]
+[[variant]]
+label = "one"
+every = 3
+[[variant]]
+label = "two"
+every = [5, 9]
+"""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with a small good set and a study of it."""
+    folder = tmp_path_factory.mktemp("place")
+    save_course(box_recording(2.0, images=0), 7, folder / "data")
+    (folder / "small.toml").write_text(STUDY.replace("DATA", str(folder / "data")), encoding="utf-8")
+    return folder
+
+
+def everything_in(folder):
+    return {str(p.relative_to(folder)) for p in folder.rglob("*")}
+
+
+def spoiled(words, rng):
+    """A good command line with words changed, taken out, put in or moved."""
+    words = list(words)
+    for _ in range(rng.integers(1, 3)):
+        at = int(rng.integers(len(words))) if words else 0
+        kind = rng.integers(4)
+        if kind == 0 and words:
+            words[at] = str(rng.choice(WORDS))
+        elif kind == 1 and words:
+            del words[at]
+        elif kind == 2:
+            words.insert(at, str(rng.choice(WORDS)))
+        else:
+            rng.shuffle(words)
+    return words
+
+
+@pytest.mark.parametrize("seed", range(CASES // 5))
+def test_bad_command_lines(place, tmp_path, monkeypatch, capsys, seed):
+    rng = np.random.default_rng(seed)
+    monkeypatch.chdir(tmp_path)
+    names = {"DATA": str(place / "data"), "OUT": "mine", "STUDY": str(place / "small.toml")}
+    line = spoiled([names.get(word, word) for word in GOOD[rng.integers(4)]], rng)
+    before = everything_in(place)
+    try:
+        code = main(line)
+    except SystemExit as stop:  # --help
+        code = stop.code
+    said = capsys.readouterr().err
+    assert code in (0, 2), (line, said)
+    assert "Traceback" not in said
+    if code == 2:
+        (complaint,) = [text for text in said.splitlines() if text.startswith("pfslam: ")]
+        assert len(complaint) < 700, line
+    assert everything_in(place) == before, line
+    # Whatever was written lies in the folder asked for, or in the default one.
+    allowed = {"mine", "out", *line}
+    assert {name.split(os.sep)[0] for name in everything_in(tmp_path)} <= allowed, line

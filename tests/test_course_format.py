@@ -2,7 +2,6 @@
 
 import struct
 import zipfile
-import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from box_recording import box_recording
 
 from pfslam.errors import DataError
 from pfslam.io.course import load_course, save_course
-from pfslam.io.files import atomic_write, read_npz, write_npz
+from pfslam.io.files import atomic_write, read_npz
 from pfslam.motion import dead_reckoning
 
 
@@ -89,13 +88,6 @@ def test_every_nth_image_pair_keeps_its_number_and_stamp(tmp_path):
     np.testing.assert_array_equal(camera.rgb_index, [0, 3])
     assert len(camera.rgb_t) == 4
     assert camera.read_disparity(3)[0, 0] == 403
-
-
-def test_no_images_unless_asked(tmp_path):
-    save_course(box_recording(), 7, tmp_path)
-    camera = load_course(7, tmp_path).camera
-    assert not (tmp_path / "dataRGBD").exists()
-    assert len(camera.disparity_index) == len(camera.rgb_index) == 0
 
 
 def test_the_truth_file_keeps_extra_columns(tmp_path):
@@ -205,21 +197,11 @@ BAD_FIELDS = {
     "backward stamp": ("Encoders7", {"time_stamps": BACKWARDS}, r"time_stamps\[9\]: found 12\.0"),
     "nan stamp": ("Encoders7", {"time_stamps": np.full(241, np.nan)}, r"time_stamps\[0\]: found nan"),
     "stamps in ns": ("Encoders7", {"time_stamps": GOOD.encoders.t * 1e9}, "time_stamps: found 1.3e"),
-    "huge count": ("Encoders7", {"counts": np.full((4, 241), 1e300)}, r"counts: found 1e\+300"),
     "degrees per second": ("Imu7", {"angular_velocity": np.full((3, 561), 2e3)}, "rad/s, at most 1000"),
-    "truth far away": ("truth7", {"pose": np.full((55, 3), -1e200)}, r"pose: found -1e\+200"),
-    "endless range": ("Hokuyo7", {"range_max": 1e300}, "range_max <= 10000"),
     "no stamps": ("Imu7", {"time_stamps": np.zeros(0)}, "time_stamps"),
     "missing key": ("Encoders7", {"counts": None}, "a key named counts"),
-    "three wheels": (
-        "Encoders7",
-        {"counts": np.zeros((3, 241))},
-        r"found float64 of shape \(3, 241\)",
-    ),
     "transposed": ("Encoders7", {"counts": np.zeros((241, 4))}, r"expected numbers of shape \(4, 241\)"),
-    "other length": ("Imu7", {"linear_acceleration": np.zeros((3, 5))}, "linear_acceleration"),
     "nan gyro": ("Imu7", {"angular_velocity": HOLES}, r"angular_velocity\[.*3.*\]: found nan"),
-    "text": ("Imu7", {"angular_velocity": np.array(["a", "b"])}, "angular_velocity: found an array of"),
     "objects": ("Imu7", {"angular_velocity": np.array([{}, 1], dtype=object)}, "never objects"),
     "complex": (
         "Encoders7",
@@ -227,17 +209,11 @@ BAD_FIELDS = {
         "found an array of complex",
     ),
     "ranges by row": ("Hokuyo7", {"ranges": GOOD.lidar.ranges}, r"expected numbers of shape \(beams, 55\)"),
-    "no beams": ("Hokuyo7", {"ranges": np.zeros((0, 55))}, "ranges"),
     "many beams": ("Hokuyo7", {"ranges": np.zeros((20_001, 55), dtype=np.int8)}, "at most 20000 beams"),
     "degrees": ("Hokuyo7", {"angle_min": -135.0, "angle_max": 135.0}, "radians"),
     "endless sweep": ("Hokuyo7", {"sweep": 25.0}, "sweep: found 25, expected seconds from the first beam"),
-    "sweep a list": ("Hokuyo7", {"sweep": np.zeros(3)}, "sweep"),
     "angles swapped": ("Hokuyo7", {"angle_min": 1.0, "angle_max": -1.0}, "increasing angles"),
-    "angle list": ("Hokuyo7", {"angle_min": np.array([0.0, 0.0])}, "angle_min: .*one finite number"),
     "nan limit": ("Hokuyo7", {"range_max": np.nan}, "range_max"),
-    "range limits": ("Hokuyo7", {"range_min": 40.0}, "range_min < range_max"),
-    "short truth": ("truth7", {"pose": np.zeros((3, 3))}, "pose"),
-    "camera key": ("Kinect7", {"rgb_time_stamps": None}, "rgb_time_stamps"),
 }
 
 
@@ -259,22 +235,6 @@ def test_a_truncated_archive_is_named(folder, keep):
         load_course(7, folder)
 
 
-def test_a_flipped_byte_in_the_data_is_found(folder):
-    path = folder / "Encoders7.npz"
-    data = bytearray(path.read_bytes())
-    data[400] ^= 0xFF
-    path.write_bytes(data)
-    with pytest.raises(DataError, match=r"Encoders7\.npz"):
-        load_course(7, folder)
-
-
-def test_a_folder_in_place_of_a_file_is_named(folder):
-    (folder / "Imu7.npz").unlink()
-    (folder / "Imu7.npz").mkdir()
-    with pytest.raises(DataError, match=r"Imu7\.npz"):
-        load_course(7, folder)
-
-
 @pytest.mark.parametrize("number", ["", "-1", "2.5", "../20", "twenty", "1234567", 1.5, None])
 def test_a_set_number_is_digits(tmp_path, number):
     with pytest.raises(DataError, match="digits"):
@@ -286,69 +246,25 @@ def test_a_missing_folder_is_named(tmp_path):
         load_course(7, tmp_path / "nowhere")
 
 
-def npy(shape, length=None, body=b""):
-    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
-    return b"\x93NUMPY\x02\x00" + struct.pack("<I", len(header) if length is None else length) + header + body
-
-
-@pytest.mark.parametrize(
-    "member",
-    [
-        npy("(10**15,)"),
-        npy("(1000000000000,)"),
-        npy("(-1,)"),
-        npy("(2, 3.5)"),
-        npy("(" + "9" * 9_000 + ",)"),
-        npy("(" * 300 + "1" + ")" * 300),
-        npy("(3,)", length=10_001),
-        npy("(3,)", length=2**32 - 1),
-        npy("(3,)", body=bytes(23)),
-        npy("(3,)", body=bytes(25)),
-        b"\x93NUMPY\x01\x00",
-        b"\x93NUMPY\x09\x00" + bytes(100),
-        b"cos\nsystem\n(S'true'\ntR.",
-        b"",
-    ],
-)
-def test_an_absurd_header_costs_nothing(tmp_path, member):
-    path = tmp_path / "bad.npz"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("a.npy", member)
+@pytest.mark.parametrize("header", ["(10**15,)", "(1000000000000,)", "(-1,)", "(2, 3.5)"])
+def test_an_absurd_header_costs_nothing(tmp_path, header):
+    text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {header}, }}\n".encode()
+    with zipfile.ZipFile(tmp_path / "bad.npz", "w") as archive:
+        archive.writestr("a.npy", b"\x93NUMPY\x02\x00" + struct.pack("<I", len(text)) + text)
     with pytest.raises(DataError, match=r"bad\.npz: a: "):
-        read_npz(path, ("a",))
-
-
-def test_a_stated_size_beyond_the_file_is_refused(tmp_path):
-    path = tmp_path / "bad.npz"
-    write_npz(path, a=np.arange(3.0))
-    claim = np.load(path)["a"].nbytes + 128
-    data = path.read_bytes()
-    path.write_bytes(data.replace(struct.pack("<I", claim), struct.pack("<I", 2**31)))
-    assert path.read_bytes() != data
-    with pytest.raises(DataError, match=r"bad\.npz"):
-        read_npz(path, ("a",))
-
-
-def write_image(path, pixels):
-    assert cv2.imwrite(str(path), pixels)
+        read_npz(tmp_path / "bad.npz", ("a",))
 
 
 BAD_IMAGES = {
-    "disparity of the wrong size": (
-        "Disparity7/disparity7_2.png",
-        np.zeros((240, 320), np.uint16),
-        "320 x 240",
-    ),
     "disparity of 8 bits": ("Disparity7/disparity7_2.png", np.zeros((480, 640), np.uint8), "8 bits"),
     "grey for colour": ("RGB7/rgb7_2.png", np.zeros((480, 640), np.uint8), "1 channels"),
-    "colour of 16 bits": ("RGB7/rgb7_2.png", np.zeros((480, 640, 3), np.uint16), "16 bits"),
 }
 
 
 @pytest.mark.parametrize("case", BAD_IMAGES)
 def test_a_wrong_image_is_named(folder, case):
     name, pixels, message = BAD_IMAGES[case]
-    write_image(folder / "dataRGBD" / name, pixels)
+    cv2.imwrite(str(folder / "dataRGBD" / name), pixels)
     camera = load_course(7, folder).camera
     with pytest.raises(DataError, match=message) as raised:
         camera.read_disparity(1), camera.read_rgb(1)
@@ -376,17 +292,34 @@ def test_a_missing_image_is_not_in_the_index(folder):
 # ---- writing -----------------------------------------------------------------------------------
 
 
-def test_a_file_that_is_not_finished_does_not_appear(tmp_path):
-    def interrupted():
+@pytest.mark.parametrize(
+    ("fault", "raised"),
+    [(KeyboardInterrupt(), KeyboardInterrupt), (OSError(28, "No space left on device"), DataError)],
+    ids=["Ctrl-C", "full disk"],
+)
+def test_a_file_that_is_not_finished_leaves_the_old_one_as_it_was(tmp_path, fault, raised):
+    def write_half():
         with atomic_write(tmp_path / "a.txt") as file:
             file.write(b"half")
-            raise KeyboardInterrupt
+            raise fault
 
     (tmp_path / "a.txt").write_text("old")
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
+    with pytest.raises(raised):
+        write_half()
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
     assert (tmp_path / "a.txt").read_text() == "old"
+
+
+def test_two_writers_of_one_file_never_mix(tmp_path):
+    """Each has a hidden file of its own; the last to finish wins, whole."""
+    path = tmp_path / "a"
+    with atomic_write(path) as first:
+        with atomic_write(path) as second:
+            second.write(b"second")
+            first.write(b"first")
+        assert path.read_bytes() == b"second"
+    assert path.read_bytes() == b"first"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_writing_where_a_file_stands_in_for_the_folder(tmp_path):
@@ -400,20 +333,3 @@ def test_a_log_without_encoders_cannot_be_saved(tmp_path):
     log = replace(recording, encoders=None, imu=None, odometry=recording.truth)
     with pytest.raises(DataError, match="encoders and IMU"):
         save_course(log, 7, tmp_path)
-
-
-def test_an_image_whose_check_sums_are_right_but_whose_pixels_are_none(folder):
-    """All parts are whole, with lengths and sums, but there are too few bytes of pixels, or no last part."""
-    path = folder / "dataRGBD" / "Disparity7" / "disparity7_1.png"
-    head = path.read_bytes()[:33]  # magic and IHDR: 640 x 480 of 16 bits
-
-    def part(kind, body):
-        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-
-    reader = load_course(7, folder).camera.read_disparity
-    path.write_bytes(head + part(b"IDAT", b"not what zlib writes") + part(b"IEND", b""))
-    with pytest.raises(DataError, match="pixels that cannot be decoded, expected a whole PNG image"):
-        reader(0)
-    path.write_bytes(head + part(b"IDAT", b"and then the end"))
-    with pytest.raises(DataError, match=r"an end after \d+ bytes"):
-        reader(0)

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import predicted_ranges
 from pfslam.grid import GridSpec, OccupancyGrid, free_cells
 from pfslam.motion import controls, wheel_distance
 from pfslam.particles import ControlNoise, Particles, predict
 from pfslam.poses import Trajectory
-from pfslam.recording import Encoders, Imu, Recording
-from pfslam.sensors import EncoderModel, LidarModel, RobotModel
+from pfslam.recording import Encoders, Recording
+from pfslam.sensors import EncoderModel, LidarModel
 
 
 class Ones:
@@ -29,21 +28,6 @@ def test_noise_is_added_to_the_control_and_never_taken_away(per_root_second, sca
     np.testing.assert_allclose(moved.poses, np.tile(expected, (3, 1)), rtol=1e-14)
 
 
-def test_beams_are_as_far_apart_as_the_field_of_view_says():
-    assert LidarModel(-0.5, 0.5, 2).increment == 1.0
-    assert LidarModel(-0.5, 0.5, 3).increment == 0.5
-    assert LidarModel(0.0, 1.0, 1).increment == 1.0  # one beam has no neighbour: the whole field
-    assert LidarModel().sweep == 0.0
-
-
-def test_only_the_last_time_lies_after_the_encoders_end():
-    encoders = Encoders(np.array([0.0, 1.0, 2.0, 3.0]), np.full((4, 4), 10.0))
-    np.testing.assert_allclose(wheel_distance(encoders, EncoderModel(0.1), [0.0, 1.5, 3.0]), [0.0, 1.5, 3.0])
-    for t in ([0.5, 1.0, 2.0, 3.1], [-0.1, 1.0, 2.0]):
-        with pytest.raises(DataError, match="wheel_distance"):
-            wheel_distance(encoders, EncoderModel(0.1), t)
-
-
 def test_the_first_reading_is_travel_before_the_drive():
     """Counts stand for the interval that ends at their stamp, so those of the first reading lie before it."""
     encoders = Encoders(np.array([0.0, 1.0, 2.0]), np.repeat([[7.0], [1.0], [2.0]], 4, axis=1))
@@ -56,13 +40,6 @@ def test_controls_of_a_log_are_its_steps_by_time():
     found = controls(Recording("log", odometry=Trajectory(np.array([0.0, 0.5, 2.5]), poses)))
     np.testing.assert_allclose(found.v, [4.0, 0.5])
     np.testing.assert_allclose(found.omega, [0.0, -0.25], atol=1e-15)
-
-
-def test_two_gyro_samples_are_enough_for_a_control():
-    rates = np.zeros((2, 3))
-    encoders = Encoders(np.array([0.0, 1.0]), np.zeros((2, 4)))
-    two = Recording("two", RobotModel(), encoders, Imu(np.array([0.2, 0.8]), rates, rates))
-    assert len(controls(two).v) == 1
 
 
 def free(beams):
@@ -78,14 +55,6 @@ def test_what_lies_between_two_neighbouring_beams_is_free_and_a_single_missing_b
     assert free([4, 6])[0, 5] == 1  # along the beams themselves
 
 
-def test_predicted_ranges_walk_in_half_cells():
-    """From x = 0 in steps of half a metre to the wall's cell [5, 6): 5.0 m; steps of 1.5 m would first fall on 6."""
-    grid = OccupancyGrid.empty(GridSpec((0.0, -2.0), 1.0, (4, 9)))
-    grid.log_odds[:, 5] = 1.0
-    lidar = LidarModel(0.0, 0.0, 1, range_min=0.0, range_max=8.0, position_b=(0.0, 0.0, 0.0))
-    np.testing.assert_allclose(predicted_ranges(grid, np.array([0.2, 0.5, 0.0]), lidar), [5.0])
-
-
 @pytest.mark.parametrize(
     ("place", "heading"),
     [((-2.0, 2.0), np.pi), ((6.0, 2.0), 0.0), ((2.0, -2.0), -np.pi / 2), ((2.0, 6.0), np.pi / 2)],
@@ -97,12 +66,3 @@ def test_nothing_is_met_outside_the_map_even_if_its_border_is_a_wall(place, head
     away = np.array([*place, heading])
     assert predicted_ranges(grid, away, lidar)[0] == 8.0
     assert predicted_ranges(grid, away + [0.0, 0.0, np.pi], lidar)[0] < 3.0
-
-
-def test_a_single_beam_walks_on_until_it_meets_something():
-    """Longer than what is looked at in one go: 5 m in steps of 0.05 m are a hundred samples."""
-    grid = OccupancyGrid.empty(GridSpec((0.0, -2.0), 1.0, (4, 9)))
-    grid.log_odds[:, 5] = 1.0
-    lidar = LidarModel(0.0, 0.0, 1, range_min=0.0, range_max=8.0, position_b=(0.0, 0.0, 0.0))
-    found = predicted_ranges(grid, np.array([0.02, 0.5, 0.0]), lidar, step=0.05)
-    np.testing.assert_allclose(found, [5.0])

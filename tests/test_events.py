@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rooms import ENCODER_STEP, LIDAR, ROOM, SQUARE, arcs, drive, ray_cast, sensor_position
+from rooms import ENCODER_STEP, LIDAR, ROOM, SQUARE, arcs, distance_to_walls, drive, ray_cast, sensor_position
 
 from pfslam import events, motion, tilt
 from pfslam.config import SlamConfig
@@ -44,13 +44,12 @@ def told(recording, sweep):
 
 def off_the_walls(recording):
     """Distances (m) of all end points from the nearest wall, each scan laid at the true pose of its stamp."""
-    a, e = ROOM[:, :2], ROOM[:, 2:] - ROOM[:, :2]
-    found = []
-    for event in Drive.of(recording, CONFIG).events():
-        at = transform_points(recording.truth.at(event.t), event.points_b)[:, None]
-        s = np.clip(((at - a) * e).sum(axis=2) / (e**2).sum(axis=1), 0, 1)
-        found.append(np.hypot(*(at - a - s[..., None] * e).transpose(2, 0, 1)).min(axis=1))
-    return np.concatenate(found)
+    return np.concatenate(
+        [
+            distance_to_walls(transform_points(recording.truth.at(event.t), event.points_b))
+            for event in Drive.of(recording, CONFIG).events()
+        ]
+    )
 
 
 def test_a_sweep_that_is_told_is_undone():

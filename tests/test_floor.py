@@ -9,7 +9,6 @@ from floor_oracle import camera_axes, disparity_image
 
 from pfslam.sensors import RgbdModel, RobotModel
 from pfslam.texture.floor import (
-    _vote,
     associate_rgb,
     back_project,
     depth_for_step,
@@ -43,16 +42,6 @@ def test_depth_of_a_disparity_by_hand(disparity, depth):
 @pytest.mark.parametrize("disparity", [1089, 1090, 2047, 65535, np.nan])
 def test_no_reading_has_no_depth(disparity):
     assert np.isnan(depth_from_disparity(disparity, CAMERA))
-
-
-def test_1088_is_the_last_disparity_with_a_depth():
-    assert depth_from_disparity(1088, CAMERA) == pytest.approx(1.03 / (3.31 - 0.00304 * 1088))
-
-
-def test_2047_is_no_reading_even_where_the_formula_would_give_a_depth():
-    other = replace(CAMERA, disparity_slope=-0.001)
-    assert np.isnan(depth_from_disparity(2047, other))
-    assert np.isfinite(depth_from_disparity(2046, other))
 
 
 def test_disparity_and_depth_invert_each_other():
@@ -201,20 +190,6 @@ def test_a_plane_between_two_bins_of_the_vote_beats_a_smaller_one_within_a_bin()
     x, height = rng.uniform(0.6, 3.0, 1000), np.where(np.arange(1000) < 600, 0.01, 0.08)
     plane = fit_floor_plane(np.column_stack([x, 0 * x, height + rng.normal(0, 0.002, 1000)]), tolerance=0.02)
     assert plane.height == pytest.approx(0.01, abs=0.002)
-
-
-@pytest.mark.parametrize("slope", [-0.2, 0.05, 0.2])  # the outermost slopes are tried as well
-@pytest.mark.parametrize("height", [-0.05, 0.03])
-def test_the_vote_names_slope_and_height_of_a_plane_between_two_bins(slope, height):
-    x = np.linspace(0.6, 3.0, 999)
-    z = height + slope * x + np.resize([-0.008, 0.0, 0.008], 999)  # bins of 0.02 m meet at odd centimetres
-    assert _vote(x, z, 0.02, 0.2, 0.1) == pytest.approx((slope, height), abs=1e-12)
-
-
-@pytest.mark.parametrize("slope", [-0.25, 0.25])
-def test_no_vote_is_for_a_slope_beyond_the_largest(slope):
-    x = np.linspace(0.6, 3.0, 999)
-    assert _vote(x, slope * x, 0.02, 0.2, 0.1)[0] == pytest.approx(np.sign(slope) * 0.2, abs=1e-12)
 
 
 def test_a_plane_does_not_depend_on_the_order_of_its_points():

@@ -13,7 +13,6 @@ from pfslam.grid import (
     GridSpec,
     MapConfig,
     OccupancyGrid,
-    free_cells,
     integrate_scan,
     log_odds,
     probability,
@@ -277,30 +276,6 @@ def test_a_grid_grows_by_at_least_the_margin_beyond_the_point_and_not_elsewhere(
     np.testing.assert_allclose(growth, np.where(np.arange(4) == side, 1.5, 0.0), atol=1e-12)
 
 
-def test_a_grid_that_would_be_too_large_says_from_where_to_where_it_has_to_reach():
-    points = np.array([[1e7, 3.0], [-2.0, -4e6]])
-    with pytest.raises(
-        DataError, match=r"cells: found 2\d{7} x \d{7} to reach from \(-2, -4000000\) to \(10000000, 3\) m"
-    ):
-        OccupancyGrid.empty(SPEC).covering(points)
-
-
-def test_a_grid_around_one_point_has_one_cell():
-    assert GridSpec.around([[0.0, 0.5]], 0.5, margin=0.0).shape == (1, 1)
-
-
 def test_grid_that_covers_the_points_is_not_copied():
     grid = OccupancyGrid.empty(SPEC)
     assert grid.covering(np.array([[2.99, 1.99], [-3.0, -2.0]])) is grid
-
-
-def test_unknown_way_of_clearing_is_refused():
-    with pytest.raises(DataError, match="rays"):
-        MapConfig(rays="bucket")
-
-
-def test_mask_and_rectangle_agree():
-    points = np.array([[1.0, 1.0], [2.0, 0.0]])
-    for rays in RAYS:
-        mask, rectangle = free_cells(SPEC, points, np.array([0, 1]), np.array([-1.0, -1.0]), rays)
-        assert np.zeros(SPEC.shape)[rectangle].shape == mask.shape

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pfslam.config import SearchConfig, SlamConfig
-from pfslam.correlation import map_correlation, score_field
+from pfslam.correlation import score_field
 from pfslam.grid import GridSpec
 from pfslam.matching import match, window_for
 from pfslam.poses import transform_points, wrap_angle
@@ -60,16 +60,6 @@ def test_report_jumps_to_a_pose_of_greatest_count_and_keeps_its_offset():
         assert scores[landed[0]] == scores.max()
         assert found.log_likelihood[k] == pytest.approx(np.log(scores.max()))
         assert found.score[k] == pytest.approx(scores.max() / len(points))
-
-
-def test_the_reports_jump_may_be_weighed_by_the_mean_score():
-    """Sharpness times the share of the end points that fall on walls, where the report takes the count itself."""
-    occupied, points, poses = case()
-    config = replace(REPORT, weight="likelihood", sharpness=20.0)
-    found, counted = matched(occupied, points, poses, config), matched(occupied, points, poses, REPORT)
-    np.testing.assert_array_equal(found.poses, counted.poses)
-    best = [window_scores(occupied, points, pose, config)[1].max() for pose in poses]
-    np.testing.assert_allclose(found.log_likelihood, 20.0 * np.array(best) / len(points), rtol=1e-6)
 
 
 def test_ties_are_broken_evenly_at_random():
@@ -177,24 +167,6 @@ def test_how_the_particles_are_parted_does_not_change_where_any_of_them_goes(mon
         np.testing.assert_array_equal(getattr(apart, field), getattr(together, field))
 
 
-def test_many_particles_are_matched_like_one_at_a_time(monkeypatch):
-    occupied, points, poses = case(6, particles=40)
-    monkeypatch.setattr("pfslam.matching.CHUNK", 3 * 729)
-    together = matched(occupied, points, poses, replace(CLIMB, sub_cell=True))
-    for k in range(len(poses)):
-        alone = matched(occupied, points, poses[k : k + 1], replace(CLIMB, sub_cell=True))
-        np.testing.assert_allclose(together.poses[k], alone.poses[0], atol=1e-12)
-        assert together.log_likelihood[k] == pytest.approx(alone.log_likelihood[0], abs=1e-9)
-
-
-def test_a_window_too_large_for_one_go_is_matched_like_any_other(monkeypatch):
-    """Fewer scores at a time than one particle has: still one particle at a time, no fewer."""
-    occupied, points, poses = case(6, particles=5)
-    expected = matched(occupied, points, poses, CLIMB)
-    monkeypatch.setattr("pfslam.matching.CHUNK", 100)
-    np.testing.assert_array_equal(matched(occupied, points, poses, CLIMB).poses, expected.poses)
-
-
 def test_window_spans_three_sigmas_within_its_limits():
     config = SearchConfig(yaw_step=0.01, cells=(4, 10), yaws=(4, 30))
     lattice = Lattice(0.05, 0.01)
@@ -210,20 +182,3 @@ def test_prior_without_any_noise_pins_the_particle_to_its_prediction():
     occupied, points, poses = case(9)
     found = matched(occupied, points, poses, replace(CLIMB, sub_cell=True), sigmas=(0.0, 0.0)).poses
     assert (np.abs(found - poses) < 0.011 * LATTICE.steps).all()
-
-
-def test_match_leaves_its_inputs_alone():
-    occupied, points, poses = case(7)
-    field = score_field(occupied, "distance")
-    copies = [a.copy() for a in (field.values, points, poses)]
-    match(field, SPEC, points, poses, SIGMAS, CLIMB, np.random.default_rng(0))
-    for a, b in zip((field.values, points, poses), copies, strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
-def test_definition_and_match_agree_on_lattice_poses():
-    occupied, points, _ = case(8)
-    poses = LATTICE.pose(np.array([[1, -2, 3], [0, 0, 0]]))
-    found = matched(occupied, points, poses, REPORT)
-    for pose, score in zip(found.poses, found.score, strict=True):
-        assert map_correlation(occupied, SPEC, transform_points(pose, points)) == round(score * len(points))

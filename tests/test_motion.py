@@ -20,7 +20,7 @@ from pfslam.motion import (
     wheel_distance,
     wheel_speed,
 )
-from pfslam.poses import Trajectory, average_pose, between, wrap_angle
+from pfslam.poses import Trajectory, wrap_angle
 from pfslam.recording import Encoders, Imu, Recording
 from pfslam.sensors import EncoderModel, ImuModel, RobotModel
 
@@ -65,14 +65,6 @@ def test_euler_approaches_the_arc_with_the_square_of_the_interval(v, omega, thet
     difference = motion_model(start, v, omega, dt) - motion_model_arc(start, v, omega, dt)
     assert np.hypot(*difference[:2]) <= abs(v * omega) * dt**2 + 1e-14
     assert difference[2] == pytest.approx(0.0, abs=1e-14)
-
-
-def test_one_control_per_pose_or_one_for_all():
-    poses = np.random.default_rng(0).normal(size=(4, 3))
-    v, omega = np.array([0.1, 0.2, 0.3, 0.4]), np.array([-1.0, 0.0, 1.0, 2.0])
-    for step in (motion_model, motion_model_arc):
-        each = np.array([step(p, a, b, 0.1) for p, a, b in zip(poses, v, omega, strict=True)])
-        np.testing.assert_allclose(step(poses, v, omega, 0.1), each, atol=1e-15)
 
 
 @pytest.mark.parametrize("epoch", [0.0, 1.4e9])
@@ -224,29 +216,3 @@ def test_log_of_odometry_poses_starts_at_the_origin():
 
 # End poses measured on the real robot, in metres and radians to two decimals: half a unit of the last is the
 # tolerance.
-REAL_ENDS = {20: (-2.12, -1.94, 0.04), 21: (-2.53, -1.83, -0.92)}
-
-
-@pytest.mark.parametrize("number", REAL_ENDS)
-def test_real_drive_ends_where_it_is_known_to_end(real_data, number):
-    files = [np.load(real_data / "ece276a" / f"{kind}{number}.npz") for kind in ("Encoders", "Imu")]
-    encoders = Encoders(files[0]["time_stamps"], files[0]["counts"].T)
-    imu = Imu(files[1]["time_stamps"], files[1]["angular_velocity"].T, files[1]["linear_acceleration"].T)
-    end = dead_reckoning(Recording(f"set {number}", RobotModel(), encoders, imu)).poses[-1]
-    np.testing.assert_allclose(end, REAL_ENDS[number], atol=0.005)
-
-
-def test_mean_of_noisy_predictions_is_the_noiseless_one():
-    # Noise enters the control, so the mean position shrinks only by the spread of heading: none in a single
-    # Euler step.
-    rng = np.random.default_rng(0)
-    poses = motion_model(
-        np.tile([0.0, 0.0, 0.3], (40_000, 1)), 1.0 + 0.3 * rng.standard_normal(40_000), 0.5, 0.1
-    )
-    # Standard error of the mean: 0.1 s * 0.3 m/s / sqrt(40000) = 1.5e-4 m; five of them.
-    np.testing.assert_allclose(
-        average_pose(poses), motion_model(np.array([0.0, 0.0, 0.3]), 1.0, 0.5, 0.1), atol=7.5e-4
-    )
-    assert np.std(np.hypot(*between(np.array([0.0, 0.0, 0.3]), poses)[:, :2].T)) == pytest.approx(
-        0.03, rel=5 / np.sqrt(2 * 40_000)
-    )

@@ -8,7 +8,6 @@ from rooms import CURVES, drive
 
 from pfslam.config import MotionNoise, SlamConfig
 from pfslam.correlation import score_field
-from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.events import Drive
 from pfslam.per_particle import Histories, per_particle_step
@@ -76,15 +75,6 @@ def test_histories_at_rest_lose_nothing_and_take_half_the_room():
         assert sum(a.nbytes for a in kept) < 0.5 * (whole.field.values.nbytes + whole.moments.slots.nbytes)
 
 
-def test_histories_that_draw_nothing_go_on_sharing_everything():
-    config = replace(CONFIG, draw_metres=np.inf, draw_radians=np.inf, resample_below=0.0)
-    *_, (histories, _) = slam_steps(drive([(0.5, 10, 0.4)]), config, np.random.default_rng(0))
-    for arrays in zip(
-        *((h.grid.log_odds, h.field, h.slots, h.state.moments) for h in histories.states), strict=True
-    ):
-        assert len({id(array) for array in arrays}) == 1
-
-
 def test_the_heaviest_history_speaks_for_all():
     result = list(slam_steps(DRIVE, CONFIG, np.random.default_rng(3)))
     histories, info = result[-2]
@@ -124,8 +114,3 @@ def test_unsampled_motion_is_odometry_itself():
 def test_both_follow_a_noiseless_room_to_within_half_a_cell(config):
     result = run_slam(DRIVE, config)
     assert trajectory_error(result.trajectory, DRIVE.truth).ate_max_m < 0.025
-
-
-def test_unknown_kind_of_map_is_refused():
-    with pytest.raises(DataError, match="maps"):
-        SlamConfig(maps="several")

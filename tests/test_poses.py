@@ -136,12 +136,6 @@ def test_spatial_transform_inverts_and_applies():
     np.testing.assert_allclose(P.invert_transform(T), np.linalg.inv(T), atol=1e-14)
 
 
-def test_a_transform_is_still_where_nothing_is_said():
-    np.testing.assert_array_equal(P.transform(), np.eye(4))
-    np.testing.assert_array_equal(P.transform(None, (1.0, 2.0, 3.0)) @ [0, 0, 0, 1], [1, 2, 3, 1])
-    np.testing.assert_array_equal(P.rotation_matrix(), np.eye(3))
-
-
 def test_spatial_transform_of_a_level_pose_is_the_planar_one():
     points = np.random.default_rng(3).normal(size=(6, 2))
     flat = P.apply_transform(P.pose_to_transform([1.0, 2.0, 0.5]), np.column_stack([points, np.zeros(6)]))

@@ -120,16 +120,6 @@ def test_polish_at_the_true_pose_stays_there():
     assert (np.abs(found.pose - TRUE_POSE) <= STOP).all()
 
 
-@pytest.mark.parametrize("turn", [0.1, -0.1])
-def test_one_round_turns_by_no_more_than_the_largest_step(turn):
-    """A tenth of a radian takes two rounds at least: the first, held back, turns by 0.05 and no more."""
-    start, moments = TRUE_POSE + [0.0, 0.0, turn], HitMoments.empty(SPEC).add(ROOM)
-    points_b = seen_from(TRUE_POSE, ROOM)
-    one = polish(moments, points_b, start, start, replace(CONFIG, iterations=1))
-    assert one.pose[2] - start[2] == pytest.approx(-np.sign(turn) * MAX_STEP[2], rel=1e-9)
-    assert (np.abs(polish(moments, points_b, start, start, CONFIG).pose - TRUE_POSE) <= 10 * STOP).all()
-
-
 def slow_lines(hits, points_w):
     """For each point centre, normal and trust of the hits in the 3 x 3 cells around it, or None."""
     cells, found = SPEC.world_to_cell(hits), []
@@ -191,23 +181,6 @@ def test_one_round_is_the_weighted_least_squares_step_of_the_definition():
         assert (found.free_direction is not None) == silent
 
 
-@pytest.mark.parametrize(("beams", "moves"), [(2, False), (3, True)])
-def test_three_beams_on_lines_are_enough_to_move(beams, moves):
-    points_b = seen_from(TRUE_POSE, np.array([[2.0, 0.0], [0.2, 1.6], [-2.2, 0.3]]))[:beams]
-    start = TRUE_POSE + [0.01, 0.01, 0.0]
-    found = polish(HitMoments.empty(SPEC).add(ROOM), points_b, start, start, CONFIG)
-    assert found.beams == beams
-    assert (np.abs(found.pose - start).max() > 1e-3) == moves
-
-
-def test_lines_too_far_away_for_any_weight_leave_the_pose_alone():
-    start, moments = TRUE_POSE + [0.03, 0.02, 0.0], HitMoments.empty(SPEC).add(ROOM)
-    points_b = seen_from(TRUE_POSE, ROOM[::40])
-    found = polish(moments, points_b, start, np.zeros(3), replace(CONFIG, rho=1e-6))
-    np.testing.assert_array_equal(found.pose, start)
-    assert found.free_direction is None
-
-
 def test_polish_across_pi():
     pose = np.array([0.1, 0.2, np.pi - 0.004])
     found = polished(ROOM, np.array([0.12, 0.19, -np.pi + 0.006]), points_b=seen_from(pose, ROOM))
@@ -224,13 +197,6 @@ def test_without_lines_the_pose_is_left_alone(hits):
     np.testing.assert_array_equal(found.pose, start)
     assert found.beams == 0
     assert found.free_direction is None
-
-
-def test_polish_leaves_its_inputs_alone():
-    start = TRUE_POSE + [0.03, -0.02, 0.01]
-    copy = start.copy()
-    polished(ROOM, start)
-    np.testing.assert_array_equal(start, copy)
 
 
 @pytest.mark.parametrize("world", [0.0, 0.3, np.pi / 2, 2.0, -0.3])

@@ -1,27 +1,31 @@
 """Numbers in configurations: what makes no sense, or would take any amount of memory, is refused by name."""
 
 import math
+import os
 import pickle
 import subprocess
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Annotated, get_args, get_type_hints
 
 import numpy as np
 import pytest
-from settings import field_of, numbers, replaced
+from box_recording import box_recording
 
 from pfslam.config import MAX_PARTICLES, PRESETS, SearchConfig, SlamConfig
 from pfslam.errors import DataError
 from pfslam.grid import MapConfig
 from pfslam.particles import RESAMPLERS, ControlNoise, Scheme
+from pfslam.runs import run_slam
 from pfslam.search.boxes import MAX_SCORES
 from pfslam.sensors import LidarModel
 from pfslam.settings import Range, Settings, changed, plain
 from pfslam.simulator import HALL, RAMP, simulate
 from pfslam.simulator.drive import MAX_HOURS
 from pfslam.texture.config import TextureConfig
+from pfslam.texture.mapping import map_texture
 
+CASES = int(os.environ.get("PFSLAM_CASES", "60"))
 CONFIGURATIONS = [
     SlamConfig.report(),
     SlamConfig.refined(),
@@ -33,6 +37,28 @@ CONFIGURATIONS = [
     HALL,
     RAMP,
 ]
+
+
+def numbers(config, prefix=""):
+    """Dotted names and values of all numbers, and pairs and triples of numbers, in nested configurations."""
+    for f in fields(config):
+        value = getattr(config, f.name)
+        if is_dataclass(value):
+            yield from numbers(value, f"{prefix}{f.name}.")
+        elif isinstance(value, (int, float, tuple)) and not isinstance(value, bool) and value != ():
+            yield prefix + f.name, value
+
+
+def replaced(config, name, value):
+    """A configuration with the field ``name``, dotted, replaced."""
+    first, _, rest = name.partition(".")
+    return replace(config, **{first: replaced(getattr(config, first), rest, value) if rest else value})
+
+
+def field_of(config, name):
+    """The dataclass field that a dotted name means."""
+    first, _, rest = name.partition(".")
+    return field_of(getattr(config, first), rest) if rest else type(config).__dataclass_fields__[first]
 
 
 FIELDS = {
@@ -250,3 +276,65 @@ def test_a_drive_whose_scans_would_fill_the_memory_is_refused():
 def test_the_most_particles_are_those_of_the_command_line():
     with pytest.raises(DataError, match=f"particles: .* from 1 to {MAX_PARTICLES}"):
         replace(SlamConfig.refined(), particles=MAX_PARTICLES + 1)
+
+
+# A campaign: whatever passes the ranges ends well. ``make weekly`` tries 2,000 cases.
+
+
+def any_number(like, rng):
+    """A number of the kind of ``like`` and of any size, or what is none; pairs for pairs."""
+    if isinstance(like, tuple):
+        return tuple(any_number(part, rng) for part in like)
+    strange = rng.choice([0.0, -1.0, np.nan, np.inf, -np.inf, 1e300, 1e-300])
+    size = 10.0 ** rng.uniform(-6, 6) if isinstance(like, float) else int(10.0 ** rng.uniform(0, 4))
+    return float(strange) if rng.random() < 0.2 else size
+
+
+def with_any_numbers(config, fields, rng):
+    """The configuration with numbers in two of its fields replaced, or None where their ranges refuse them by name."""
+    chosen = [fields[k] for k in rng.choice(len(fields), 2, replace=False)]
+    changes = {name: any_number(value, rng) for name, value in chosen}
+    refused = None
+    try:
+        for name, value in changes.items():
+            config = replaced(config, name, value)
+    except DataError as error:
+        refused = error.field.split(", ")
+    assert refused is None or any(name in str(changes) for name in refused)
+    return config if refused is None else None
+
+
+def result_or_complaint(work):
+    """What ``work()`` gives, or None after one clear line about the recording or the grid."""
+    complaint = None
+    try:
+        return work()
+    except DataError as error:
+        complaint = str(error)
+    assert complaint.startswith(("box", "GridSpec"))
+    return None
+
+
+@pytest.mark.parametrize("seed", range(CASES // 5))
+def test_any_numbers_are_refused_by_name_or_make_a_run(seed):
+    """Whatever passes the ranges ends in a run that stays finite, or in one clear line."""
+    rng = np.random.default_rng(seed)
+    presets = SlamConfig.report(), SlamConfig.refined(), SlamConfig.per_particle(), SlamConfig.matching()
+    particles = int(rng.integers(1, 6)) if seed % 4 < 3 else 1  # matching has one pose
+    config = replace(presets[seed % 4], particles=particles, every=3)
+    config = with_any_numbers(config, [f for f in numbers(config) if f[0] != "particles"], rng)
+    if config is not None:
+        result = result_or_complaint(lambda: run_slam(box_recording(2.0, images=0), config))
+        assert result is None or np.isfinite(result.trajectory.poses).all()
+        assert result is None or np.isfinite(result.grid.log_odds).all()
+
+
+@pytest.mark.parametrize("seed", range(CASES // 10))
+def test_any_numbers_are_refused_by_name_or_make_a_texture(seed):
+    rng, steps = np.random.default_rng(seed), list(TextureConfig.steps().values())
+    config = replace(steps[seed % len(steps)], resolution=0.05)
+    config = with_any_numbers(config, list(numbers(config)), rng)
+    box = box_recording(3.0, images=4)
+    if config is not None:
+        texture = result_or_complaint(lambda: map_texture(box, box.truth, config=config))
+        assert texture is None or (texture.rgb[texture.seen][:, 1:] == [20, 30]).all()

@@ -173,20 +173,6 @@ def test_the_floor_begins_behind_the_blind_ring():
     assert nearest == pytest.approx(0.16766 + 0.45, abs=0.015)
 
 
-def test_images_in_reverse_order_change_nothing_under_best_and_something_under_last():
-    recording, truth = drive(WALKING)
-    camera, t = recording.camera, recording.camera.rgb_t
-    n = len(t)
-    backwards = stream(t, t, lambda k: camera.read_disparity(n - 1 - k), lambda k: camera.read_rgb(n - 1 - k))
-    reversed_truth = Trajectory(t, truth.poses[::-1])
-    for view, same in (("best", True), ("last", False)):
-        config = replace(REFINED, view=view, pitch="calibration")
-        one = map_texture(recording, truth, config=config)
-        other = map_texture(replace(recording, camera=backwards), reversed_truth, config=config)
-        assert (one.seen == other.seen).all()
-        assert (one.rgb == other.rgb).all() == same
-
-
 def test_a_pose_for_each_image_repairs_the_delay_of_the_colour_camera():
     turning = [(0.0, 0.0, 0.1 * k) for k in range(6)]
     recording, truth = drive(turning, rgb_delay=0.05)
@@ -244,13 +230,6 @@ def test_pairs_without_partner_or_state_are_counted():
     assert pairs.dropped == {"pairs: no partner in time": 1, "pairs: outside the trajectory": 1}
 
 
-def test_a_colour_image_after_the_end_is_outside_though_its_depth_image_is_not():
-    camera = stream([0.0, 1.0], [0.0, 1.01], None, None)
-    truth = Trajectory([0.0, 0.5, 1.0], np.zeros((3, 3)))
-    assert posed_pairs(camera, truth, REFINED).dropped == {"pairs: outside the trajectory": 1}
-    assert posed_pairs(camera, truth, REPORT).disparity.tolist() == [0, 1]
-
-
 def test_a_hole_in_the_trajectory_is_not_bridged():
     camera = stream([0.0, 2.0, 4.0], [0.0, 2.0, 4.0], None, None)
     holed = Trajectory([0.0, 0.1, 3.9, 4.0], np.zeros((4, 3)))
@@ -277,12 +256,6 @@ def test_a_grid_that_is_too_small_is_filled_and_the_rest_counted():
     assert share_of_right_colour(texture) > 0.99
 
 
-def test_without_a_grid_nothing_falls_outside():
-    recording, truth = drive(WALKING)
-    for config in (REPORT, REFINED):
-        assert "points: outside the grid" not in map_texture(recording, truth, config=config).dropped
-
-
 def test_cropping_keeps_only_what_the_map_knows():
     recording, truth = drive(STANDING)
     log_odds = np.zeros(SPEC.shape, np.float32)
@@ -293,15 +266,6 @@ def test_cropping_keeps_only_what_the_map_knows():
     assert (cropped.seen == whole.seen & (log_odds != 0)).all()
     assert cropped.dropped["cells: outside the map"] == np.count_nonzero(whole.seen[60:])
     assert whole.seen[60:].any()
-
-
-def test_a_finer_texture_lies_over_the_same_ground():
-    recording, truth = drive(STANDING)
-    texture = map_texture(
-        recording, truth, OccupancyGrid.empty(SPEC), replace(REFINED, crop=False, resolution=0.02)
-    )
-    assert texture.spec.extent == pytest.approx(SPEC.extent)
-    assert share_of_right_colour(texture) > 0.99
 
 
 def test_an_image_without_floor_is_counted_and_its_colours_are_not_read():
@@ -363,15 +327,3 @@ def test_the_steps_lead_from_the_report_to_the_refined_settings_one_change_at_a_
     assert steps[0] == REPORT
     assert steps[-1] == REFINED
     assert len(set(steps)) == 7
-
-
-@pytest.mark.parametrize("bad", [{"view": "first"}, {"pitch": "guess"}, {"states": "all"}, {"z_min": 11.0}])
-def test_settings_that_make_no_sense_are_refused(bad):
-    with pytest.raises(DataError, match=next(iter(bad))):
-        TextureConfig(**bad)
-
-
-def test_every_must_be_a_whole_number():
-    recording, truth = drive(STANDING)
-    with pytest.raises(DataError, match="every"):
-        map_texture(recording, truth, every=0)

@@ -202,8 +202,3 @@ def test_slopes_are_driven_better_with_the_tilt_than_without():
     assert struck["with"] > 0 == struck["without"]
     # The LiDAR stands 0.51 m up: 10 to 20 degrees carry it 0.09 to 0.18 m to the front, seen from above.
     assert errors["with"] < 0.5 * errors["without"]
-
-
-def test_the_defaults_are_those_of_the_method():
-    """A filter of two seconds, sways of 2.5 degrees are level, and what ends within a hand's breadth is floor."""
-    assert TiltConfig() == TiltConfig(time_constant=2.0, level_below=np.deg2rad(2.5), floor_clearance=0.1)

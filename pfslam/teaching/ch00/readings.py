@@ -155,7 +155,7 @@ def scrub_explorer(recording: Recording) -> Explorer:
     view = scrub(recording)
     return Explorer(
         partial(draw_scrub, view),
-        [Slider("time", view.times, 12, "Time", "s", ".0f")],
+        [Slider("time", list(view.times), 12, "Time", "s", ".0f")],
         title="Everything the robot knows",
         alt=partial(describe_scrub, view),
         play="time",

@@ -93,6 +93,6 @@ def _draw_axes(
         tip = np.add(origin, length * np.array([np.cos(tilt + turn), np.sin(tilt + turn)]))
         arrow = {"arrowstyle": "-|>", "color": COLOURS["estimate"], "linewidth": 2}
         axes.annotate("", tip, origin, arrowprops=arrow, zorder=5)
-        axes.text(*np.add(tip, 0.02), f"${label}$", color=COLOURS["estimate"], zorder=6)
+        axes.text(tip[0] + 0.02, tip[1] + 0.02, f"${label}$", color=COLOURS["estimate"], zorder=6)
     place = origin[0] - 0.04, origin[1] + 0.02
     axes.text(*place, f"${name}$", color=COLOURS["estimate"], ha="right", fontsize=15, zorder=6)

@@ -178,7 +178,7 @@ def _draw_chassis(axes: Axes, radius: float, track: float, at: float) -> None:
             ends = np.array([middle + (a + c) * ahead + b * out for c in (-0.1, 0.1)])
             axes.plot(*ends.T, color=COLOURS["truth"], linewidth=5, solid_capstyle="butt")
     arrow = {"arrowstyle": "-|>", "color": COLOURS["truth"], "linewidth": 2}
-    axes.annotate("", middle + 0.42 * ahead, middle, arrowprops=arrow)
+    axes.annotate("", tuple(middle + 0.42 * ahead), tuple(middle), arrowprops=arrow)
 
 
 def circle_picture(v: float = 1.0, omega: float = 0.8, seconds: float = 7.0) -> Picture:

@@ -304,7 +304,7 @@ VIEW_MISTAKES = [
      "round."),
     (kept(lambda z, r, c: list(zip(np.floor(10 * z), -r, strict=True))), "Within a tenth of a metre you keep the pixel "
      "farthest from the cell's centre."),
-    (kept(lambda z, r, c: list(zip(np.round(z), r, strict=True))), "Your steps of depth are whole metres; tenths are "
+    (kept(lambda z, r, c: list(zip(np.rint(z), r, strict=True))), "Your steps of depth are whole metres; tenths are "
      "asked for."),
     (kept(lambda z, r, c: -c.astype(int)), "The brightest colour wins. Brightness says nothing about how good a view "
      "is."),

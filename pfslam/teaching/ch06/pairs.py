@@ -223,7 +223,9 @@ def views_of_cell(drive: Drive, result: SlamResult, place: tuple[float, float]) 
     for k, (at_depth, at_rgb) in enumerate(zip(pairs.disparity, pairs.rgb, strict=True)):
         disparity = read_disparity(drive.stream, at_depth, camera)
         pixels = floor_pixels(disparity, rays, pairs.pose_disparity[k], pairs.pose_rgb[k], spec, config)
-        inside = np.flatnonzero((pixels.cells == cell).all(axis=1)) if pixels is not None else ()
+        if pixels is None:
+            continue
+        inside = np.flatnonzero((pixels.cells == cell).all(axis=1))
         if len(inside):
             one = inside[np.argmin(pixels.depth[inside])]
             v, u = round(float(pixels.v_rgb[one])), round(float(pixels.u_rgb[one]))

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -231,7 +232,7 @@ def live_view(explorer: Explorer):
 def _live_slider(control: Slider, plays: bool):
     import ipywidgets
 
-    look = {
+    look: dict[str, Any] = {
         "description": control.title,
         "style": {"description_width": "initial"},
         "layout": {"width": "34em", "max_width": "100%"},
