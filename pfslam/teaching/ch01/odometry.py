@@ -101,7 +101,7 @@ def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
     readings = readings_of_equation_19(recording)
     readings["from the sum, 10 a second"] = at_rate(readings["from the sum"], 10.0)
     start = readings["own interval"].t[1 + np.argmax(readings["own interval"].v)] - seconds / 2
-    figure, axes = new_figure(5.0, 3.8)
+    figure, axes = new_figure(5.0, 4.6)
     looks = {
         "own interval": (COLOURS["odometry"], 1.2),
         "from the sum": (COLOURS["estimate"], 0.7),
@@ -114,7 +114,7 @@ def speed_picture(recording: Recording, seconds: float = 12.0) -> Picture:
         axes.plot(t, inputs.v[shown], color=colour, linewidth=width, label=name)
     axes.axhline(1.4, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"], label="top speed of the robot")
     axes.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0.0, None))
-    axes.legend(loc="upper left", fontsize=12)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.45, -0.18), ncols=1)
     worst = {name: readings[name].v.max() for name in looks}
     alt = f"""Speed over {seconds:.0f} seconds around the worst spike of the drive. Divided by each reading's own
     interval it reaches {worst["own interval"]:.1f} m/s; differences of the sum at each gyro sample,

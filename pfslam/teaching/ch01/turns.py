@@ -48,7 +48,7 @@ def track_picture(recording: Recording, fitted: float) -> Picture:
         f"wheels, as if {fitted:.2f} m": (turned_by_wheels(recording, t, fitted), "highlight"),
         "truth": (np.unwrap(truth.at(t)[:, 2]), "truth"),
     }
-    figure, axes = new_figure(5.0, 3.6)
+    figure, axes = new_figure(5.0, 4.3)
     words = []
     for name, (angle, kind) in curves.items():
         degrees = np.rad2deg(angle - angle[0])
@@ -56,7 +56,7 @@ def track_picture(recording: Recording, fitted: float) -> Picture:
         axes.plot(t - t[0], degrees, color=COLOURS[kind], linestyle=style, label=name)
         words.append(f"{name}: between {degrees.min():.0f} and {degrees.max():.0f}")
     axes.set(xlabel="time [s]", ylabel="heading [deg]")
-    axes.legend(fontsize=12)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.45, -0.18), ncols=1)
     return Picture(figure, f"Heading over the drive in degrees. {'; '.join(words)}.")
 
 
