@@ -9,7 +9,7 @@ from measure_classroom import content
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "book" / "_ext"))
-from classroom import TABLE, chapters_table, minutes, read, server_text  # noqa: E402
+from classroom import TABLE, chapters_table, exercises, exercises_table, minutes, read, server_text  # noqa: E402
 
 ROWS = read(ROOT / TABLE)
 CHAPTERS = sorted((ROOT / "notebooks").glob("*.ipynb"))
@@ -35,3 +35,35 @@ def test_minutes_and_memory_by_hand():
     assert minutes(row) == 50  # 10 + 8 + 30 = 48
     assert "| **50** |" in chapters_table([row])
     assert "need 10 GB" in server_text([row])
+
+
+def cell(text, *tags):
+    """A cell of Markdown, or of code where it has tags."""
+    return {"cell_type": "code" if tags else "markdown", "source": text, "metadata": {"tags": list(tags)}}
+
+
+def test_exercises_by_hand():
+    cells = [
+        cell("**Exercise 1 (goes into your filter).** Write it."),
+        cell("def move(poses):\n    return ...", "exercise-1"),
+        cell("def move(poses):\n    return poses", "solution-1"),
+        cell("**Exercise 2.** Another."),
+        cell("def other():\n    return ...", "exercise-2"),
+        cell("**Exercise 3 (explore and explain).** Look.\n\n**Explore and explain.** Again."),
+    ]
+    assert exercises({"cells": cells}) == (["move", "other"], ["move"], 2)
+
+
+def test_the_table_has_every_exercise_and_the_parts_of_the_filter():
+    text = exercises_table(CHAPTERS)
+    parts = {
+        name for line in text.splitlines()[2:] for name in line.split("|")[3].replace("`", "").split(",")
+    }
+    expected = (
+        "scan_points to_world cell_of update_log_odds move count_on_walls update resample mean_pose step"
+    )
+    assert {name.strip() for name in parts} - {""} == set(expected.split())
+    for path in CHAPTERS:
+        counted = content(nbformat.read(path, as_version=4))["exercises"]
+        (line,) = (line for line in text.splitlines() if path.name in line)
+        assert line.split("|")[2].count("`") == 2 * counted

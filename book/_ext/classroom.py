@@ -1,6 +1,8 @@
-"""The table on the page for teachers: minutes to plan, and what a kernel needs, from a stored measurement."""
+"""The tables on the page for teachers: minutes and what a kernel needs, as stored, and the exercises as they stand."""
 
 import csv
+import json
+import re
 from pathlib import Path
 
 from sphinx.util.docutils import SphinxDirective
@@ -53,12 +55,47 @@ def server_text(rows: list[dict[str, str]], students: int = 40) -> str:
     )
 
 
+EXERCISE = re.compile(r"\*\*((?:Exercise|Explore)\b[^*]*)\*\*")
+ASKED = re.compile(r"^(?:def )?(\w+)(?=\(| =)", re.MULTILINE)
+
+
+def exercises(notebook: dict) -> tuple[list[str], list[str], int]:
+    """What a chapter asks for by name, what of it goes into the reader's filter, and how many open exercises it has."""
+    asked, kept, open_ones, heading = [], [], 0, ""
+    for cell in notebook["cells"]:
+        text = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            found = EXERCISE.findall(text)
+            heading = found[-1] if found else heading
+            open_ones += sum("explore" in words.lower() or "open" in words for words in found)
+        elif any(re.fullmatch(r"exercise-\d+", tag) for tag in cell["metadata"].get("tags", [])):
+            asked += ASKED.findall(text)[:1]
+            kept += ASKED.findall(text)[:1] if "your filter" in heading else []
+    return asked, kept, open_ones
+
+
+def exercises_table(notebooks: list[Path]) -> str:
+    """One line per chapter: what is written, what of it goes into the reader's filter, how much is open."""
+    lines = ["| chapter | what is written | into your filter | open |", "|---|---|---|--:|"]
+    for path in notebooks:
+        asked, kept, open_ones = exercises(json.loads(path.read_text(encoding="utf-8")))
+        names = [", ".join(f"`{name}`" for name in some) for some in (asked, kept)]
+        link = f"[{path.stem.replace('_', ' ')}](../notebooks/{path.name})"
+        lines.append(f"| {link} | {names[0]} | {names[1]} | {open_ones} |")
+    return "\n".join(lines)
+
+
 class Classroom(SphinxDirective):
     """``{classroom} chapters`` or ``{classroom} server``."""
 
     required_arguments = 1
 
     def run(self):
+        if self.arguments[0] == "exercises":
+            notebooks = sorted((Path(self.env.srcdir) / "notebooks").glob("*.ipynb"))
+            for path in notebooks:
+                self.env.note_dependency(str(path))
+            return self.parse_text_to_nodes(exercises_table(notebooks))
         path = Path(self.env.srcdir) / TABLE
         self.env.note_dependency(str(path))
         make = {"chapters": chapters_table, "server": server_text}[self.arguments[0]]
