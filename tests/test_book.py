@@ -58,7 +58,7 @@ def test_every_source_is_cited_and_every_citation_known():
         )
     )
     text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
-    cited = {key.strip() for keys in re.findall(r"\{cite\}`([^`]+)`", text) for key in keys.split(",")}
+    cited = {key.strip() for keys in re.findall(r"\{cite(?::t)?\}`([^`]+)`", text) for key in keys.split(",")}
     assert cited == known
 
 

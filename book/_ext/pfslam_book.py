@@ -70,6 +70,7 @@ TABLE = re.compile(r"<table.*?</table>", re.DOTALL)
 NAME = re.compile(r'(?<=<span class="(?:pre|doc)">)[^<]+')
 JOINT = re.compile(r"(?<=[._/])(?=[A-Za-z])")
 COLUMNS = re.compile(r"\S {2,}\S")
+N_EFF = re.compile(r"N_\{?\\(?:text|mathrm)\{eff\}")
 # The lines around what a search finds are fetched from its page, which a browser forbids from file://.
 SEARCH_SUMMARY = ("SHOW_SEARCH_SUMMARY: true", "SHOW_SEARCH_SUMMARY: location.protocol !== 'file:'")
 
@@ -152,6 +153,13 @@ def wrap_sentences(app, doctree) -> None:
     for block in doctree.findall(nodes.literal_block):
         if "output" in block["classes"] and not COLUMNS.search(block.astext()):
             block["classes"].append("pfslam-sentences")
+
+
+def name_formulas(app, doctree) -> None:
+    """A page whose formulas say N_eff is found by that name too: a search does not see into formulas."""
+    formulas = doctree.findall(lambda node: isinstance(node, nodes.math | nodes.math_block))
+    if any(N_EFF.search(formula.astext()) for formula in formulas):
+        doctree.append(nodes.meta(name="keywords", content="Neff, N_eff"))
 
 
 class Eval(EvalRoleAny):
@@ -253,6 +261,7 @@ def setup(app):
     app.connect("doctree-read", number_equations)
     app.connect("env-get-updated", number_figures, priority=900)  # after Sphinx has counted through the book
     app.connect("doctree-read", wrap_sentences)
+    app.connect("doctree-read", name_formulas)
     app.connect("doctree-read", name_folds)
     app.connect("build-finished", finish_site)
     app.connect("build-finished", offer_notebooks)
