@@ -44,13 +44,13 @@ SCALE = 160  # rows of a camera image in a widget
 
 
 def pixels_of(shot: Shot) -> dict[str, tuple[int, int]]:
-    """The pixels of the journey; the last one has no reading."""
+    """Give the pixels of the journey; the last one has no reading."""
     v, u = np.argwhere(shot.disparity[200:300, 100:200] == NO_READING)[0]
     return PIXELS | {"a hole": (100 + int(u), 200 + int(v))}
 
 
 def journey_explorer(shot: Shot, spec: GridSpec) -> Explorer:
-    """One pixel through the six steps."""
+    """Choose a pixel and follow it through the six steps."""
     pixels = pixels_of(shot)
     stories = {name: journey(shot, *uv, spec) for name, uv in pixels.items()}
 
@@ -81,7 +81,7 @@ def _goes_on(rows: list[tuple[str, str]]) -> bool:
 
 
 def draw_journey(shot: Shot, pixel: tuple[int, int], last: int, rows: list[tuple[str, str]]) -> Figure:
-    """Camera image, side view, and the words of the step."""
+    """Draw the camera image, the side view, and the words of the step."""
     figure, axes = new_figure(5.4, 5.8, rows=2, height_ratios=[1.45, 1])
     u, v = pixel
     colour = COLOURS["highlight"] if _goes_on(rows) else COLOURS["hits"]
@@ -107,7 +107,7 @@ def draw_journey(shot: Shot, pixel: tuple[int, int], last: int, rows: list[tuple
 
 
 def _body_point(shot: Shot, pixel: tuple[int, int]) -> np.ndarray:
-    """The pixel's point in the body frame."""
+    """Give the pixel's point in the body frame."""
     depth = depth_from_disparity(int(shot.disparity[pixel[1], pixel[0]]), shot.camera)
     return to_world(back_project(*pixel, depth, shot.camera.K), np.zeros(3), shot.camera)[0]
 
@@ -118,7 +118,7 @@ def _colour_at(shot: Shot, pixel: tuple[int, int]) -> np.ndarray:
 
 
 def _side_view(axes: Axes) -> None:
-    """The robot's camera and the floor, from the side; heights are stretched."""
+    """Draw the robot's camera and the floor, from the side; heights are stretched."""
     axes.axhline(0.0, color=COLOURS["truth"], linewidth=1.2)
     axes.plot(0.168, 0.38, "s", markersize=9, color=COLOURS["estimate"])
     axes.set_xlim(-0.2, 8.2)
@@ -128,7 +128,7 @@ def _side_view(axes: Axes) -> None:
 
 
 def floor_explorer(shot: Shot) -> Explorer:
-    """Which pixels count as floor, for an assumed pitch, a tolerance and a Z_MAX."""
+    """Choose a pitch, a tolerance and a Z_MAX, and see which pixels count as floor."""
     true_pitch = np.rad2deg(shot.camera.pitch)
 
     @lru_cache(maxsize=8)
@@ -170,7 +170,7 @@ def floor_explorer(shot: Shot) -> Explorer:
 
 
 def draw_floor_choice(shot: Shot, points, chosen, tolerance: float, found: float, wrong: float) -> Figure:
-    """Above, the chosen pixels in their colours, the others dark; below, all points from the side."""
+    """Draw the chosen pixels in their colours, the others dark, and below all points from the side."""
     figure, axes = new_figure(5.4, 5.8, rows=2, height_ratios=[1.45, 1])
     colours = registered_colours(shot, points).astype(float)
     colours[~chosen] *= 0.3

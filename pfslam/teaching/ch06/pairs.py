@@ -79,7 +79,7 @@ def load_drive(name: str, every: int = EVERY) -> Drive:
 
 
 def cheap_run(drive: Drive) -> SlamResult:
-    """The refined filter with 20 particles and every tenth scan: two seconds, and poses good to a centimetre."""
+    """Run the refined filter with 20 particles on every tenth scan: two seconds, and poses good to a centimetre."""
     config = replace(SlamConfig.refined(), particles=20, every=10)
     return run_slam(drive.recording, config, keep_particles=False)
 
@@ -100,7 +100,7 @@ def state_gaps(drive: Drive, result: SlamResult) -> tuple[float, float]:
 
 
 def take_shot(drive: Drive, k: int = WORD_SHOT) -> Shot:
-    """Disparity image ``k`` with the colour image nearest in time."""
+    """Take disparity image ``k`` with the colour image nearest in time."""
     renderer, stream, camera = drive.simulation.renderer, drive.stream, drive.recording.robot.camera
     t = stream.disparity_t[k]
     j = int(nearest_stamp(stream.rgb_t, np.array([t]))[0])
@@ -112,7 +112,7 @@ def take_shot(drive: Drive, k: int = WORD_SHOT) -> Shot:
 
 
 def shots_along(drive: Drive, n: int = 12) -> list[Shot]:
-    """``n`` shots spread over the drive, those at rest at both ends left out."""
+    """Take ``n`` shots spread over the drive, those at rest at both ends left out."""
     index = drive.stream.disparity_index
     chosen = index[np.linspace(0.12 * len(index), 0.88 * len(index), n).astype(int)]
     return [take_shot(drive, int(k)) for k in chosen]
@@ -129,7 +129,7 @@ class Points:
 
 
 def points_of(shot: Shot, camera: RgbdModel | None = None, step: int = 4) -> Points:
-    """Steps 2 and 4 for a whole image, seen from the robot: the pose is zero."""
+    """Do steps 2 and 4 for a whole image, seen from the robot: the pose is zero."""
     camera = camera or shot.camera
     v, u = (axis.ravel() for axis in np.mgrid[: camera.height : step, : camera.width : step])
     depth = depth_from_disparity(shot.disparity[v, u], camera)
@@ -139,13 +139,13 @@ def points_of(shot: Shot, camera: RgbdModel | None = None, step: int = 4) -> Poi
 def chosen_as_floor(
     points: Points, tolerance: float, z_max: float = 10.0, per_metre: float = 0.0
 ) -> np.ndarray:
-    """Steps 3 and 5 (bool): Z_MIN is 0.1 m."""
+    """Do steps 3 and 5 with Z_MIN 0.1 m: say which points are taken for floor (bool)."""
     trusted = depth_mask(points.depth, 0.1, z_max)
     return trusted & floor_mask(points.points_b, tolerance, per_metre, points.depth)
 
 
 def floor_shares(shot: Shot, points: Points, chosen: np.ndarray) -> tuple[float, float]:
-    """The share of the floor's pixels that were chosen, and the share of the chosen that are no floor."""
+    """Give the share of the floor's pixels that were chosen, and the share of the chosen that are no floor."""
     ground = shot.ground[points.v, points.u] & np.isfinite(points.depth)
     right = np.count_nonzero(chosen & ground)
     count = int(np.count_nonzero(chosen))
@@ -153,12 +153,12 @@ def floor_shares(shot: Shot, points: Points, chosen: np.ndarray) -> tuple[float,
 
 
 def pitched(camera: RgbdModel, error_deg: float) -> RgbdModel:
-    """The camera if somebody notes its pitch wrong by so many degrees."""
+    """Give the camera as a program has it whose pitch is wrong by so many degrees."""
     return replace(camera, pitch=camera.pitch + np.deg2rad(error_deg))
 
 
 def pitch_sweep(shots: list[Shot], errors_deg, tolerance: float, per_metre: float = 0.0) -> np.ndarray:
-    """The share of floor found ``(errors, shots)`` with a pitch that is noted wrong."""
+    """Give the share of floor ``(errors, shots)`` that is found with a wrong pitch."""
     table = []
     for error in errors_deg:
         clouds = [points_of(shot, pitched(shot.camera, error), step=8) for shot in shots]
@@ -172,14 +172,14 @@ def pitch_sweep(shots: list[Shot], errors_deg, tolerance: float, per_metre: floa
 
 
 def registered_colours(shot: Shot, points: Points, camera: RgbdModel | None = None) -> np.ndarray:
-    """Step 1: the colour ``(M, 3)`` of each pixel, taken where Eq. 16 says."""
+    """Do step 1: take the colour ``(M, 3)`` of each pixel where Eq. 16 says."""
     u, v = associate_rgb(points.u, points.v, shot.disparity[points.v, points.u], camera or shot.camera)
     h, w = shot.rgb.shape[:2]
     return shot.rgb[np.clip(np.rint(v), 0, h - 1).astype(int), np.clip(np.rint(u), 0, w - 1).astype(int)]
 
 
 def journey(shot: Shot, u: int, v: int, spec: GridSpec) -> list[tuple[str, str]]:
-    """One pixel through the six steps with the report's settings: what each step says. Ends where it is refused."""
+    """Follow one pixel through the six steps with the report's settings, up to where it is refused."""
     d, config = int(shot.disparity[v, u]), TextureConfig.report()
     rows = [("depth pixel", f"u = {u}, v = {v}, d = {d}")]
     depth = float(depth_from_disparity(d, shot.camera))
@@ -261,7 +261,7 @@ class Judge:
 
 
 def judge_for(drive: Drive, spec: GridSpec, margin: int = 20) -> Judge:
-    """What the truth says about textures on the cells of ``spec``."""
+    """Prepare what the truth says about textures on the cells of ``spec``."""
     floor = drive.simulation.floor_area(spec)
     iy, ix = np.nonzero(floor)
     low = np.maximum([ix.min() - margin, iy.min() - margin], 0)
@@ -316,7 +316,7 @@ def journey_table(shot: Shot, u: int, v: int, spec: GridSpec) -> Shown:
 
 
 def fitted_camera(shot: Shot, camera: RgbdModel) -> RgbdModel:
-    """The camera with pitch and height corrected by the floor that this one shot shows."""
+    """Correct pitch and height of the camera by the floor that this one shot shows."""
     points = points_of(shot, camera)
     near = np.isfinite(points.depth) & (points.depth < 4.0)
     return level_camera(camera, fit_floor_plane(points.points_b[near]))
