@@ -84,7 +84,7 @@ def draw_act(resampling: str, k: int) -> Figure:
     """The exact belief above, the particles as dots below: as large as their weights, one column a cell."""
     acts = particle_walk(resampling == "yes")
     act = acts[min(k, len(acts) - 1)]
-    figure, (above, below) = new_figure(5.2, 5.2, rows=2, sharex=True, height_ratios=[1, 1.3])
+    figure, (above, below) = new_figure(5.1, 5.2, rows=2, sharex=True, height_ratios=[1, 1.3])
     bar_row(above, act.belief, "estimate", "exact belief; outline: what the particles say")
     above.bar(
         np.arange(CELLS), act.histogram, width=0.8, fill=False, edgecolor=COLOURS["truth"], linewidth=1.2
@@ -154,7 +154,7 @@ def importance_picture(n: int = 150, seed: int = 1) -> Picture:
     """A target belief, and draws from two proposals that weights turn into it."""
     before, act = particle_walk(True)[9:11]
     target, figure_words = act.belief, []
-    figure, rows = new_figure(5.2, 5.4, rows=2, sharex=True)
+    figure, rows = new_figure(5.1, 5.4, rows=2, sharex=True)
     for axes, proposal, name in zip(
         rows, (before.belief, np.full(CELLS, 1 / CELLS)), ("the prediction", "all cells alike"), strict=True
     ):

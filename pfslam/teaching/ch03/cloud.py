@@ -60,7 +60,7 @@ def end_spreads(recording: Recording, noise: ControlNoise, seeds: range, n: int 
 def fans_picture(recordings: dict[str, tuple[Recording, ControlNoise]], n: int = 5, seed: int = 0) -> Picture:
     """Paths of a few particles for each named recording with its noise: figures 3 and 4 of the report."""
     height = 4.6 if len(recordings) == 1 else 3.9
-    figure, grid = new_figure(5.2, height, 1, len(recordings), squeeze=False, sharex=True, sharey=True)
+    figure, grid = new_figure(5.1, height, 1, len(recordings), squeeze=False, sharex=True, sharey=True)
     words = []
     for axes, (name, (recording, noise)) in zip(grid[0], recordings.items(), strict=True):
         paths = fan(controls(recording), noise, n, np.random.default_rng(seed))
@@ -98,7 +98,7 @@ def rates_picture(
     """Heading spread over time at several rates: noise per sample on the left, per root second on the right."""
     root = np.sqrt(1.0 / rates[0])
     density = ControlNoise(noise.sigma_v * root, noise.sigma_omega * root, per_root_second=True)
-    figure, grid = new_figure(5.2, 3.6, 1, 2, sharey=True)
+    figure, grid = new_figure(5.1, 3.6, 1, 2, sharey=True)
     looks = zip(rates, ("estimate", "highlight", "odometry"), ("-", "-.", "--"), strict=True)
     styles = {rate: {"color": COLOURS[colour], "linestyle": line} for rate, colour, line in looks}
     words = []
@@ -134,7 +134,7 @@ def honesty_picture(recording: Recording, sigmas: tuple[float, ...]) -> Picture:
     poses, true_poses = aligned_at_first(odometry, recording.true_path())
     t = (odometry.t - odometry.t[0])[::20]
     error = np.rad2deg(wrap_angle(poses[:, 2] - true_poses[:, 2]))[::20]
-    figure, axes = new_figure(5.2, 3.8)
+    figure, axes = new_figure(5.1, 3.8)
     looks = zip(sigmas, ("odometry", "highlight", "estimate"), ("--", "-.", "-"), strict=True)
     for sigma, colour, line in looks:
         band = np.rad2deg(sigma * np.sqrt(IMU_INTERVAL * t))

@@ -83,7 +83,7 @@ def bar_row(axes: Axes, values: np.ndarray, colour: str, title: str) -> None:
 def draw_moment(moments: list[Moment], k: int) -> Figure:
     """Belief before, the likelihood of what is seen, and belief after, one above the other."""
     moment, before = moments[k], moments[max(k - 1, 0)]
-    figure, rows = new_figure(5.2, 5.0, rows=3, sharex=True)
+    figure, rows = new_figure(5.1, 5.0, rows=3, sharex=True)
     looks = moment.what.startswith("sees")
     sees_door = moment.what == "sees a door"
     bar_row(rows[0], before.belief, "particles", "prior: the belief before")

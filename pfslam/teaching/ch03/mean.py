@@ -30,7 +30,7 @@ def two_corridors(n: int = 100, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 def means_picture() -> Picture:
     """Headings on a circle with both means; and two clusters with their mean between them."""
-    figure, (left, right) = new_figure(5.2, 3.5, columns=2)
+    figure, (left, right) = new_figure(5.1, 3.5, columns=2)
     theta, (poses, weights) = facing_west(), two_corridors()
     plain, mean = theta.mean(), average_pose(poses, weights)
     _draw_circle(left, theta, plain)

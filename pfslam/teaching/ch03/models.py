@@ -75,7 +75,7 @@ def widths(poses: np.ndarray, truth: np.ndarray) -> dict[str, float]:
 def draw_model(drive: str, model: str) -> Figure:
     """Cloud, reported path and true end of one drive under one noise model."""
     clouds, reported, truth = model_cloud(drive, model), path(drive), path(drive, TRUE_BIAS)
-    figure, axes = new_figure(5.2, 4.2)
+    figure, axes = new_figure(5.1, 4.2)
     axes.plot(*reported[:, :2].T, color=COLOURS["odometry"], linestyle=LINE_STYLES["odometry"], linewidth=1.2)
     axes.plot(*truth[:, :2].T, color=COLOURS["truth"], linestyle=LINE_STYLES["truth"], label="truth")
     for cloud, colour in zip(clouds, ("particles", "particles", "estimate"), strict=True):

@@ -52,7 +52,7 @@ def draw_fit(axes: Axes, place: Place, points_w: np.ndarray, reach: float = 4.0,
 
 def question_picture(place: Place, wrong: tuple[float, float, float]) -> Picture:
     """The same scan from the true pose and from a wrong one."""
-    figure, axes = new_figure(5.2, 4.2, columns=2, sharey=True)
+    figure, axes = new_figure(5.1, 4.2, columns=2, sharey=True)
     counts = []
     for ax, offset, name in zip(axes, ((0.0, 0.0, 0.0), wrong), ("A", "B"), strict=True):
         points = place.moved(*offset)
@@ -83,7 +83,7 @@ def draw_surface(axes: Axes, scores: np.ndarray, top: float, mark: tuple[float, 
 
 def surfaces_picture(corner: Place, corridor: Place) -> Picture:
     """Two score surfaces at the true heading: one with a peak, one with a ridge."""
-    figure, axes = new_figure(5.2, 3.2, columns=2, sharey=True)
+    figure, axes = new_figure(5.1, 3.2, columns=2, sharey=True)
     words = []
     for ax, place, name in zip(axes, (corner, corridor), ("corner", "corridor"), strict=True):
         share = surface(place) / len(place.points_b)
@@ -102,7 +102,7 @@ def heading_picture(place: Place) -> Picture:
     """Score against heading error at the true position."""
     degrees = np.arange(-6.0, 6.01, 0.25)
     share = [np.mean(on_walls(place, place.moved(dtheta=np.deg2rad(d)))) for d in degrees]
-    figure, axes = new_figure(5.2, 2.9)
+    figure, axes = new_figure(5.1, 2.9)
     axes.plot(degrees, share, color=COLOURS["estimate"], marker="o", markersize=3)
     axes.axvline(0.0, color=COLOURS["truth"], linestyle=":")
     axes.set(xlabel="heading error [deg]", ylabel="share on walls", ylim=(0, 1), xticks=range(-6, 7, 2))
@@ -114,7 +114,7 @@ def heading_picture(place: Place) -> Picture:
 
 def draw_guess(place: Place, x: float, y: float, theta: float) -> Figure:
     """The scan on the map from a guessed pose, and the scores of all shifts at that heading (degrees)."""
-    figure, (left, right) = new_figure(5.2, 3.7, columns=2, width_ratios=[1.25, 1])
+    figure, (left, right) = new_figure(5.1, 3.7, columns=2, width_ratios=[1.25, 1])
     points = place.moved(x, y, np.deg2rad(theta))
     draw_fit(left, place, points, reach=3.5, size=6)
     share = map_correlation(place.grid.occupied, place.grid.spec, points) / len(points)
@@ -165,7 +165,7 @@ def patches(place: Place, chosen: list[int], reach: int = 4) -> tuple[list[np.nd
 def patches_picture(place: Place, chosen: tuple[int, ...] = (150, 300, 900)) -> Picture:
     """Three patches of the map and the sum over all: the scores of the 81 shifts at one heading."""
     some, total = patches(place, list(chosen))
-    figure, row = new_figure(5.2, 2.4, columns=4, width_ratios=[1, 1, 1, 1.25])
+    figure, row = new_figure(5.1, 2.4, columns=4, width_ratios=[1, 1, 1, 1.25])
     for axes, patch, name in zip(
         row, [*some, total], (*(f"point {k}" for k in chosen), "sum of all"), strict=True
     ):
@@ -187,7 +187,7 @@ def field_picture(place: Place, reach: float = 1.0) -> Picture:
     centres = grid.spec.cell_to_world(np.column_stack([ix, iy]))
     middle = centres[np.argmin(np.hypot(*(centres - place.pose[:2]).T))]
     values = score_field(grid.occupied, "distance").values / score_field(grid.occupied, "distance").top
-    figure, row = new_figure(5.2, 2.9, columns=2, sharey=True)
+    figure, row = new_figure(5.1, 2.9, columns=2, sharey=True)
     for axes, image, name in zip(
         row, (grid.occupied, values), ("occupied cells", "likelihood field"), strict=True
     ):

@@ -79,7 +79,7 @@ def _seconds(function: Callable, repeats: int) -> float:
 
 def search_times_picture(seconds: dict[str, float]) -> Picture:
     """Bars on a logarithmic scale."""
-    figure, axes = new_figure(5.2, 2.7)
+    figure, axes = new_figure(5.1, 2.7)
     names, values = list(seconds), np.array(list(seconds.values()))
     bars = axes.barh(names[::-1], values[::-1], color=COLOURS["estimate"])
     shown = [_duration(v) for v in values]
@@ -172,7 +172,7 @@ def fine_scores(place: Place, dx: np.ndarray, kind: str) -> np.ndarray:
 def fine_scores_picture(place: Place) -> Picture:
     """Both scores along x, every 5 mm."""
     dx = np.arange(-60, 61) * 0.005
-    figure, axes = new_figure(5.2, 3.2)
+    figure, axes = new_figure(5.1, 3.2)
     words = []
     for kind, name, colour in (("occupied", "count", "hits"), ("distance", "likelihood field", "estimate")):
         scores = fine_scores(place, dx, kind)

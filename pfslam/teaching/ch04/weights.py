@@ -1,4 +1,4 @@
-"""Chapter 04, from scores to weights, and three judges that are wrong: borrowed, shifted, and blind behind the wall."""
+"""Chapter 04, from scores to weights, and three scores that are wrong: borrowed, shifted, and blind behind the wall."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def sharpened(counts: np.ndarray, beta: float) -> np.ndarray:
 def draw_weights(poses: np.ndarray, counts: np.ndarray, beta: float) -> Figure:
     """The cloud, each particle as large as its weight; and the weights in order."""
     weights = sharpened(counts, beta)
-    figure, (left, right) = new_figure(5.2, 3.4, columns=2)
+    figure, (left, right) = new_figure(5.1, 3.4, columns=2)
     x, y = 100.0 * (poses[:, :2] - poses[:, :2].mean(axis=0)).T
     left.scatter(x, y, s=4.0, color=COLOURS["unknown"], linewidths=0)
     left.scatter(
@@ -106,7 +106,7 @@ def sharpness_explorer(place: Place) -> Explorer:
             )
         ],
         alt=partial(describe_weights, poses, counts),
-        title="How hard should the judge be?",
+        title="How sharp should the likelihood be?",
     )
 
 
@@ -157,7 +157,7 @@ def beam_scores(dx: np.ndarray) -> np.ndarray:
 def walls_picture() -> Picture:
     """End-point score and beam score while the robot is thought nearer and nearer to a thin and to a thick wall."""
     dx = np.arange(-0.5, 1.301, 0.025)
-    figure, axes = new_figure(5.2, 3.1, columns=2, sharey=True)
+    figure, axes = new_figure(5.1, 3.1, columns=2, sharey=True)
     words = []
     for ax, thickness, name in zip(axes, (0.05, 1.0), ("thin wall", "wall filled to 1 m"), strict=True):
         ends = fine_scores(wall_place(thickness), dx, "distance")

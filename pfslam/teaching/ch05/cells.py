@@ -85,7 +85,7 @@ def draw_cloud(maps: str, k: int) -> Figure:
     """The maps of some particles, one row each, with the particle's cell as a dot; all weights below."""
     moment = slam_walk(maps == "its own")[k]
     order = np.argsort(-moment.weights, kind="stable")[:: PARTICLES // SHOWN][:SHOWN]
-    figure, (above, below) = new_figure(5.2, 5.6, rows=2, height_ratios=[3, 1], sharex=True)
+    figure, (above, below) = new_figure(5.1, 5.6, rows=2, height_ratios=[3, 1], sharex=True)
     above.imshow(moment.maps[order], vmin=0, vmax=1, cmap="Greys", aspect="auto", interpolation="nearest")
     size = np.clip(25.0 * PARTICLES * moment.weights[order], 4.0, 150.0)
     above.scatter(moment.cells[order], np.arange(SHOWN), s=size, color=COLOURS["particles"], zorder=3)

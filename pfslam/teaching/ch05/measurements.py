@@ -50,7 +50,7 @@ def recording_start(recording: Recording) -> float:
 
 def slip_picture(excess: dict[str, np.ndarray]) -> Picture:
     """One dot per run, one row per case."""
-    figure, axes = new_figure(5.2, 2.9)
+    figure, axes = new_figure(5.1, 2.9)
     words = []
     for row, (name, values) in enumerate(excess.items()):
         colour = COLOURS[("odometry", "report", "report", "refined")[row]]
@@ -76,7 +76,7 @@ def stored_errors(table: Path) -> dict[str, np.ndarray]:
 
 def errors_picture(errors: dict[str, np.ndarray]) -> Picture:
     """One dot per run, one row per filter, logarithmic scale."""
-    figure, axes = new_figure(5.2, 2.9)
+    figure, axes = new_figure(5.1, 2.9)
     colours = [LOOKS.get(name, "estimate") for name in errors]
     words = []
     for row, ((name, values), colour) in enumerate(zip(errors.items(), colours, strict=True)):
@@ -120,7 +120,7 @@ def erosion_picture(
     maps: dict[str, tuple[OccupancyGrid, float]], window: tuple[float, float, float, float]
 ) -> Picture:
     """The same piece of wall drawn with each amount of clearing; ``window`` is x_min, x_max, y_min, y_max."""
-    figure, axes = new_figure(5.2, 4.8, rows=len(maps), sharex=True)
+    figure, axes = new_figure(5.1, 4.8, rows=len(maps), sharex=True)
     words = []
     for ax, (name, (grid, share)) in zip(axes, maps.items(), strict=True):
         draw_map(ax, grid, f"{name}: {share:.0%} of wall cells rubbed out")

@@ -87,7 +87,7 @@ def odometry_at(recording: Recording, t: np.ndarray) -> Trajectory:
 
 def dead_reckoned_maps_picture(recordings: dict[str, Recording]) -> Picture:
     """Figures 5 and 6 of the report: what dead reckoning draws."""
-    figure, axes = new_figure(5.2, 3.4, columns=len(recordings))
+    figure, axes = new_figure(5.1, 3.4, columns=len(recordings))
     words = []
     for ax, (name, recording) in zip(axes, recordings.items(), strict=True):
         odometry = dead_reckoning(recording)
@@ -102,7 +102,7 @@ def dead_reckoned_maps_picture(recordings: dict[str, Recording]) -> Picture:
 
 def results_picture(runs: dict[str, Played]) -> Picture:
     """Figures 7 and 8 of the report in one: map and trajectory of each run, with the truth."""
-    figure, axes = new_figure(5.2, 3.4, columns=len(runs))
+    figure, axes = new_figure(5.1, 3.4, columns=len(runs))
     words = []
     for ax, (name, run) in zip(axes, runs.items(), strict=True):
         draw_map(ax, run.grid, name)
@@ -128,7 +128,7 @@ def with_resamplings(run: Played) -> tuple[np.ndarray, np.ndarray]:
 
 def n_eff_picture(runs: dict[str, Played]) -> Picture:
     """N_eff over time for each run, with the threshold below which it resamples."""
-    figure, axes = new_figure(5.2, 3.0)
+    figure, axes = new_figure(5.1, 3.0)
     words = []
     for name, run in runs.items():
         colour = name if name in COLOURS else "estimate"
@@ -167,7 +167,7 @@ def film_explorer(runs: dict[str, Played]) -> Explorer:
 
 def _film_frame(runs: dict[str, Played], name: str, frame: int) -> Figure:
     run = runs[name]
-    figure, axes = new_figure(5.2, 4.4, 2, 2, width_ratios=[1.6, 1], height_ratios=[1.5, 1])
+    figure, axes = new_figure(5.1, 4.4, 2, 2, width_ratios=[1.6, 1], height_ratios=[1.5, 1])
     grid_spec = axes[0, 0].get_gridspec()
     for ax in axes[:, 0]:
         ax.remove()

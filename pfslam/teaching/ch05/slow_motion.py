@@ -212,7 +212,7 @@ STEPS: tuple[Callable[[Axes, Axes, Update], str], ...] = (
 
 def draw_step(k: int) -> Figure:
     """One picture of the update."""
-    figure, (left, right) = new_figure(5.2, 3.5, columns=2, width_ratios=[1.25, 1])
+    figure, (left, right) = new_figure(5.1, 3.5, columns=2, width_ratios=[1.25, 1])
     figure.suptitle(f"{k}. {STEPS[k - 1](left, right, one_update())}", fontsize=12)
     figure.set_layout_engine("none")  # every picture of the update has its axes in the same places
     left.set_position((0.13, 0.16, 0.45, 0.67))
@@ -268,7 +268,7 @@ def comb_picture(weights=(0.6, 0.25, 0.15), offset: float = 0.637) -> Picture:
     """Three particles and a comb of three teeth: what one does by hand."""
     weights = np.asarray(weights)
     edges, n = np.concatenate([[0.0], np.cumsum(weights)]), len(weights)
-    figure, axes = new_figure(5.2, 2.2)
+    figure, axes = new_figure(5.1, 2.2)
     for k, colour in enumerate(LOOKS):
         axes.barh(0, weights[k], left=edges[k], color=COLOURS[colour], height=0.6)
         axes.text(edges[k] + weights[k] / 2, 0, f"{k}", ha="center", va="center", color="white", fontsize=14)

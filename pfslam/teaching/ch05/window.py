@@ -44,7 +44,7 @@ def window_picture() -> Picture:
     scores, (step, best) = window_scores(particle), best_step(particle)
     at = round(step[2] / STEP_YAW) + YAWS
     shown = sorted({0, YAWS, at} | ({2 * YAWS} if at in (0, YAWS) else set()))
-    figure, row = new_figure(5.2, 2.7, columns=len(shown), sharey=True)
+    figure, row = new_figure(5.1, 2.7, columns=len(shown), sharey=True)
     edge = (CELLS + 0.5) * STEP_XY
     for axes, i in zip(row, shown, strict=True):
         image = axes.imshow(scores[i], origin="lower", extent=(-edge, edge, -edge, edge), vmin=0, vmax=best)

@@ -111,12 +111,15 @@ def mean_pose(poses, weights):
 def step(f, s, poses, weights, log_odds, points_b, drive, rng):
     """One scan: predict, weigh, estimate, resample, draw."""
     for v, omega, dt in drive:  # predict; at rest the gyro's noise turns nobody
-        poses = f.move(poses, v, omega, dt, s.sigma_v, s.sigma_omega * (v != 0), rng)
+        sigma_omega = s.sigma_omega * (v != 0)
+        poses = f.move(poses, v, omega, dt, s.sigma_v, sigma_omega, rng)
     walls = log_odds > 0
     if walls.any():  # score every particle where it stands, and weigh it
         scans = [f.to_world(pose, points_b) for pose in poses]
-        counts = [f.count_on_walls(points, walls, s.origin, s.resolution) for points in scans]
-        weights = f.update(weights, np.exp(s.sharpness * (np.array(counts) - max(counts))))
+        grid = (walls, s.origin, s.resolution)
+        counts = np.array([f.count_on_walls(points, *grid) for points in scans])
+        likelihood = np.exp(s.sharpness * (counts - counts.max()))
+        weights = f.update(weights, likelihood)
     estimate = f.mean_pose(poses, weights)
     if 1 / np.sum(weights**2) <= s.resample_below * len(weights):  # the comb
         poses, weights = f.resample(poses, weights, rng)
@@ -238,7 +241,7 @@ def odometry_error(recording: Recording, path: Trajectory) -> float:
 
 def driven_picture(runs: dict[str, Driven], recording: Recording) -> Picture:
     """Map and path of each run, with the truth and what dead reckoning made of the same drive."""
-    figure, row = new_figure(5.2, 3.4, columns=len(runs), sharey=True, squeeze=False)
+    figure, row = new_figure(5.1, 3.4, columns=len(runs), sharey=True, squeeze=False)
     words = []
     for axes, (name, run) in zip(row[0], runs.items(), strict=True):
         draw_map(axes, run.grid, name)
