@@ -157,29 +157,12 @@ def test_poses_that_the_truth_does_not_cover_are_counted(tmp_path):
     assert not_compared == np.count_nonzero(recording.lidar.t > truth.t[-1])
 
 
-def test_a_truth_of_another_day_is_compared_with_nothing(tmp_path, capsys):
-    recording = box_recording(images=0)
-    truth = Trajectory(recording.truth.t - 86_400.0, recording.truth.poses)
-    save_course(replace(recording, truth=truth), 7, tmp_path)
-    assert main(["run", "7", "--data", str(tmp_path), "--out", str(tmp_path), "--particles", "5"]) == 0
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert summary["dropped"]["poses outside the truth's time, not compared"] == summary["scans"] > 5
-    assert {"odometry", "slam"}.isdisjoint(summary)
-    assert "from the truth" not in capsys.readouterr().out
-
-
 def test_a_robot_that_was_lost_is_spoken_of():
     words = commands.closing_words(box_recording(images=0), {"lost": 2}, "here")
     assert words.splitlines() == [
         "the robot seems to have been lost or moved by hand 2 times",
         "results are in here",
     ]
-
-
-def test_what_json_has_no_word_for():
-    found = {1: (np.float32(0.5), np.nan), "n": np.int64(3), "far": float("inf"), "on": np.bool_(True)}
-    assert commands.plain(found) == {"1": [0.5, None], "n": 3, "far": None, "on": True}
-    assert json.dumps(commands.plain(found)) == '{"1": [0.5, null], "n": 3, "far": null, "on": true}'
 
 
 def test_options_reach_the_filter(data, tmp_path):

@@ -1,8 +1,5 @@
 """What a user types becomes a recording; the cache helps and never harms."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from box_recording import box_recording
@@ -137,10 +134,3 @@ def test_every_public_name_exists():
     assert set(pfslam.__all__) <= set(dir(pfslam))
     with pytest.raises(AttributeError):
         _ = pfslam.no_such_name
-
-
-def test_importing_the_package_imports_nothing_heavy():
-    code = (
-        "import pfslam, sys; print([m for m in ('numpy', 'cv2', 'tqdm', 'matplotlib') if m in sys.modules])"
-    )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import pfslam
-from pfslam.correlation import map_correlation
 from pfslam.evaluation import faults
 from pfslam.grid import LOG_4
 from pfslam.motion import Controls, controls
@@ -229,15 +228,6 @@ def test_the_numbers_of_the_filter_separate(exhibits):
     assert broken == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_the_numbers_of_the_filter_separate_on_other_seeds_too(hall, seed):
-    more = filter_faults(hall, filter_runs(hall, seed))
-    assert more["too sharp"].healthy > 5 * more["too sharp"].broken
-    assert more["kept weights"].healthy - more["kept weights"].broken > 0.05
-    assert more["torn rows"].healthy - more["torn rows"].broken > 0.9
-    assert more["w = 0"].healthy - more["w = 0"].broken > 0.4
-
-
 def test_the_symptoms_of_the_filter_are_there(runs):
     assert runs["w = 0"].ate > 5 * runs["healthy"].ate
     assert runs["kept weights"].families[15] < runs["healthy"].families[15]
@@ -284,12 +274,6 @@ def test_rounding_pulls_by_half_a_cell(hall):
         share = self_match(door_scans(hall)[1], hall.robot.lidar, shifts, rounded)
         assert best_shift(shifts, share) == pytest.approx(pull, abs=1e-6)
         assert share.max() == 1.0
-
-
-def test_a_scan_at_its_own_place_is_all_on_walls():
-    spec = pfslam.GridSpec((0.0, 0.0), 0.05, (10, 10))
-    occupied = np.eye(10, dtype=bool)
-    assert map_correlation(occupied, spec, spec.cell_to_world(np.argwhere(occupied))) == 10
 
 
 def test_two_camera_faults_tilt_the_floor_alike_and_walls_tell_them_apart(exhibits, hall):

@@ -160,12 +160,6 @@ def test_the_blind_ring_begins_45_cm_ahead_of_the_camera():
     assert in_the_image == pytest.approx(nearest_floor(CAMERA), abs=0.003)
 
 
-def test_the_blind_ring_reaches_to_the_lower_edge_of_the_last_row():
-    """200 rows of a level camera, 100 pixels between the middle and the edge at a focal length of 100: 45 degrees."""
-    camera = replace(CAMERA, height=200, centre_v=99.5, focal_v=100.0, pitch=0.0, position_b=(0.0, 0.0, 0.4))
-    assert nearest_floor(camera) == pytest.approx(0.4, rel=1e-12)
-
-
 def synthetic_plane(slope, height, rng, outliers=0.3):
     """Points of a floor seen over 0.6 to 3 m with 2 mm of noise, among points of walls."""
     x, y = rng.uniform(0.6, 3.0, 4000), rng.uniform(-1, 1, 4000)

@@ -13,6 +13,7 @@ from pfslam.grid import (
     GridSpec,
     MapConfig,
     OccupancyGrid,
+    free_cells,
     integrate_scan,
     log_odds,
     probability,
@@ -279,3 +280,16 @@ def test_a_grid_grows_by_at_least_the_margin_beyond_the_point_and_not_elsewhere(
 def test_grid_that_covers_the_points_is_not_copied():
     grid = OccupancyGrid.empty(SPEC)
     assert grid.covering(np.array([[2.99, 1.99], [-3.0, -2.0]])) is grid
+
+
+def free(beams):
+    """What a scan of two beams, ten metres away and 45 degrees apart, saw through; cells of 1 m."""
+    spec = GridSpec((0.0, 0.0), 1.0, (12, 12))
+    ends = np.array([[10.5, 0.5], [10.5, 10.5]])
+    return free_cells(spec, ends, np.array(beams), np.array([0.5, 0.5]), "polygon")[0]
+
+
+def test_what_lies_between_two_neighbouring_beams_is_free_and_a_single_missing_beam_tells_nothing():
+    assert free([4, 5])[4, 8] == 1
+    assert free([4, 6])[4, 8] == 0
+    assert free([4, 6])[0, 5] == 1  # along the beams themselves

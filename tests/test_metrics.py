@@ -21,6 +21,7 @@ from pfslam.evaluation.trajectory import (
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, compose, wrap_angle
+from pfslam.sensors import LidarModel
 
 T = np.linspace(10.0, 20.0, 60)
 
@@ -248,3 +249,16 @@ def test_poses_at_no_scans_time_are_refused():
 def test_without_scans_there_is_no_cost():
     with pytest.raises(DataError, match="lidar: found no scans"):
         slam_cost(Trajectory([0.0, 0.1], np.zeros((2, 3))), GRID, replace(drive([(0.2, 0, 0.0)]), lidar=None))
+
+
+@pytest.mark.parametrize(
+    ("place", "heading"),
+    [((-2.0, 2.0), np.pi), ((6.0, 2.0), 0.0), ((2.0, -2.0), -np.pi / 2), ((2.0, 6.0), np.pi / 2)],
+)
+def test_nothing_is_met_outside_the_map_even_if_its_border_is_a_wall(place, heading):
+    grid = OccupancyGrid.empty(GridSpec((0.0, 0.0), 1.0, (4, 4)))
+    grid.log_odds[:] = 1.0
+    lidar = LidarModel(0.0, 0.0, 1, range_min=0.1, range_max=8.0, position_b=(0.0, 0.0, 0.0))
+    away = np.array([*place, heading])
+    assert predicted_ranges(grid, away, lidar)[0] == 8.0
+    assert predicted_ranges(grid, away + [0.0, 0.0, np.pi], lidar)[0] < 3.0

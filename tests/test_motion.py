@@ -216,3 +216,9 @@ def test_log_of_odometry_poses_starts_at_the_origin():
 
 # End poses measured on the real robot, in metres and radians to two decimals: half a unit of the last is the
 # tolerance.
+
+
+def test_the_first_reading_is_travel_before_the_drive():
+    """Counts stand for the interval that ends at their stamp, so those of the first reading lie before it."""
+    encoders = Encoders(np.array([0.0, 1.0, 2.0]), np.repeat([[7.0], [1.0], [2.0]], 4, axis=1))
+    np.testing.assert_allclose(wheel_distance(encoders, EncoderModel(0.5), [0.0, 1.0, 2.0]), [0.0, 0.5, 1.5])

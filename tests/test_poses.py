@@ -170,12 +170,6 @@ def test_trajectory_refuses_times_outside_its_own(t):
         TURN.at(np.array([1.0, t]))
 
 
-def test_trajectory_of_one_pose():
-    single = Trajectory([5.0], [[1, 2, 3]])
-    np.testing.assert_array_equal(single.at(5.0), [1, 2, 3])
-    np.testing.assert_array_equal(single.at(np.array([5.0, 5.0])), [[1, 2, 3], [1, 2, 3]])
-
-
 @pytest.mark.parametrize(
     ("t", "poses"),
     [

@@ -165,14 +165,6 @@ def test_every_tile_gets_its_own_colour(config):
     assert share_of_right_colour(texture) > 0.99
 
 
-def test_the_floor_begins_behind_the_blind_ring():
-    recording, truth = drive(STANDING)
-    texture = map_texture(recording, truth, config=replace(REPORT, resolution=0.01))
-    ix = np.nonzero(texture.seen)[1]
-    nearest = ix.min() * 0.01 + texture.spec.origin[0]
-    assert nearest == pytest.approx(0.16766 + 0.45, abs=0.015)
-
-
 def test_a_pose_for_each_image_repairs_the_delay_of_the_colour_camera():
     turning = [(0.0, 0.0, 0.1 * k) for k in range(6)]
     recording, truth = drive(turning, rgb_delay=0.05)
@@ -278,18 +270,6 @@ def test_an_image_without_floor_is_counted_and_its_colours_are_not_read():
     assert texture.dropped == {"pairs: no floor": 2}
     assert not texture.seen.any()
     assert texture.pairs == 0
-
-
-def test_every_second_pair_and_the_progress_of_all():
-    recording, truth = drive(WALKING)
-    lengths = []
-
-    def progress(pairs):
-        lengths.append(len(pairs))
-        return pairs
-
-    assert map_texture(recording, truth, every=2, progress=progress).pairs == 4
-    assert lengths == [4]
 
 
 # Bad input

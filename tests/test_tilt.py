@@ -15,7 +15,7 @@ from pfslam.recording import Encoders, Imu, Recording
 from pfslam.runs import run_slam
 from pfslam.sensors import STANDARD_GRAVITY, EncoderModel, LidarModel
 from pfslam.simulator import RAMP, simulate
-from pfslam.tilt import SPEED_SMOOTHING, TiltConfig, estimate_tilt, standing_start
+from pfslam.tilt import SPEED_SMOOTHING, TiltConfig, estimate_tilt
 
 CONFIG = TiltConfig()
 T = np.arange(0.0, 20.0, 0.01)
@@ -87,12 +87,6 @@ def _moving_from_the_start(recording):
     counts = recording.encoders.counts.copy()
     counts[:2] = 5
     return replace(recording.encoders, counts=counts)
-
-
-def test_standing_start_ends_with_the_first_count():
-    still = standing_start(leaning(0.0, speed=MOVING))
-    assert 3.0 <= T[still][-1] < 3.2  # the first count falls due soon after the start at 3 s
-    assert still[: np.count_nonzero(still)].all()
 
 
 def slow_tilt(recording, config):

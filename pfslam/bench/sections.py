@@ -25,7 +25,6 @@ from pfslam.runs import slam_steps
 from pfslam.search.lattice import Lattice, Window
 from pfslam.search.volume import search
 from pfslam.sensors import scan_points
-from pfslam.study.run import peak_megabytes
 
 ALWAYS_DRAW = replace(SlamConfig.refined(), every=5, draw_metres=0.0, draw_radians=0.0)
 """Every update does the same work."""
@@ -48,23 +47,11 @@ PACKAGE = Path(pfslam.__file__).parent
 MEMORY = """
 import sys
 from pfslam.__main__ import main
-from pfslam.bench.sections import peak_megabytes
+from pfslam.study.run import peak_megabytes
 main(sys.argv[1:])
 print(peak_megabytes())
 """
 WINDOW = Window(4, 4)
-
-__all__ = [
-    "QUICK",
-    "Effort",
-    "growth",
-    "memory",
-    "peak_megabytes",
-    "runs",
-    "scoring",
-    "update",
-    "update_parts",
-]
 
 
 @dataclass(frozen=True)

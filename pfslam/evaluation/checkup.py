@@ -49,8 +49,7 @@ def check_up(recording: Recording) -> list[Finding]:
         check_rest(recording),
         check_track(recording),
         check_beams(recording),
-        check_scan_turn(recording),
-        check_scan_clock(recording),
+        *check_scans(recording),
         check_images(recording),
     ]
 
@@ -123,24 +122,23 @@ def check_beams(recording: Recording) -> Finding:
     return Finding(question, bool(valid.mean() >= 0.5 and (valid < 0.1).mean() < 0.01), found, expected)
 
 
-def check_scan_turn(recording: Recording) -> Finding:
-    """Check that successive scans turn as the gyro says: an upside-down LiDAR or a flipped gyro gives -1."""
-    question, expected = "Do scans turn as the gyro does?", "a factor of 0.8 to 1.2"
+def check_scans(recording: Recording) -> list[Finding]:
+    """Check that successive scans turn as the gyro says, and at the same time by both clocks.
+
+    An upside-down LiDAR or a flipped gyro gives a factor of -1. Late is by how much the turns agree best.
+    """
+    turn = "Do scans turn as the gyro does?", "a factor of 0.8 to 1.2"
+    clock = "Do scans and gyro share a clock?", "within 0.03 s"
     fit = scan_turn_fit(recording)
     if fit is None:
-        return Finding(question, None, "no scans in turns", expected)
-    factor, _ = fit
-    return Finding(question, bool(0.8 <= factor <= 1.2), f"factor {factor:+.2f}", expected)
-
-
-def check_scan_clock(recording: Recording) -> Finding:
-    """Check that scans and gyro share a clock: find the shift at which their turns agree best."""
-    question, expected = "Do scans and gyro share a clock?", "within 0.03 s"
-    fit = scan_turn_fit(recording)
-    if fit is None:
-        return Finding(question, None, "no scans in turns", expected)
-    _, late = fit
-    return Finding(question, bool(abs(late) <= 0.03), f"scans {1000 * late:+.0f} ms late", expected)
+        return [
+            Finding(question, None, "no scans in turns", expected) for question, expected in (turn, clock)
+        ]
+    factor, late = fit
+    return [
+        Finding(turn[0], bool(0.8 <= factor <= 1.2), f"factor {factor:+.2f}", turn[1]),
+        Finding(clock[0], bool(abs(late) <= 0.03), f"scans {1000 * late:+.0f} ms late", clock[1]),
+    ]
 
 
 def check_images(recording: Recording) -> Finding:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import secrets
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 
 from pfslam.errors import DataError
 
@@ -96,36 +96,30 @@ def read_npz(
     damaged member, or a size beyond ``MAX_FIELD_BYTES``.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
-            members = {m.filename.removesuffix(".npy"): m for m in archive.infolist()}
-            if missing := [name for name in required if name not in members]:
-                held = ", ".join(sorted(members)[:8]) or "nothing"
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+            if missing := [name for name in required if name not in archive.files]:
+                held = ", ".join(sorted(archive.files)[:8]) or "nothing"
                 raise DataError(path, "keys", held[:200], f"a key named {missing[0]}")
-            wanted = [*required, *(name for name in optional if name in members)]
-            return {name: _read_member(path, archive, members[name], name) for name in wanted}
+            names = [*required, *(name for name in optional if name in archive.files)]
+            return {name: _read_member(path, archive, name) for name in names}
     except DataError:
         raise
     except OSError as error:
         raise DataError(path, "reading", reason(error), "a readable .npz archive") from error
-    except Exception as error:  # zipfile and zlib raise many kinds for a damaged archive
+    except Exception as error:  # NumPy, zipfile and zlib raise many kinds for a damaged archive
         raise DataError(path, "file", f"an unreadable archive ({error})", "a whole .npz archive") from error
 
 
-def _read_member(path, archive: zipfile.ZipFile, member: zipfile.ZipInfo, name: str) -> np.ndarray:
+def _read_member(path: str | Path, archive: NpzFile, name: str) -> np.ndarray:
+    member = archive.zip.getinfo(f"{name}.npy")
     if member.file_size > MAX_FIELD_BYTES:
         found = f"a stated size of {member.file_size} bytes"
         raise DataError(path, name, found, f"at most {MAX_FIELD_BYTES} bytes")
     try:
-        with archive.open(member) as file:
-            values = np.lib.format.read_array(file, allow_pickle=False)
-            rest = file.read()  # to the end, where the check sum is compared
+        values = archive[name]
     except Exception as error:  # whatever a damaged header makes NumPy stumble over
-        raise DataError(
-            path, name, f"a damaged array ({error})", "plain numbers, never objects or text"
-        ) from error
-    if rest:
-        found = f"{len(rest)} bytes too many for {values.dtype} of shape {values.shape}"
-        raise DataError(path, name, found, "as many bytes as the shape needs")
+        expected = "plain numbers, never objects or text"
+        raise DataError(path, name, f"a damaged array ({error})", expected) from error
     if values.dtype.kind not in "biuf":
         raise DataError(path, name, f"an array of {values.dtype}", "plain numbers, never objects or text")
     return values
