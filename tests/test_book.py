@@ -91,7 +91,7 @@ def test_the_reference_lists_every_public_module():
 
 def test_the_colours_shown_to_the_reader_are_those_of_the_figures():
     text = (ROOT / "book" / "how_to_use.md").read_text(encoding="utf-8")
-    names = ("truth", "odometry", "estimate", "particles", "hits", "free", "unknown")
+    names = ("truth", "odometry", "estimate", "particles", "hits", "free", "unknown", "report")
     assert re.findall(r"background:(#\w+)", text) == [COLOURS[name] for name in names]
 
 
