@@ -29,7 +29,7 @@ def read(path: Path) -> list[dict[str, str]]:
 def chapters_table(rows: list[dict[str, str]]) -> str:
     """One line per chapter and their sum, as Markdown."""
     lines = [
-        "| chapter | words | wid~gets | exer~cises | plan [min] | start-up [s] | run [s] | mem~ory [MB] |",
+        "| chapter | words | wid~gets | exer~cises | plan [min] | start [s] | run [s] | mem~ory [MB] |",
         "|---|--:|--:|--:|--:|--:|--:|--:|",
     ]
     for row in rows:
