@@ -82,7 +82,7 @@ def _goes_on(rows: list[tuple[str, str]]) -> bool:
 
 def draw_journey(shot: Shot, pixel: tuple[int, int], last: int, rows: list[tuple[str, str]]) -> Figure:
     """Draw the camera image, the side view, and the words of the step."""
-    figure, axes = new_figure(5.4, 5.8, rows=2, height_ratios=[1.45, 1])
+    figure, axes = new_figure(5.1, 5.8, rows=2, height_ratios=[1.45, 1])
     u, v = pixel
     colour = COLOURS["highlight"] if _goes_on(rows) else COLOURS["hits"]
     small = cv2.resize(shot.rgb, (SCALE * 4 // 3, SCALE), interpolation=cv2.INTER_AREA)
@@ -171,7 +171,7 @@ def floor_explorer(shot: Shot) -> Explorer:
 
 def draw_floor_choice(shot: Shot, points, chosen, tolerance: float, found: float, wrong: float) -> Figure:
     """Draw the chosen pixels in their colours, the others dark, and below all points from the side."""
-    figure, axes = new_figure(5.4, 5.8, rows=2, height_ratios=[1.45, 1])
+    figure, axes = new_figure(5.1, 5.8, rows=2, height_ratios=[1.45, 1])
     colours = registered_colours(shot, points).astype(float)
     colours[~chosen] *= 0.3
     image = colours.reshape(shot.camera.height // 4, shot.camera.width // 4, 3).astype(np.uint8)

@@ -66,7 +66,7 @@ def structured_light_explorer(camera: RgbdModel) -> Explorer:
         return focal_times_baseline / z
 
     def draw(z: float) -> Figure:
-        figure, (above, below) = new_figure(5.4, 5.2, rows=2, height_ratios=[1, 1])
+        figure, (above, below) = new_figure(5.1, 5.0, rows=2, height_ratios=[1, 1])
         _draw_triangle(above, z, baseline)
         depths = np.linspace(0.45, 8.2, 200)
         below.plot(depths, disparity_from_depth(depths, camera), color=COLOURS["estimate"])

@@ -177,7 +177,7 @@ def seeds_frame(pairs: dict[str, Pair]) -> Callable[..., Figure]:
 
     def draw(pair: str, seeds: int) -> Figure:
         settings = in_order(pairs[pair])
-        figure, (above, below) = new_figure(5.4, 5.0, rows=2, height_ratios=[1, 1.2])
+        figure, (above, below) = new_figure(5.1, 5.0, rows=2, height_ratios=[1, 1.2])
         _draw_experiment(above, settings, drawn(settings, seeds))
         _draw_mistakes(below, mistakes(pair, np.median), mistakes(pair, np.mean), seeds)
         return figure
@@ -256,7 +256,7 @@ def seeds_explorer(pairs: dict[str, Pair]) -> Explorer:
 def sweep_frame(parameter: str, metric: str) -> Figure:
     """Draw one parameter and one metric, on both drives where both were run."""
     sweep, what = SWEEPS[parameter], METRICS[metric]
-    figure, axes = new_figure(5.4, 3.8)
+    figure, axes = new_figure(5.1, 3.8)
     draw_strips(axes, sweep_series(sweep, what.column), ".3g")
     axes.set_ylim(bottom=0)
     axes.set(xlabel=sweep.title, ylabel=f"{what.title} [{what.unit}]" if what.unit else what.title)

@@ -132,7 +132,7 @@ def track_explorer(recording: Recording) -> Explorer:
         return float(np.rad2deg(np.sqrt(np.mean((wheels(track) - gyro) ** 2))))
 
     def draw(track: float) -> Figure:
-        figure, axes = new_figure(5.4, 3.6)
+        figure, axes = new_figure(5.1, 3.6)
         axes.plot(since, np.rad2deg(gyro), color=INK, linewidth=1.2, label="gyro")
         axes.plot(since, np.rad2deg(wheels(track)), color=COLOURS["odometry"], label="wheels")
         axes.set_xlabel("time [s]")
@@ -192,7 +192,7 @@ def lever_explorer(recording: Recording) -> Explorer:
         return turn_points(recording, lever, span)
 
     def draw(lever: float) -> Figure:
-        figure, axes = new_figure(5.4, 5.0)
+        figure, axes = new_figure(5.1, 4.8)
         near = points(lever)
         near = near[np.abs(near - here).max(axis=1) < 2.6]
         axes.scatter(*near.T, s=1.5, color=COLOURS["hits"], linewidths=0)

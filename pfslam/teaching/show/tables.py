@@ -92,7 +92,10 @@ class Shown:
     def markdown(self) -> str:
         """The table in Markdown."""
         rule = [":--" if k in self.left else "--:" for k in range(len(self.head))]
-        return "\n".join("| " + " | ".join(line) + " |" for line in (self.head, rule, *self.rows))
+        lines = (self.head, rule, *self.rows)
+        return "\n".join(
+            "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines
+        )
 
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict[str, str]:
         if output_mode() == "text":
