@@ -8,6 +8,7 @@ from pfslam.sensors import RgbdModel
 from pfslam.teaching import ch06
 from pfslam.teaching.ch06.geometry import SUBPIXEL, TAPE
 from pfslam.teaching.ch06.pairs import EVERY
+from pfslam.teaching.show.tables import Shown
 from pfslam.texture.floor import associate_rgb, disparity_from_depth, nearest_floor
 
 CAMERA = RgbdModel()
@@ -78,3 +79,8 @@ def test_the_frames_picture_measures_the_ring_from_the_turning_point():
     words = ch06.frames_picture(CAMERA).alt
     assert f"{ring:.2f} m ahead of the camera" in words
     assert f"{ring + CAMERA.position_b[0]:.2f} m ahead of the chassis centre" in words
+
+
+def test_a_bar_in_a_cell_of_a_table_is_no_column():
+    table = Shown(("step", "result"), [("5 floor", "|z| <= 0.01 m")])
+    assert table.markdown().splitlines()[-1] == "| 5 floor | \\|z\\| <= 0.01 m |"
