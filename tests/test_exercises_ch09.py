@@ -1,106 +1,230 @@
-"""Exercises of chapter 09: stub, solution, and the mistakes that the hints are written for."""
+"""Exercises of chapter 09: stub, solution, right answers in many styles, and the words for each wrong one."""
+
+import math
 
 import numpy as np
+import pytest
 from notebook_cells import defined
 
 from pfslam.poses import Trajectory
-from pfslam.teaching.ch09.beyond import best_fit_rmse
-from pfslam.teaching.ch09.checks import check_blocked, check_draw_all, check_first_pose_error
+from pfslam.teaching import ch09
+from pfslam.teaching.ch09.judging import best_fit_rmse
 
-CHECKS = {
-    "check_first_pose_error": check_first_pose_error,
-    "check_draw_all": check_draw_all,
-    "check_blocked": check_blocked,
+EXERCISES = {
+    1: ("sub_cell", ch09.check_sub_cell),
+    2: ("first_pose_error", ch09.check_first_pose_error),
+    3: ("line_step", ch09.check_line_step),
+    4: ("blocked", ch09.check_blocked),
 }
 
 
-def from_notebook(tag, name):
-    return defined("09", tag, **CHECKS)[name]
+@pytest.mark.parametrize("number", EXERCISES)
+def test_the_stub_is_unanswered_and_the_solution_right(number):
+    name, check = EXERCISES[number]
+    assert check(defined("09", f"exercise-{number}")[name]).verdict == "unanswered"
+    assert check(defined("09", f"solution-{number}")[f"{name}_solution"])
 
 
-def test_first_pose_error_stub_and_solution():
-    assert check_first_pose_error(from_notebook("exercise-1", "first_pose_error")).verdict == "unanswered"
-    assert check_first_pose_error(from_notebook("solution-1", "first_pose_error_solution"))
+# ---- right answers
 
 
-def turned(poses, true_poses):
-    turn = true_poses[0, 2] - poses[0, 2]
+def top_of_polyfit(left, middle, right):
+    a, b, _ = np.polyfit([-1, 0, 1], [left, middle, right], 2)
+    return -b / (2 * a)
+
+
+SUB_CELL = [
+    top_of_polyfit,
+    lambda a, b, c: np.float32((a - c) / (a - 2 * b + c) / 2),
+    lambda a, b, c: round((a - c) / (2 * (a - 2 * b + c)), 4),
+    lambda a, b, c: np.array([(a - c) / (2 * (a - 2 * b + c))]),
+    lambda a, b, c: -((c - a) / 2) / ((c - b) - (b - a)),
+    lambda a, b, c: np.roots(np.polyder(np.polyfit([-1, 0, 1], [a, b, c], 2)))[0],
+]
+
+
+def by_complex_numbers(poses, true_poses):
+    z, w = poses[:, 0] + 1j * poses[:, 1], true_poses[:, 0] + 1j * true_poses[:, 1]
+    away = (z - z[0]) * np.exp(1j * (true_poses[0, 2] - poses[0, 2])) - (w - w[0])
+    return np.sqrt(np.mean(np.abs(away) ** 2))
+
+
+def by_a_loop(poses, true_poses):
+    turn, total = true_poses[0][2] - poses[0][2], 0.0
+    for p, q in zip(poses, true_poses, strict=True):
+        dx, dy = p[0] - poses[0][0], p[1] - poses[0][1]
+        x = true_poses[0][0] + math.cos(turn) * dx - math.sin(turn) * dy
+        y = true_poses[0][1] + math.sin(turn) * dx + math.cos(turn) * dy
+        total += (x - q[0]) ** 2 + (y - q[1]) ** 2
+    return math.sqrt(total / len(poses))
+
+
+def by_matrices(poses, true_poses):
+    def matrix(pose):
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        return np.array([[c, -s, pose[0]], [s, c, pose[1]], [0, 0, 1]])
+
+    moved = matrix(true_poses[0]) @ np.linalg.inv(matrix(poses[0]))
+    points = np.column_stack([poses[:, :2], np.ones(len(poses))]) @ moved.T
+    return np.linalg.norm(points[:, :2] - true_poses[:, :2]) / np.sqrt(len(poses))
+
+
+FIRST_POSE = [
+    by_complex_numbers,
+    by_a_loop,
+    by_matrices,
+    lambda p, q: np.float32(by_complex_numbers(p, q)),
+    lambda p, q: [by_complex_numbers(p, q)],
+    lambda p, q: float(f"{by_complex_numbers(p, q):.4g}"),
+]
+
+
+def by_lstsq(arms, position, centres, normals):
+    residual = np.einsum("ij,ij->i", normals, arms + position - centres)
+    turning = normals[:, 1] * arms[:, 0] - normals[:, 0] * arms[:, 1]
+    return np.linalg.lstsq(np.column_stack([normals, turning]), -residual, rcond=None)[0]
+
+
+def by_sums(arms, position, centres, normals):
+    H, g = np.zeros((3, 3)), np.zeros(3)
+    for a, c, n in zip(arms, centres, normals, strict=True):
+        J = np.array([n[0], n[1], n[1] * a[0] - n[0] * a[1]])
+        H += np.outer(J, J)
+        g += J * (n @ (position + a - c))
+    return np.linalg.solve(H, -g)
+
+
+LINE_STEP = [
+    by_lstsq,
+    by_sums,
+    lambda *case: by_sums(*case).tolist(),
+    lambda *case: tuple(by_lstsq(*case)),
+    lambda *case: by_lstsq(*case).astype(np.float32),
+    lambda *case: np.round(by_lstsq(*case), 6),
+    lambda a, p, c, n: (
+        -np.linalg.pinv(np.column_stack([n, n[:, 1] * a[:, 0] - n[:, 0] * a[:, 1]]))
+        @ ((a + p - c) * n).sum(axis=1)
+    ),
+]
+
+
+def by_steps(occupied, cells):
+    found = False
+    for ix, iy in cells.tolist()[:-3]:
+        found |= bool(occupied[iy][ix])
+    return found
+
+
+BLOCKED = [
+    by_steps,
+    lambda o, c: any(o[iy, ix] for ix, iy in c[: len(c) - 3]),
+    lambda o, c: o[tuple(c[:-3].T[::-1])].any(),
+    lambda o, c: int(o[c[:-3, 1], c[:-3, 0]].sum() > 0),
+    lambda o, c: np.array(o.T[c[:-3, 0], c[:-3, 1]].max()),
+    lambda o, c: bool(np.count_nonzero([o[iy, ix] for ix, iy in c[:-3]])),
+]
+RIGHT = {"sub_cell": SUB_CELL, "first_pose_error": FIRST_POSE, "line_step": LINE_STEP, "blocked": BLOCKED}
+
+
+@pytest.mark.parametrize(
+    ("name", "style"), [(n, k) for n, styles in RIGHT.items() for k in range(len(styles))]
+)
+def test_a_right_answer_passes_in_any_style(name, style):
+    verdict = getattr(ch09, f"check_{name}")(RIGHT[name][style])
+    assert verdict, verdict.message
+
+
+# ---- wrong answers, and a part of the words that name each
+
+
+def away(poses, true_poses, sign=1.0):
+    turn = sign * (true_poses[0, 2] - poses[0, 2])
     c, s = np.cos(turn), np.sin(turn)
     return (poses[:, :2] - poses[0, :2]) @ np.array([[c, s], [-s, c]]) + true_poses[0, :2] - true_poses[:, :2]
 
 
-def test_first_pose_error_hints():
-    def fitted(poses, true_poses):
-        t = np.arange(len(poses), dtype=float)
-        return best_fit_rmse(Trajectory(t, poses), Trajectory(t, true_poses))
-
-    def unturned(poses, true_poses):
-        away = poses[:, :2] - poses[0, :2] - true_poses[:, :2] + true_poses[0, :2]
-        return np.sqrt((away**2).sum(axis=1).mean())
-
-    def raw(poses, true_poses):
-        return np.sqrt(((poses - true_poses)[:, :2] ** 2).sum(axis=1).mean())
-
-    assert "absorbs the heading" in check_first_pose_error(fitted).message
-    assert "must be turned" in check_first_pose_error(unturned).message
-    assert "frame of its own" in check_first_pose_error(raw).message
-    assert "mean distance" in check_first_pose_error(lambda p, q: np.hypot(*turned(p, q).T).mean()).message
-    assert "Take the root" in check_first_pose_error(lambda p, q: (turned(p, q) ** 2).sum(1).mean()).message
-    assert "largest" in check_first_pose_error(lambda p, q: np.hypot(*turned(p, q).T).max()).message
-    assert "should be" in check_first_pose_error(lambda p, q: 0.0).message
-    assert "in metres" in check_first_pose_error(lambda p, q: p).message
+def rms(errors):
+    return np.sqrt((errors**2).sum(axis=1).mean())
 
 
-def test_draw_all_stub_and_solution():
-    assert check_draw_all(from_notebook("exercise-2", "draw_all")).verdict == "unanswered"
-    assert check_draw_all(from_notebook("solution-2", "draw_all_solution"))
+def trajectories(poses, true_poses):
+    t = np.arange(len(poses), dtype=float)
+    return Trajectory(t, poses), Trajectory(t, true_poses)
 
 
-def test_draw_all_hints():
-    def drawn(maps, ancestors, hits, copy):
-        new = [copy(maps[a]) for a in ancestors]
-        for m, h in zip(new, hits, strict=True):
-            if h is not None:
-                m[h] += 1
-        return new
+def wrong_line_step(turning=None, residual=None, keep=3):
+    def step(arms, position, centres, normals):
+        r = (
+            (normals * (arms + position - centres)).sum(axis=1)
+            if residual is None
+            else residual(arms, position, centres, normals)
+        )
+        own = normals[:, 1] * arms[:, 0] - normals[:, 0] * arms[:, 1]
+        third = own if turning is None else turning(arms, position, normals)
+        found = -np.linalg.lstsq(np.column_stack([normals, third])[:, :keep], r, rcond=None)[0]
+        return np.append(found, np.zeros(3 - keep))
 
-    def shared(maps, ancestors, hits):
-        return drawn(maps, ancestors, hits, lambda m: m)
-
-    def copied(maps, ancestors, hits):
-        return drawn(maps, ancestors, hits, np.copy)
-
-    def own(maps, ancestors, hits):
-        return drawn(maps, range(4), hits, np.copy)
-
-    def spoiling(maps, ancestors, hits):
-        new = copied(maps, ancestors, hits)
-        maps[3] += 1
-        return new
-
-    assert "one and the same array" in check_draw_all(shared).message
-    assert "more memory" in check_draw_all(copied).message
-    assert "use the ancestors" in check_draw_all(own).message
-    assert "step before" in check_draw_all(spoiling).message
-    assert "one map for each" in check_draw_all(lambda m, a, h: m[0]).message
+    return step
 
 
-def test_blocked_stub_and_solution():
-    assert check_blocked(from_notebook("exercise-3", "blocked")).verdict == "unanswered"
-    assert check_blocked(from_notebook("solution-3", "blocked_solution"))
+def any_of(first, last):
+    return lambda o, c: bool(o[c[first:last, 1], c[first:last, 0]].any())
 
 
-def test_blocked_hints():
-    def any_up_to(last):
-        return lambda occupied, cells: occupied[cells[:last, 1], cells[:last, 0]].any()
+WRONG = {
+    "sub_cell": {
+        "Twice": lambda a, b, c: (a - c) / (a - 2 * b + c),
+        "sign": lambda a, b, c: (c - a) / (a - 2 * b + c) / 2,
+        "between": lambda a, b, c: np.argmax([a, b, c]) - 1,
+        "centre of mass": lambda a, b, c: (c - a) / (a + b + c),
+        "height": lambda a, b, c: np.polyval(np.polyfit([-1, 0, 1], [a, b, c], 2), top_of_polyfit(a, b, c)),
+        "slope": lambda a, b, c: (c - a) / 2,
+        "left value": lambda a, b, c: 1 + top_of_polyfit(a, b, c),
+        "returns nothing": lambda a, b, c: None,
+    },
+    "first_pose_error": {
+        "absorbs the heading": lambda p, q: best_fit_rmse(*trajectories(p, q)),
+        "must be turned": lambda p, q: rms(away(p, q, 0.0)),
+        "wrong way": lambda p, q: rms(away(p, q, -1.0)),
+        "half of a best fit": lambda p, q: rms(away(p, q, 0.0) - away(p, q, 0.0).mean(axis=0)),
+        "frame of its own": lambda p, q: rms((p - q)[:, :2]),
+        "mean distance": lambda p, q: np.hypot(*away(p, q).T).mean(),
+        "Take the root": lambda p, q: (away(p, q) ** 2).sum(axis=1).mean(),
+        "over coordinates": lambda p, q: np.sqrt((away(p, q) ** 2).mean()),
+        "largest": lambda p, q: np.hypot(*away(p, q).T).max(),
+        "millimetres": lambda p, q: 1000 * rms(away(p, q)),
+        "One number": lambda p, q: p,
+    },
+    "line_step": {
+        "sign of the last": wrong_line_step(lambda a, p, n: n[:, 0] * a[:, 1] - n[:, 1] * a[:, 0]),
+        "right angle": wrong_line_step(lambda a, p, n: (n * a).sum(axis=1)),
+        "origin of the world": wrong_line_step(
+            lambda a, p, n: n[:, 1] * (a + p)[:, 0] - n[:, 0] * (a + p)[:, 1]
+        ),
+        "contains the position": wrong_line_step(residual=lambda a, p, c, n: (n * (a - c)).sum(axis=1)),
+        "never changes": wrong_line_step(keep=2),
+        "but for their sign": lambda *case: -by_lstsq(*case),
+        "step alone": lambda a, p, c, n: np.append(p, 0) + by_lstsq(a, p, c, n),
+        "shape": lambda *case: by_lstsq(*case)[:2],
+        "changes what it is given": lambda a, p, c, n: [a.sort(axis=0), by_lstsq(a, p, c, n)][1],
+    },
+    "blocked": {
+        "Leave the end": any_of(None, None),
+        "two* cells": any_of(None, -1),
+        "one cell before": any_of(None, -2),
+        "too many": any_of(None, -4),
+        "first cell": any_of(1, -3),
+        "only near the end": any_of(-6, -3),
+        "changed places": lambda o, c: bool(o[c[:-3, 0], c[:-3, 1]].any()),
+        "*all*": lambda o, c: bool(o[c[:-3, 1], c[:-3, 0]].all()),
+        "other way round": lambda o, c: not by_steps(o, c),
+        "No beam": lambda o, c: False,
+    },
+}
 
-    def two_before_the_end(occupied, cells):
-        near = cells[-6:-3]
-        return occupied[near[:, 1], near[:, 0]].any()
 
-    assert "Leave the end" in check_blocked(any_up_to(None)).message
-    assert "two cells thick" in check_blocked(any_up_to(-1)).message
-    assert "only near the end" in check_blocked(two_before_the_end).message
-    assert "No beam" in check_blocked(lambda occupied, cells: False).message
-    assert "full marks" in check_blocked(lambda o, c: o[4, 10] and o[4, 20] and not o[4, 11]).message
-    assert "True or False" in check_blocked(lambda occupied, cells: cells).message
+@pytest.mark.parametrize(("name", "words"), [(n, w) for n, cases in WRONG.items() for w in cases])
+def test_a_wrong_answer_is_named(name, words):
+    verdict = getattr(ch09, f"check_{name}")(WRONG[name][words])
+    assert verdict.verdict == "wrong"
+    assert words in verdict.message

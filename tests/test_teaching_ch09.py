@@ -1,19 +1,30 @@
-"""Chapter 09: what its helpers compute, against values known beforehand."""
+"""Chapters 09 and 09b: what their helpers compute, against values known beforehand."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from texture_steps import SEEDS, measured_steps
 
+import pfslam
+from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.poses import Trajectory, compose
-from pfslam.teaching.ch09 import beyond as ch09_beyond
-from pfslam.teaching.ch09 import kinds as ch09_kinds
-from pfslam.teaching.ch09 import particles as ch09_particles
+from pfslam.study import read_study
+from pfslam.teaching import ch09, ch09b
+from pfslam.teaching.ch09 import judging
 from pfslam.teaching.ch09 import runs as ch09_runs
-from pfslam.teaching.ch09 import tables as ch09
 from pfslam.teaching.ch09 import walls as ch09_walls
+from pfslam.teaching.ch09.checks import line_step
+from pfslam.teaching.ch09.tables import changed_fields, ladder_table
 from pfslam.teaching.ch09.texture import read_steps
+from pfslam.teaching.ch09b import kinds as ch09b_kinds
+from pfslam.teaching.ch09b import particles as ch09b_particles
+from pfslam.teaching.ch09b.intel import RUNS, TABLE, intel_map, intel_path
+from pfslam.teaching.show.tables import study_file
 from pfslam.texture.mapping import TextureConfig
+
+INTEL = (RUNS, TABLE)
 
 
 def circle():
@@ -24,20 +35,20 @@ def circle():
 def test_best_fit_forgives_any_rigid_motion_and_nothing_else():
     truth = circle()
     moved = Trajectory(truth.t, compose(np.array([4.0, -2.0, 1.1]), truth.poses))
-    assert ch09_beyond.best_fit_rmse(moved, truth) == pytest.approx(0.0, abs=1e-9)
+    assert judging.best_fit_rmse(moved, truth) == pytest.approx(0.0, abs=1e-9)
     stretched = Trajectory(truth.t, truth.poses * [1.1, 1.1, 1.0])
     centred = truth.poses[:, :2] - truth.poses[:, :2].mean(axis=0)
     expected = 0.1 * np.sqrt(np.mean(np.sum(centred**2, axis=1)))
-    assert ch09_beyond.best_fit_rmse(stretched, truth) == pytest.approx(expected)
+    assert judging.best_fit_rmse(stretched, truth) == pytest.approx(expected)
 
 
 def test_one_wrong_first_heading_shows_by_first_pose_and_nearly_vanishes_in_the_fit():
     truth = circle()
-    wrong = ch09_beyond.turned_start(truth, 1.0)
+    wrong = judging.turned_start(truth, 1.0)
     distance = np.hypot(*(truth.poses[:, :2] - truth.poses[0, :2]).T)
     expected = np.sqrt(np.mean((2 * np.sin(np.deg2rad(0.5)) * distance) ** 2))
     assert trajectory_error(wrong, truth).ate_rmse_m == pytest.approx(expected)
-    assert ch09_beyond.best_fit_rmse(wrong, truth) < 1e-9
+    assert judging.best_fit_rmse(wrong, truth) < 1e-9
 
 
 def test_the_polish_holds_the_heading_that_the_grid_loses():
@@ -46,10 +57,17 @@ def test_the_polish_holds_the_heading_that_the_grid_loses():
     assert errors[..., 1].max() < 0.08
 
 
+def test_a_right_step_repeated_finds_the_pose_and_a_stub_is_told_so():
+    table = ch09.repeat_step(line_step, ch09.PolishCase.make())
+    assert float(table.rows[-1][1]) < 0.3
+    assert abs(float(table.rows[-1][2])) < 0.15
+    assert ch09.repeat_step(lambda *case: ..., ch09.PolishCase.make()).verdict == "unanswered"
+
+
 def test_lineages_follow_the_ancestors():
     clouds = np.arange(12.0).reshape(3, 4, 1) * np.ones(3)
     ancestors = np.array([[0, 0, 2, 3], [1, 1, 1, 2], [0, 1, 2, 3]])
-    run = ch09_kinds.Histories(None, np.arange(3.0), clouds, ancestors, np.array([2]), ())
+    run = ch09b_kinds.Histories(None, np.arange(3.0), clouds, ancestors, np.array([2]), ())
     assert run.lineages(2).tolist() == [[0, 0, 0, 2], [1, 1, 1, 2], [0, 1, 2, 3]]
     assert run.alive(2).tolist() == [2, 2, 4]
     assert run.paths(2)[0, :, 0].tolist() == [0.0, 0.0, 0.0, 2.0]
@@ -64,17 +82,80 @@ def test_two_places_that_only_their_beams_tell_apart():
     assert shares[1] == pytest.approx(np.mean(points[:, 1] > 0), abs=0.02)
 
 
-def test_lengths_in_words():
-    assert [ch09.length(m) for m in (0.0072, 0.0434, 1.635)] == ["7.2 mm", "4.3 cm", "1.64 m"]
+def test_every_rung_changes_one_setting_or_one_idea_and_the_last_is_the_refined_filter():
+    changes = changed_fields("ch09_ladder")
+    assert all(changes.values())
+    assert {label: fields.count(",") for label, fields in changes.items() if "," in fields} == {
+        "+ wider window": 2,
+        "+ draw after motion": 1,
+    }
+    last = read_study(study_file("ch09_ladder")).cases[-1].config()
+    refined = replace(SlamConfig.refined(), particles=last.particles, every=last.every)
+    assert last == refined
 
 
-@pytest.mark.parametrize("situation", ["ordinary", "loop", "symmetric", "blind for 10 s", "kidnapped"])
-def test_every_situation_has_runs_for_every_number_of_particles(situation):
-    table = ch09_particles.load_particles()
-    assert situation in ch09_particles.situations(table)
-    for side in ch09_particles.SIDES:
-        for n in ch09_particles.NUMBERS:
-            assert len(ch09_particles.errors_of(table, situation, side, n)) >= 2
+def test_what_taking_one_away_changes_is_what_its_rung_added():
+    cases = {case.label: case for case in read_study(study_file("ch09_leave_one_out")).cases}
+    whole = dict(cases["nothing"].settings)
+    changes = changed_fields("ch09_ladder")
+    for label, case in cases.items():
+        if f"+ {label}" in changes and label != "likelihood weights":
+            fields = {key.split(".")[-1] for key, value in case.settings if whole.get(key) != value}
+            assert fields
+            assert fields <= set(changes[f"+ {label}"].replace(",", " ").split())
+
+
+def test_the_table_of_the_ladder_has_a_row_for_each_rung():
+    table = ladder_table()
+    assert [row[0] for row in table.rows] == list(ch09.ladder())
+    assert all(float(row[4]) >= float(row[3]) for row in table.rows)
+
+
+@pytest.mark.parametrize("situation", ["ordinary", "blind for 10 s", "blind for 20 s", "kidnapped"])
+def test_every_situation_has_a_run_in_every_building_for_every_number_of_particles(situation):
+    assert situation in ch09b_particles.situations()
+    numbers = ("scan matching", *ch09b_particles.NUMBERS)
+    counts = {len(ch09b_particles.situation_errors(situation, n)) for n in numbers}
+    assert len(counts) == 1
+    assert counts.pop() >= 2
+
+
+@pytest.mark.parametrize("polish", [True, False])
+@pytest.mark.parametrize("study", [ch09b_kinds.BUILDINGS, ch09b_kinds.RINGS])
+def test_kinds_are_compared_where_nothing_else_differs(study, polish):
+    cases = [c for c in read_study(study_file(study)).cases if c.label.endswith("polish") != polish]
+    configs = [c.config() for c in cases if c.get("method") != "dead-reckoning"]
+    assert len({(c.every, c.draw_metres, c.draw_radians, c.polish, c.search, c.map) for c in configs}) == 1
+    assert {c.particles for c in configs} == {1, 30}
+    errors = ch09b_kinds.kind_errors(study, polish)
+    assert len({len(e) for e in errors.values()}) == 1
+
+
+def test_one_polished_particle_draws_the_map_of_two_hundred():
+    table = ch09b.one_and_many(pfslam.load("hall"), 30.0)
+    apart = {row[0]: float(row[3]) for row in table.rows}
+    assert apart["polish"] < 1.0 < apart["no polish"]
+
+
+def test_the_stored_runs_of_the_real_log_are_whole():
+    facts = ch09b.intel_facts()
+    assert (facts["relations"], facts["usable"], facts["returns"]) == (2984, 97, 23)
+    path, grid = intel_path("scan matching"), intel_map("scan matching")
+    assert len(path) == len(intel_path("report")) == 910
+    x, y = grid.spec.world_to_cell(path.poses[:, :2]).T
+    assert (grid.log_odds[y, x] <= 0).mean() > 0.99
+    errors = ch09b.intel_errors()
+    assert np.median(errors["scan matching"]) < 0.03
+    assert errors["report"].min() > 1.0
+    assert sum(file.stat().st_size for file in INTEL) < 150_000
+
+
+def test_a_proposal_that_knows_the_scan_wastes_no_particle():
+    case = ch09b.Proposals()
+    assert case.n_eff(True) == pytest.approx(case.n)
+    assert case.n_eff(False) < 0.3 * case.n
+    exact = (case.seen / case.sigma_scan**2) / (1 / case.sigma_scan**2 + 1 / case.sigma_motion**2)
+    assert case.drawn(True)[0].mean() == pytest.approx(exact, abs=0.003)
 
 
 def test_the_stored_texture_table_is_complete():

@@ -87,9 +87,11 @@ class World:
         for x0, y0, x1, y1 in self.plan.areas:
             inside |= (x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)
         for corners in self.clutter:
+            around = (x > corners[:, 0].min()) & (x < corners[:, 0].max())
+            near = np.flatnonzero(around & (y > corners[:, 1].min()) & (y < corners[:, 1].max()))
             edge = np.roll(corners, -1, axis=0) - corners
-            to = points_p[:, None] - corners
-            inside &= ~(edge[:, 0] * to[..., 1] - edge[:, 1] * to[..., 0] > 0).all(axis=1)
+            to = points_p[near, None] - corners
+            inside[near] &= ~(edge[:, 0] * to[..., 1] - edge[:, 1] * to[..., 0] > 0).all(axis=1)
         return inside
 
     def true_grid(self, spec: GridSpec) -> np.ndarray:

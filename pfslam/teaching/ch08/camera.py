@@ -29,7 +29,7 @@ class Look:
 
 
 def look(name: str = "hall", number: int = SHOT) -> Look:
-    """Disparity image ``number`` of a built-in set with the scan nearest in time."""
+    """Return disparity image ``number`` of a built-in set with the scan nearest in time."""
     simulation = cached_simulation(name)
     recording = simulation.recording
     stream, scans, camera = recording.camera, recording.scans(), recording.robot.camera
@@ -43,7 +43,7 @@ def look(name: str = "hall", number: int = SHOT) -> Look:
 
 
 def seen_points(shot: Look, camera: RgbdModel, floor: bool, step: int = 4) -> np.ndarray:
-    """Where a camera model puts the pixels that truly show floor, or those that do not: ``(M, 3)`` (body, m)."""
+    """Return where a camera model puts the pixels that truly show floor, or those that do not: ``(M, 3)`` (body, m)."""
     v, u = (axis.ravel() for axis in np.mgrid[: camera.height : step, : camera.width : step])
     depth = depth_from_disparity(shot.disparity[v, u], camera)
     chosen = (shot.ground[v, u] == floor) & np.isfinite(depth)
@@ -52,7 +52,7 @@ def seen_points(shot: Look, camera: RgbdModel, floor: bool, step: int = 4) -> np
 
 
 def wall_range_error(shot: Look, points: np.ndarray, turn: float = 0.0) -> np.ndarray:
-    """How much farther (m) than the LiDAR's nearest beam the camera sees each wall point, after a ``turn`` (rad)."""
+    """Return how much farther (m) than the LiDAR's nearest beam the camera sees each wall point after a turn (rad)."""
     c, s = np.cos(turn), np.sin(turn)
     x, y = c * points[:, 0] - s * points[:, 1], s * points[:, 0] + c * points[:, 1]
     bearing = np.arctan2(shot.walls_b[:, 1], shot.walls_b[:, 0])
@@ -62,21 +62,21 @@ def wall_range_error(shot: Look, points: np.ndarray, turn: float = 0.0) -> np.nd
 
 
 def wall_turn_deg(shot: Look, points: np.ndarray) -> float:
-    """By how many degrees the camera's walls have to be turned to lie on the LiDAR's."""
+    """Return by how many degrees the camera's walls have to be turned to lie on the LiDAR's."""
     turns = np.deg2rad(np.arange(-12.0, 12.01, 0.25))
     misfit = [np.median(np.abs(wall_range_error(shot, points, turn))) for turn in turns]
     return float(np.rad2deg(turns[int(np.argmin(misfit))]))
 
 
 def floor_tilt_deg(points: np.ndarray, to: float = 3.5) -> float:
-    """How steep (deg) the floor seems to rise ahead of the robot."""
+    """Return how steep (deg) the floor seems to rise ahead of the robot."""
     x, z = points[:, 0], points[:, 2]
     near = (x > 0.5) & (x < to)
     return float(np.rad2deg(np.arctan(np.polyfit(x[near], z[near], 1)[0])))
 
 
 def heights(points: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Middle of each bin of distance (m), and the median height of the points in it."""
+    """Return middle of each bin of distance (m), and the median height of the points in it."""
     bins = np.digitize(points[:, 0], edges)
     middle = 0.5 * (edges[1:] + edges[:-1])
     z = [np.median(points[bins == k + 1, 2]) if (bins == k + 1).any() else np.nan for k in range(len(middle))]
@@ -84,12 +84,12 @@ def heights(points: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def pair_gap(stream: RgbdStream, disparity: np.ndarray, rgb: np.ndarray) -> np.ndarray:
-    """Seconds between the two images of each pair."""
+    """Return seconds between the two images of each pair."""
     return np.abs(stream.rgb_t[rgb] - stream.disparity_t[disparity])
 
 
 def nearest_pairs(stream: RgbdStream) -> tuple[np.ndarray, np.ndarray]:
-    """Each colour image with the disparity image nearest in time."""
+    """Return each colour image with the disparity image nearest in time."""
     rgb = np.arange(len(stream.rgb_t))
     return nearest_stamp(stream.disparity_t, stream.rgb_t), rgb
 
@@ -97,7 +97,7 @@ def nearest_pairs(stream: RgbdStream) -> tuple[np.ndarray, np.ndarray]:
 def colour_shift(
     stream: RgbdStream, disparity: np.ndarray, rgb: np.ndarray, truth: Trajectory
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Yaw rate (rad/s) and by how many metres the colour two metres ahead comes from the wrong place, per pair."""
+    """Return the yaw rate (rad/s) and how far off (m) the colour two metres ahead comes from, for each pair."""
     t, t_rgb = stream.disparity_t[disparity], stream.rgb_t[rgb]
     inside = truth.covers(t - 0.05) & truth.covers(t + 0.05) & truth.covers(t_rgb)
     t, t_rgb = t[inside], t_rgb[inside]
@@ -110,13 +110,13 @@ def colour_shift(
 
 
 def swap_pixels(recording: Recording) -> float:
-    """By how many columns a swapped principal point moves every pixel."""
+    """Return by how many columns a swapped principal point moves every pixel."""
     camera = recording.robot.camera
     return camera.centre_u - camera.centre_v
 
 
 def swap_angle_deg(recording: Recording, edge: float) -> float:
-    """The turn (deg) of a ray by the swapped principal point, from the middle (0) to the edge (1) of the image."""
+    """Return the turn (deg) of a ray by the swapped principal point, from the image's middle (0) to its edge (1)."""
     camera = recording.robot.camera
     across = edge * 0.5 * camera.width / camera.focal_u
     return float(np.rad2deg(swap_pixels(recording) / camera.focal_u / (1.0 + across**2)))

@@ -60,7 +60,7 @@ BAD: dict[str, tuple[Resampler, str]] = {
 
 
 def check_looks_broken(looks_broken) -> Check:
-    """Whether ``looks_broken(resample)`` tells three right resamplers from five broken ones."""
+    """Tell whether ``looks_broken(resample)`` tells three right resamplers from five broken ones."""
     for name, resample in GOOD.items():
         answer = attempt(looks_broken, resample)
         if is_unanswered(answer):
@@ -126,7 +126,7 @@ SHIFT_MISTAKES = [
 
 
 def check_find_shift(find_shift) -> Check:
-    """Whether ``find_shift(cells)`` finds the shift of the stamps (s) that needs the fewest cells."""
+    """Tell whether ``find_shift(cells)`` finds the shift of the stamps (s) that needs the fewest cells."""
     return compare(
         find_shift,
         lambda cells: cells.best,
@@ -147,7 +147,7 @@ RULED_OUT = {
 
 
 def check_diagnosis(diagnosis, robots: list[MysteryRobot]) -> Check:
-    """Whether ``diagnosis`` names the fault of every robot: a dictionary from letter to name."""
+    """Tell whether ``diagnosis`` names the fault of every robot: a dictionary from letter to name."""
     if is_unanswered(diagnosis) or (isinstance(diagnosis, dict) and is_unanswered(list(diagnosis.values()))):
         return unanswered()
     letters = [r.letter for r in robots]
@@ -163,7 +163,7 @@ def check_diagnosis(diagnosis, robots: list[MysteryRobot]) -> Check:
 
 
 def _objection(robot: MysteryRobot, answer: str) -> str:
-    """The number that rules a wrong answer out."""
+    """Return the number that rules a wrong answer out."""
     if answer == "healthy":
         column, sign = RULED_OUT[robot.fault]
         return f"Robot {robot.letter} is not healthy. Look at its {column}: {robot.numbers[column]:.2f}."

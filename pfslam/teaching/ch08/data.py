@@ -32,7 +32,7 @@ HALF = 2**16
 
 
 def drawn_by_odometry(recording: Recording, inputs: Controls | None = None) -> OccupancyGrid:
-    """The map of a few seconds along dead reckoning, or along other controls."""
+    """Return the map of a few seconds along dead reckoning, or along other controls."""
     odometry = dead_reckoning(recording) if inputs is None else integrate(inputs)
     start = odometry.at(recording.scans().t[0])
     return map_along(recording, Trajectory(odometry.t, between(start, odometry.poses)), every=8)
@@ -48,14 +48,14 @@ class Turn:
 
     @classmethod
     def of(cls, recording: Recording, begin: float = TURNS[0], end: float = TURNS[1], every: int = 8) -> Turn:
-        """Every ``every``-th scan between two times (s after the first scan)."""
+        """Return every ``every``-th scan between two times (s after the first scan)."""
         scans = recording.scans()
         index = np.flatnonzero((scans.t >= scans.t[0] + begin) & (scans.t < scans.t[0] + end))[::every]
         points = [scan_points(scans.ranges[i], recording.robot.lidar) for i in index]
         return cls(scans.t[index], points, dead_reckoning(recording))
 
     def hits(self, shift: float) -> list[np.ndarray]:
-        """The distinct cells that each scan hits when its stamp is corrected by ``shift`` s, as one number each."""
+        """Return the distinct cells that each scan hits if its stamp is moved by ``shift`` s, as one number each."""
         cells = []
         for pose, points in zip(self.odometry.at(self.t + shift), self.points_b, strict=True):
             x, y = np.floor(transform_points(pose, points) / CELL).astype(int).T
@@ -63,23 +63,23 @@ class Turn:
         return cells
 
     def places(self, shift: float) -> np.ndarray:
-        """The centres ``(C, 2)`` (m) of all cells that are hit."""
+        """Return the centres ``(C, 2)`` (m) of all cells that are hit."""
         y, x = np.divmod(np.unique(np.concatenate(self.hits(shift))), 2 * HALF)
         return (np.column_stack([x, y]) - HALF + 0.5) * CELL
 
     def cells(self, shift: float) -> int:
-        """How many cells the hits of all scans need: a sharp map needs few."""
+        """Return how many cells the hits of all scans need: a sharp map needs few."""
         return len(np.unique(np.concatenate(self.hits(shift))))
 
     def lonely(self, shift: float, least: int = 3) -> np.ndarray:
-        """Share ``(S,)`` of each scan's cells that fewer than ``least`` of the scans hit."""
+        """Return share ``(S,)`` of each scan's cells that fewer than ``least`` of the scans hit."""
         hits = self.hits(shift)
         _, which, scans = np.unique(np.concatenate(hits), return_inverse=True, return_counts=True)
         alone = scans[which] < least
         return np.array([part.mean() for part in np.split(alone, np.cumsum([len(h) for h in hits])[:-1])])
 
     def yaw_rate(self) -> np.ndarray:
-        """Yaw rate ``(S,)`` (rad/s) at each scan, from odometry over 40 ms."""
+        """Return yaw rate ``(S,)`` (rad/s) at each scan, from odometry over 40 ms."""
         return _rate(self.odometry, self.t)
 
 
@@ -110,7 +110,7 @@ class Corrections:
 
 
 def correction_fit(turn, rate_change, dt, heading) -> tuple[float, float]:
-    """(scale, delay) that explain corrections of the heading ``(K,)`` best.
+    """Return (scale, delay) that explain corrections of the heading ``(K,)`` best.
 
     Stamps that are ``delay`` too late make odometry turn too far by ``delay`` times the change of the yaw rate; a
     scale error adds a share of the turn, a bias a share of the time. Least squares settles the three.
@@ -121,7 +121,7 @@ def correction_fit(turn, rate_change, dt, heading) -> tuple[float, float]:
 
 
 def lever_fit(step, turn, shift) -> np.ndarray:
-    """Lever error ``(2,)`` m that explains corrections of the position ``(K, 2)`` best, beside a wheel scale.
+    """Return lever error ``(2,)`` m that explains corrections of the position ``(K, 2)`` best, beside a wheel scale.
 
     A robot that turns by ``turn`` about a LiDAR thought to be ``e`` off seems to move by (R(turn) - I) e.
     """
@@ -131,7 +131,7 @@ def lever_fit(step, turn, shift) -> np.ndarray:
 
 
 def body_corrections(path: Trajectory, odometry: Trajectory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Steps ``(K, 3)`` by odometry, and what a run's path added to them: headings ``(K,)`` and shifts ``(K, 2)``."""
+    """Return odometry's steps ``(K, 3)`` and what a path added to them: headings ``(K,)`` and shifts ``(K, 2)``."""
     step = between(odometry.at(path.t[:-1]), odometry.at(path.t[1:]))
     matched = between(path.poses[:-1], path.poses[1:])
     return step, wrap_angle(matched[:, 2] - step[:, 2]), matched[:, :2] - step[:, :2]
@@ -154,20 +154,20 @@ def corrections(recording: Recording, seed: int = 0, every: int = 20) -> Correct
 
 
 def turn_ratio(recording: Recording, reference: Recording, begin: float, end: float) -> float:
-    """How much further a recording's heading turns, left and right alike, than the reference's in the same time."""
+    """Return how many times further a recording's heading turns than the reference's in the same time."""
     used, gyro = (headings(r, begin, end) for r in (recording, reference))
     return float(np.polyfit(gyro, used, 1)[0])
 
 
 def headings(recording: Recording, begin: float, end: float) -> np.ndarray:
-    """Heading (rad, unwrapped, from 0) that odometry adds up, 20 times a second."""
+    """Return heading (rad, unwrapped, from 0) that odometry adds up, 20 times a second."""
     t = recording.scans().t[0] + np.arange(begin, end, 0.05)
     theta = np.unwrap(dead_reckoning(recording).at(t)[:, 2])
     return theta - theta[0]
 
 
 def ends_cut(recording: Recording) -> float:
-    """Share of the scans whose missing beams are all the last ones: that is a renumbered scan."""
+    """Return the share of the scans whose missing beams are all the last ones: that is a renumbered scan."""
     valid = recording.robot.lidar.valid(recording.scans().ranges)
     missing = ~valid.all(axis=1)
     in_order = (np.diff(valid.astype(int), axis=1) <= 0).all(axis=1)
@@ -179,13 +179,13 @@ Inputs = Callable[[Controls], Controls]
 
 
 def metres_lost(recording: Recording, change: Inputs = lambda inputs: inputs) -> float:
-    """Metres that the wheels turned and the path lacks."""
+    """Return metres that the wheels turned and the path lacks."""
     inputs = controls(recording)
     return float(distance_gap(recording, change(inputs))[1][-1])
 
 
 def distance_gap(recording: Recording, inputs: Controls) -> tuple[np.ndarray, np.ndarray]:
-    """Time (s after the first scan) and metres turned by the wheels less metres driven by the controls."""
+    """Return time (s after the first scan) and metres turned by the wheels less metres driven by the controls."""
     encoders, _ = recording.wheels_and_gyro()
     driven = np.concatenate([[0.0], np.cumsum(inputs.v * np.diff(inputs.t))])
     turned = wheel_distance(encoders, recording.robot.encoders, inputs.t)

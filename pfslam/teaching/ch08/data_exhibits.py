@@ -49,7 +49,7 @@ Panel = Callable[[Axes, str], str]
 
 
 def data_faults(recording: Recording) -> dict[str, Exhibit]:
-    """The five faults of the data by name, each beside the healthy recording."""
+    """Return the five faults of the data by name, each beside the healthy recording."""
     part = scans_between(recording, *BENDS)
     healthy = corrections(part)
     return by_name(
@@ -62,12 +62,12 @@ def data_faults(recording: Recording) -> dict[str, Exhibit]:
 
 
 def pair(healthy, broken) -> dict:
-    """The two states of an exhibit."""
+    """Return the two states of an exhibit."""
     return {"healthy": healthy, "broken": broken}
 
 
 def map_panel(grids: dict[str, OccupancyGrid]) -> Panel:
-    """The map that odometry draws in each state."""
+    """Return the map that odometry draws in each state."""
 
     def draw(axes: Axes, state: str) -> str:
         small_map(axes, grids[state])
@@ -81,12 +81,12 @@ def map_panel(grids: dict[str, OccupancyGrid]) -> Panel:
 
 
 def odometry_maps(healthy: Recording, broken: Recording) -> Panel:
-    """The maps of the last seconds, with the half turn in the dead end."""
+    """Return the maps of the last seconds, with the half turn in the dead end."""
     return map_panel(pair(*(drawn_by_odometry(scans_between(r, *TURNS)) for r in (healthy, broken))))
 
 
 def line_panel(points: dict[str, tuple[np.ndarray, np.ndarray, float]], x: str, y: str, words: str) -> Panel:
-    """Points and a line of given slope through the origin, for each state."""
+    """Return points and a line of given slope through the origin, for each state."""
 
     def draw(axes: Axes, state: str) -> str:
         across, up, slope = points[state]
@@ -102,7 +102,7 @@ def line_panel(points: dict[str, tuple[np.ndarray, np.ndarray, float]], x: str, 
 
 
 def clock_exhibit(recording: Recording, part: Recording, healthy: Corrections) -> Exhibit:
-    """Scans stamped too late."""
+    """Show scans stamped too late."""
     broken = corrections(late_scans(part, DELAY))
 
     def points(c: Corrections) -> tuple[np.ndarray, np.ndarray, float]:
@@ -127,7 +127,7 @@ def clock_exhibit(recording: Recording, part: Recording, healthy: Corrections) -
 
 
 def lever_exhibit(recording: Recording, part: Recording, healthy: Corrections) -> Exhibit:
-    """The LiDAR taken to be on the wrong side of the robot's centre."""
+    """Show the LiDAR taken to be on the wrong side of the robot's centre."""
     y = recording.robot.lidar.position_b[1]
     broken = corrections(lidar_at(part, MIRRORED_X, y))
 
@@ -152,7 +152,7 @@ def lever_exhibit(recording: Recording, part: Recording, healthy: Corrections) -
 
 
 def track_exhibit(recording: Recording) -> Exhibit:
-    """Heading from the wheels and the measured track."""
+    """Show heading from the wheels and the measured track."""
     used = pair(recording, heading_from_wheels(recording))
     ratio = {state: turn_ratio(r, recording, *LAB) for state, r in used.items()}
     gyro = np.rad2deg(headings(recording, *LAB))
@@ -165,7 +165,7 @@ def track_exhibit(recording: Recording) -> Exhibit:
 
 
 def beams_exhibit(recording: Recording) -> Exhibit:
-    """A glass pane, and a program that drops what is invalid and numbers the rest."""
+    """Show a glass pane, and a program that drops what is invalid and numbers the rest."""
     glass = glass_pane(recording, *PANE)
     recordings = pair(glass, renumbered(glass))
 
@@ -186,7 +186,7 @@ def beams_exhibit(recording: Recording) -> Exhibit:
 
 
 def gap_exhibit(recording: Recording) -> Exhibit:
-    """One second without gyro."""
+    """Show one second without gyro."""
     silent = silent_gyro(recording, *GAP)
     inputs = pair(controls(silent), skip_gaps(controls(silent)))
     maps = {state: drawn_by_odometry(scans_between(silent, *TURNS), i) for state, i in inputs.items()}

@@ -35,7 +35,7 @@ class Cure:
 
 
 def cures(recording: Recording) -> dict[str, Cure]:
-    """Clock and lever arm, cured by the numbers that the corrections gave away."""
+    """Return clock and lever arm, cured by the numbers that the corrections gave away."""
     part = scans_between(recording, *BENDS)
     healthy = corrections(part).ate
     late, moved = late_scans(part, DELAY), lidar_at(part, MIRRORED_X, 0.0)
@@ -48,7 +48,7 @@ def cures(recording: Recording) -> dict[str, Cure]:
 
 
 def cures_table(found: dict[str, Cure]) -> Shown:
-    """One row per fault, in centimetres."""
+    """Return one row per fault, in centimetres."""
     rows = ((name, *(f"{100 * e:.1f}" for e in (c.healthy, c.broken, c.cured))) for name, c in found.items())
     return Shown(("error [cm]", "healthy", "broken", "cured"), rows)
 
@@ -63,7 +63,7 @@ class World:
 
 
 def mirrored_worlds(recording: Recording) -> dict[str, World]:
-    """The healthy recording, the scan read in the wrong sense, and the gyro turned round as well."""
+    """Return the healthy recording, the scan read in the wrong sense, and the gyro turned round as well."""
     flipped = clockwise(recording)
     worlds = {"healthy": recording, "scan flipped": flipped, "both flipped": scaled_gyro(flipped, -1.0)}
     return {name: _world(world) for name, world in worlds.items()}
@@ -79,7 +79,7 @@ def _world(recording: Recording) -> World:
 
 
 def mirrored_table(worlds: dict[str, World]) -> Shown:
-    """One row for each world."""
+    """Return one row for each world."""
     rows = (
         (name, f"{w.score:.2f}", f"{w.error:.2f}", f"{w.wheels_per_gyro:+.2f}") for name, w in worlds.items()
     )
@@ -87,7 +87,7 @@ def mirrored_table(worlds: dict[str, World]) -> Shown:
 
 
 def standing_cloud(scans: int, n: int = 200, sigma: float = 0.05, off: float = 0.03) -> Particles:
-    """A cloud of 0.1 m around the truth, 0, after the *same* scan has been used ``scans`` times at rest.
+    """Return a cloud of 0.1 m around the truth, 0, after the *same* scan has been used ``scans`` times at rest.
 
     The scan's noise makes ``off`` its best place, and ``sigma`` is how well one scan knows a place (m).
     """
@@ -101,7 +101,7 @@ def standing_cloud(scans: int, n: int = 200, sigma: float = 0.05, off: float = 0
 
 
 def standing_table(scans: Iterable[int]) -> Shown:
-    """Mean and spread (cm) of the standing cloud after each number of scans."""
+    """Return the mean and spread (cm) of the standing cloud after each number of scans."""
     clouds = {n: 100 * standing_cloud(n).poses[:, 0] for n in scans}
     rows = ((str(n), f"{x.mean():.1f}", f"{x.std():.1f}") for n, x in clouds.items())
     return Shown(("scans used", "mean [cm]", "spread [cm]"), rows)

@@ -40,21 +40,21 @@ class Exhibit:
 
     @property
     def healthy(self) -> float:
-        """The number without the fault."""
+        """Return the number without the fault."""
         return self.reading["healthy"]
 
     @property
     def broken(self) -> float:
-        """The number with the fault."""
+        """Return the number with the fault."""
         return self.reading["broken"]
 
     def value(self, state: str) -> str:
-        """The number in words, rounded to what matters; a count has no decimals."""
+        """Return the number in words, rounded to what matters; a count has no decimals."""
         return f"{self.number} {round(self.reading[state], 2) + 0.0:g} {self.unit}".strip()
 
 
 def exhibit_frame(exhibit: Exhibit, state: str) -> tuple[Figure, str]:
-    """Symptom on the left, diagnosis on the right; and the alt text, for the panels say themselves what they show."""
+    """Draw the symptom on the left and the diagnosis on the right, and gather what both say for the alt text."""
     figure, axes = new_figure(6.2, 3.5, columns=2)
     left, right = exhibit.symptom(axes[0], state), exhibit.diagnosis(axes[1], state)
     for ax, title in zip(axes, ("symptom", "diagnosis"), strict=True):
@@ -67,7 +67,7 @@ def exhibit_frame(exhibit: Exhibit, state: str) -> tuple[Figure, str]:
 
 
 def by_name(*exhibits: Exhibit) -> dict[str, Exhibit]:
-    """Exhibits under their names."""
+    """Return exhibits under their names."""
     return {exhibit.name: exhibit for exhibit in exhibits}
 
 
@@ -102,13 +102,13 @@ def readings_table(exhibits: dict[str, Exhibit]) -> Shown:
 
 
 def small_map(axes: Axes, grid: OccupancyGrid) -> None:
-    """A map in a small panel, with few ticks."""
+    """Draw a map in a small panel, with few ticks."""
     draw_map(axes, grid)
     axes.locator_params(nbins=4)
 
 
 def few_ticks(axes: Axes, **labels) -> None:
-    """Axes labels, and few ticks so that a phone can show them."""
+    """Set the axes' labels, and few ticks so that a phone can show them."""
     axes.set(**labels)
     axes.locator_params(nbins=4)
 
@@ -117,7 +117,7 @@ def few_ticks(axes: Axes, **labels) -> None:
 
 
 def clock_explorer(turn: Turn) -> Explorer:
-    """Scans laid out along odometry with a shifted clock: how blurred, and in which scans."""
+    """Show scans laid out along odometry with a shifted clock: how blurred, and in which scans."""
     curve = {s: turn.cells(s) for s in np.round(np.arange(-4, 5) * 0.05, 2)}
     rate = np.abs(turn.yaw_rate())
 

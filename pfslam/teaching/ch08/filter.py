@@ -20,7 +20,7 @@ from pfslam.slam import PARTS, Parts, SlamState, StepInfo, match_scan, slam_step
 
 
 def plain_filter(particles: int = 100) -> SlamConfig:
-    """A particle filter without any search: particles are predicted, weighted where they stand, and resampled.
+    """Return a particle filter without any search: particles are predicted, weighted where they stand, and resampled.
 
     With a search that moves every particle to its best pose, most faults of the filter stay hidden.
     """
@@ -60,22 +60,22 @@ class LabRun:
 
     @property
     def ate(self) -> float:
-        """Root mean square of the error (m)."""
+        """Return the root mean square of the error (m)."""
         return rms(self.error)
 
     @property
     def spread(self) -> np.ndarray:
-        """How far off the cloud thinks it may be (m): standard deviation of its positions, at each step."""
+        """Return how far off the cloud thinks it may be (m): standard deviation of its positions, at each step."""
         return np.array([np.hypot(*before.poses[:, :2].std(axis=0)) for before, _ in self.clouds])
 
     @property
     def resampled(self) -> list[tuple[Particles, Particles]]:
-        """The clouds before and after each resampling."""
+        """Return the clouds before and after each resampling."""
         return [pair for info, pair in zip(self.infos, self.clouds, strict=True) if info.resampled]
 
     @property
     def typical_spread(self) -> float:
-        """The median of that over the run (m)."""
+        """Return the median of that over the run (m)."""
         return float(np.median(self.spread))
 
     @property
@@ -84,17 +84,17 @@ class LabRun:
 
     @property
     def n_eff_share(self) -> np.ndarray:
-        """N_eff / N before resampling, at each step."""
+        """Return N_eff / N before resampling, at each step."""
         return np.array([i.effective_sample_size / len(self.state.particles) for i in self.infos])
 
     @property
     def n_eff_after(self) -> float:
-        """Mean of N_eff / N straight after resampling: 1 if the weights were made equal."""
+        """Return mean of N_eff / N straight after resampling: 1 if the weights were made equal."""
         return float(np.mean([n_eff_of(after) for _, after in self.resampled]))
 
     @property
     def families(self) -> np.ndarray:
-        """How many of the first particles still have a descendant, after each step."""
+        """Return how many of the first particles still have a descendant, after each step."""
         ancestor, alive = np.arange(len(self.state.particles)), []
         for before, after in self.clouds:
             ancestor = ancestor[parents(before, after)]
@@ -103,32 +103,32 @@ class LabRun:
 
     @property
     def known_rows(self) -> float:
-        """Share of the resampled poses that are, as whole rows, poses of the cloud they were drawn from."""
+        """Return the share of the resampled poses that are, as whole rows, poses of the cloud they were drawn from."""
         return float(np.mean([known_share(new.poses, old.poses) for old, new in self.resampled]))
 
     @property
     def score(self) -> float:
-        """Median over the run of the mean score per beam."""
+        """Return the median over the run of the mean score per beam."""
         return float(np.median([i.score for i in self.infos]))
 
 
 def n_eff_of(particles: Particles) -> float:
-    """N_eff / N of one cloud."""
+    """Return N_eff / N of one cloud."""
     return float(1.0 / np.sum(particles.weights**2) / len(particles))
 
 
 def known_share(new: np.ndarray, old: np.ndarray) -> float:
-    """Which share of the rows of ``new (N, 3)`` are rows of ``old (N, 3)``."""
+    """Return which share of the rows of ``new (N, 3)`` are rows of ``old (N, 3)``."""
     return float(np.mean((new[:, None, :] == old).all(axis=2).any(axis=1)))
 
 
 def parents(before: Particles, after: Particles) -> np.ndarray:
-    """From which particle of the cloud ``before`` the position of each one ``after`` came, ``(N,)``."""
+    """Return from which particle of the cloud ``before`` the position of each one ``after`` came, ``(N,)``."""
     return (after.poses[:, None, :2] == before.poses[:, :2]).all(axis=2).argmax(axis=1)
 
 
 def lab_run(recording: Recording, config: SlamConfig, parts: Parts = PARTS, seed: int = 0) -> LabRun:
-    """The filter over a recording, with its own parts or a wrong one among them."""
+    """Return the filter over a recording, with its own parts or a wrong one among them."""
     rng, state, infos, clouds = np.random.default_rng(seed), SlamState.start(config), [], []
     for event in Drive.of(recording, config).events():
         state, info = slam_step(state, event, config, rng, parts)
@@ -141,7 +141,7 @@ def lab_run(recording: Recording, config: SlamConfig, parts: Parts = PARTS, seed
 
 
 def shift_test(recording: Recording, run: LabRun, config: SlamConfig, parts: Parts, metres: float = 0.5):
-    """Score per beam of the last scan with the cloud where it is, and with the cloud moved aside by ``metres``."""
+    """Return the score per beam of the last scan with the cloud where it is, and moved aside by ``metres``."""
     rng, state = np.random.default_rng(0), run.state
     *_, event = Drive.of(recording, config).events()
     moved = Particles(state.particles.poses + [metres, metres, 0.0], state.particles.log_weights)
@@ -155,7 +155,7 @@ def shift_test(recording: Recording, run: LabRun, config: SlamConfig, parts: Par
 
 
 def cloud_without_scans(recording: Recording, begin: float, seconds: float, n: int = 300) -> Particles:
-    """A cloud that was only predicted for some seconds, from the true pose: a banana."""
+    """Return a cloud that was only predicted for some seconds, from the true pose: a banana."""
     t = recording.scans().t[0] + begin
     v, omega, dt = controls(recording).during(t, t + seconds)
     cloud, rng = Particles.at(np.zeros(3), n), np.random.default_rng(0)
@@ -165,19 +165,19 @@ def cloud_without_scans(recording: Recording, begin: float, seconds: float, n: i
 
 
 def sideways(particles: Particles) -> np.ndarray:
-    """How far left ``(N,)`` m of the cloud's middle each particle lies, seen along the way from the origin."""
+    """Return how far left ``(N,)`` m of the cloud's middle each particle lies, seen along the way from the origin."""
     poses = particles.poses - particles.poses.mean(axis=0)
     theta = np.arctan2(*particles.poses[:, 1::-1].mean(axis=0))
     return -np.sin(theta) * poses[:, 0] + np.cos(theta) * poses[:, 1]
 
 
 def heading_against_side(particles: Particles) -> float:
-    """Correlation of heading and sideways place over the cloud."""
+    """Return correlation of heading and sideways place over the cloud."""
     return float(np.corrcoef(sideways(particles), particles.poses[:, 2])[0, 1])
 
 
 def heading_if_placed(particles: Particles, sigma: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
-    """Headings ``(N,)`` rad from their mean, and weights ``(N,)``, once the sideways place is known to ``sigma`` m."""
+    """Return headings ``(N,)`` rad from their mean, and weights ``(N,)``, with the place known to ``sigma`` m."""
     side, heading = sideways(particles), particles.poses[:, 2] - particles.poses[:, 2].mean()
     weights = np.exp(-0.5 * (side / sigma) ** 2)
     weights /= weights.sum()
@@ -194,7 +194,7 @@ DOOR_BEAMS = slice(440, 641)
 def door_scans(
     recording: Recording, at: float = 20.0, distance: float = 1.5
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Two scans ``(beams,)`` from one place in the corridor: a door closed ``distance`` m ahead, and open."""
+    """Return two scans ``(beams,)`` from one place in the corridor: a door closed ``distance`` m ahead, and open."""
     scans = recording.scans()
     opened = scans.ranges[int(np.searchsorted(scans.t, scans.t[0] + at))].astype(float)
     closed = opened.copy()
@@ -213,7 +213,7 @@ class DoorMap:
 
     @property
     def to_believe(self) -> int:
-        """How many scans through the open door the map needs until its cell is free."""
+        """Return how many scans through the open door the map needs until its cell is free."""
         return int(np.argmax(self.history[self.opened_at :] < -0.1)) + 1
 
 
@@ -233,7 +233,7 @@ def door_map(closed, opened, lidar: LidarModel, clamp: float, shut: int = 60, fr
 
 
 def self_match(ranges: np.ndarray, lidar: LidarModel, shifts: np.ndarray, rounded: bool) -> np.ndarray:
-    """Share of a scan's points that fall on the walls it drew itself, when it is moved aside by ``shifts`` m.
+    """Return the share of a scan's points on the walls it drew itself, when it is moved aside by ``shifts`` m.
 
     ``rounded``: the score takes the *nearest* integer where the map took the floor.
     """
@@ -248,5 +248,5 @@ def self_match(ranges: np.ndarray, lidar: LidarModel, shifts: np.ndarray, rounde
 
 
 def best_shift(shifts: np.ndarray, share: np.ndarray) -> float:
-    """The middle (m) of the shifts that score best."""
+    """Return the middle (m) of the shifts that score best."""
     return float(np.mean(shifts[share >= share.max() - 1e-12]))

@@ -34,7 +34,7 @@ from pfslam.teaching.show.tables import Shown
 
 
 def filter_runs(recording: Recording, seed: int = 0) -> dict[str, LabRun]:
-    """One run of the plain filter for each fault of the filter, and a healthy one."""
+    """Return one run of the plain filter for each fault of the filter, and a healthy one."""
     lab, config = scans_between(recording, *BENDS), plain_filter()
     return {
         "healthy": lab_run(lab, config, seed=seed),
@@ -46,7 +46,7 @@ def filter_runs(recording: Recording, seed: int = 0) -> dict[str, LabRun]:
 
 
 def filter_faults(recording: Recording, runs: dict[str, LabRun]) -> dict[str, Exhibit]:
-    """The four faults of the filter by name, each beside the healthy run."""
+    """Return the four faults of the filter by name, each beside the healthy run."""
     lab, config = scans_between(recording, *BENDS), plain_filter()
     return by_name(
         sharp_exhibit(runs),
@@ -57,7 +57,7 @@ def filter_faults(recording: Recording, runs: dict[str, LabRun]) -> dict[str, Ex
 
 
 def error_panel(runs: dict[str, LabRun]) -> Panel:
-    """Error of the estimate over time, and how far off the cloud itself thinks it may be."""
+    """Return the error of the estimate over time, and how far off the cloud itself thinks it may be."""
 
     def draw(axes: Axes, state: str) -> str:
         run = runs[state]
@@ -75,7 +75,7 @@ def error_panel(runs: dict[str, LabRun]) -> Panel:
 
 
 def over_time(runs: dict[str, LabRun], what: str, label: str, words: str, log: bool = False) -> Panel:
-    """One property of both runs over time, the state's own in bold; the words name its median."""
+    """Return one property of both runs over time, the state's own in bold; the words name its median."""
 
     def draw(axes: Axes, state: str) -> str:
         for s in STATES:
@@ -92,7 +92,7 @@ def over_time(runs: dict[str, LabRun], what: str, label: str, words: str, log: b
 
 
 def sharp_exhibit(runs: dict[str, LabRun]) -> Exhibit:
-    """The softmax of the count."""
+    """Show the softmax of the count."""
     both = pair(runs["healthy"], runs["too sharp"])
     reading = {s: float(np.median(run.n_eff_share)) for s, run in both.items()}
     diagnosis = over_time(both, "n_eff_share", "$N_{eff}/N$", "N_eff / N")
@@ -101,7 +101,7 @@ def sharp_exhibit(runs: dict[str, LabRun]) -> Exhibit:
 
 
 def kept_exhibit(runs: dict[str, LabRun]) -> Exhibit:
-    """Weights that survive resampling."""
+    """Show weights that survive resampling."""
     both = pair(runs["healthy"], runs["kept weights"])
     reading = {s: run.n_eff_after for s, run in both.items()}
     families = over_time(both, "families", "ancestors left", "first particles with a descendant", log=True)
@@ -118,7 +118,7 @@ def kept_exhibit(runs: dict[str, LabRun]) -> Exhibit:
 
 
 def torn_exhibit(recording: Recording, runs: dict[str, LabRun]) -> Exhibit:
-    """Positions by one draw, headings by another."""
+    """Show positions by one draw, headings by another."""
     both = pair(runs["healthy"], runs["torn rows"])
     cloud = cloud_without_scans(recording, 23.0, 4.0)
     after: dict[str, Particles] = {
@@ -146,14 +146,14 @@ def torn_exhibit(recording: Recording, runs: dict[str, LabRun]) -> Exhibit:
 
 
 def errors_over_seeds(recording: Recording, first: dict[str, LabRun], seeds: int = 3) -> Shown:
-    """Errors in cm of each filter, healthy or not, over some seeds, the first of which has been run."""
+    """Return the errors in cm of each filter, healthy or not, over some seeds, the first of which has been run."""
     more = [first, *(filter_runs(recording, seed) for seed in range(1, seeds))]
     head = ("error [cm]", *(f"seed {seed}" for seed in range(seeds)))
     return Shown(head, ((name, *(f"{100 * runs[name].ate:.1f}" for runs in more)) for name in first))
 
 
 def blind_exhibit(lab: Recording, config: SlamConfig, runs: dict[str, LabRun]) -> Exhibit:
-    """Points that a pose turns but never moves."""
+    """Show points that a pose turns but never moves."""
     both = pair(runs["healthy"], runs["w = 0"])
     parts = pair(PARTS, Parts(match=match_without_translation))
     scores = {s: shift_test(lab, both[s], config, parts[s]) for s in STATES}

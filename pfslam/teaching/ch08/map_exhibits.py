@@ -31,12 +31,12 @@ SHIFTS = np.arange(-0.1, 0.1001, 0.005)
 
 
 def map_faults(recording: Recording) -> dict[str, Exhibit]:
-    """Two faults of the map by name, each beside a healthy one."""
+    """Return two faults of the map by name, each beside a healthy one."""
     return by_name(door_exhibit(recording), rounding_exhibit(recording))
 
 
 def door_exhibit(recording: Recording) -> Exhibit:
-    """A door that opens, and log-odds without a limit."""
+    """Show a door that opens, and log-odds without a limit."""
     lidar = recording.robot.lidar
     closed, opened = door_scans(recording)
     maps = pair(
@@ -70,7 +70,7 @@ def rounding_exhibit(recording: Recording) -> Exhibit:
     best = {s: best_shift(SHIFTS, share[s]) for s in STATES}
 
     def symptom(axes: Axes, state: str) -> str:
-        """Where a point of a wall lies in its cell, in the map and for the score."""
+        """Return where a point of a wall lies in its cell, in the map and for the score."""
         half = 0.0 if state == "healthy" else 0.5
         rng = np.random.default_rng(0)
         points = np.column_stack([rng.uniform(1.0, 4.0, 60), rng.uniform(2.0, 3.0, 60)])
@@ -94,12 +94,12 @@ def rounding_exhibit(recording: Recording) -> Exhibit:
 
 
 def camera_faults(recording: Recording) -> dict[str, Exhibit]:
-    """Three faults of the camera by name, each beside the healthy one."""
+    """Return three faults of the camera by name, each beside the healthy one."""
     return by_name(*model_exhibits(recording), pairing_exhibit(recording))
 
 
 def model_exhibits(recording: Recording) -> list[Exhibit]:
-    """Two wrong camera models that tilt the floor alike, and what tells them apart."""
+    """Return two wrong camera models that tilt the floor alike, and what tells them apart."""
     shot, right = look(), recording.robot.camera
     models = {"swapped K": swapped_centre(right), "disparity offset": disparity_offset_by(right, COUNTS)}
     edges = np.arange(0.4, 3.7, 0.2)
@@ -141,7 +141,7 @@ def model_exhibits(recording: Recording) -> list[Exhibit]:
 
 
 def pairing_exhibit(recording: Recording) -> Exhibit:
-    """Images paired by number and not by time."""
+    """Show images paired by number and not by time."""
     stream, truth = recording.camera, recording.true_path()
     if stream is None:
         raise DataError(recording.name, "camera", "no images", "a recording with a camera")

@@ -49,7 +49,7 @@ class MysteryRobot:
 
 
 def with_fault(recording: Recording, fault: str, rng: np.random.Generator) -> Recording:
-    """The recording with a fault of random size and sign."""
+    """Return the recording with a fault of random size and sign."""
     x, y, _ = recording.robot.lidar.position_b
     sign = rng.choice([-1.0, 1.0])
     if fault == "clock":
@@ -68,7 +68,7 @@ def with_fault(recording: Recording, fault: str, rng: np.random.Generator) -> Re
 
 
 def measured(letter: str, fault: str, recording: Recording, healthy: Recording) -> MysteryRobot:
-    """All numbers of one recording that may have a fault."""
+    """Return all numbers of one recording that may have a fault."""
     skips = fault == "lost second"
     lost = metres_lost(recording, skip_gaps) if skips else metres_lost(recording)
     inputs = skip_gaps(controls(recording)) if skips else None
@@ -80,7 +80,7 @@ def measured(letter: str, fault: str, recording: Recording, healthy: Recording) 
 
 
 def mystery(recording: Recording, seed: int, robots: int = 4) -> list[MysteryRobot]:
-    """Some robots, each with another fault or none; which has which depends on the seed."""
+    """Return some robots, each with another fault or none; which has which depends on the seed."""
     rng = np.random.default_rng(seed)
     faults = rng.permutation(FAULTS)[:robots]
     return [
@@ -90,13 +90,13 @@ def mystery(recording: Recording, seed: int, robots: int = 4) -> list[MysteryRob
 
 
 def mystery_table(robots: list[MysteryRobot]) -> Shown:
-    """The numbers of all robots, one row each."""
+    """Return the numbers of all robots, one row each."""
     rows = ((r.letter, *(f"{r.numbers[name]:.2f}" for name in COLUMNS)) for r in robots)
     return Shown(("robot", *COLUMNS), rows)
 
 
 def mystery_picture(robots: list[MysteryRobot]) -> Picture:
-    """What the odometry of each robot draws."""
+    """Draw what the odometry of each robot draws."""
     figure, axes = new_figure(6.2, 6.4, rows=2, columns=2)
     for ax, robot in zip(axes.flat, robots, strict=True):
         small_map(ax, robot.grid)

@@ -2,106 +2,214 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
+from pfslam.study import read_study
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, new_figure
-from pfslam.teaching.show.tables import ERROR, errors_by_label, labels_of, read_table, select
+from pfslam.teaching.show.tables import (
+    ERROR,
+    Shown,
+    errors_by_label,
+    labels_of,
+    read_table,
+    select,
+    study_file,
+)
+
+LADDER = "ch09_ladder"
+BARE = "dead reckoning"
+KNOWN_AS = {
+    "+ gentle clearing": "inverse sensor model",
+    "+ higher clamp": "clamping",
+    "+ likelihood field": "likelihood field",
+    "+ likelihood weights": "tempered likelihood",
+    "+ resampling at N/2": "adaptive resampling",
+    "+ weighted mean": "posterior mean",
+    "+ pose on the lattice": "",
+    "+ motion prior": "maximum a posteriori",
+    "+ sub-cell step": "parabolic peak",
+    "+ noise of the motion": "odometry motion model",
+    "+ exact start": "",
+    "+ wider window": "correlative matching",
+    "+ every second beam": "thinning",
+    "+ draw after motion": "keyframes",
+    "+ tilt": "attitude compensation",
+    "+ polish": "point-to-line ICP, NDT",
+}
+"""What the literature calls each change."""
+
+
+def cm(metres: float | np.ndarray, digits: int = 1) -> str:
+    """Return the median of some errors in centimetres.
+
+    >>> cm(0.0123), cm(np.array([0.1, 0.2, 0.4]))
+    ('1.2', '20.0')
+    """
+    return f"{100 * float(np.median(metres)):.{digits}f}"
+
+
+def medians_cm(errors: dict[str, np.ndarray]) -> dict[str, float]:
+    """Return the median of each set of errors in centimetres."""
+    return {label: 100 * float(np.median(values)) for label, values in errors.items()}
+
+
+# ---- the ladder
+
+
+def ladder() -> dict[str, np.ndarray]:
+    """Return the error (m) in every building for each rung, in the same order of buildings."""
+    return errors_by_label(read_table(LADDER))
+
+
+def ladder_table() -> Shown:
+    """Return each change with its fields, its name in the literature, the error after it, and where it helped."""
+    errors, fields, rows, before = ladder(), changed_fields(LADDER), [], None
+    for label, found in errors.items():
+        helped = _better(found, before) if label.startswith("+") else ""
+        row = (label, fields.get(label, ""), KNOWN_AS.get(label, ""), cm(found), cm(found.max()), helped)
+        rows.append(row)
+        before = found
+    head = ("change", "in the configuration", "known as", "median [cm]", "worst [cm]", "better in")
+    return Shown(head, rows, left=(1, 2))
+
+
+def _better(found: np.ndarray, before: np.ndarray) -> str:
+    if np.array_equal(found, before):
+        return "the same runs"
+    return f"{np.count_nonzero(found < before)} of {len(found)}"
+
+
+def changed_fields(study: str) -> dict[str, str]:
+    """Return the settings that each variant of a study adds to the one before it, as one would write them."""
+    first: dict[str, dict[str, Any]] = {}
+    for case in read_study(study_file(study)).cases:
+        first.setdefault(case.label, dict(case.settings))
+    found, before = {}, None
+    for label, settings in first.items():
+        if label.startswith("+") and before is not None:
+            new = {k: v for k, v in settings.items() if before.get(k) != v}
+            found[label] = ", ".join(f"{key.split('.')[-1]} {_value(value)}" for key, value in new.items())
+        before = settings
+    return found
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, (list, tuple)):
+        return " to ".join(map(_value, value))
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    return "on" if str(value).endswith("Config") else str(value)
+
+
+def prior_table() -> Shown:
+    """Return the errors with the prior and without the sub-cell step, for more and fewer scans of one drive."""
+    table = read_table("ch09_prior")
+    rows = []
+    for every in np.unique(table["every"]):
+        found = select(table, every=every)[ERROR]
+        rows.append((f"every {every:.0f}th scan", cm(found), cm(found.max())))
+    return Shown(("prior, no sub-cell step", "median [cm]", "worst [cm]"), rows)
+
+
+# ---- take one away
 
 NO_POLISH = ", and no polish"
-LEAVE_ONE_OUT = {"hall": "ch09_leave_one_out", "ramp": "ch09_leave_one_out_ramp"}
-"""The study of each drive."""
 
 
-def middle(values: np.ndarray) -> float:
-    """The median, as Python's float."""
-    return float(np.median(values))
+def left_out(polish: bool, drive: str = "hall") -> dict[str, np.ndarray]:
+    """Return the errors (m) in all buildings with one ingredient taken away, under the name of that ingredient."""
+    found = errors_by_label(read_table("ch09_leave_one_out"))
+    own = {label: e for label, e in found.items() if label.startswith("ramp, ") == (drive == "ramp")}
+    own = {label.removeprefix("ramp, "): e for label, e in own.items()}
+    return {k.removesuffix(NO_POLISH): e for k, e in own.items() if k.endswith(NO_POLISH) != polish}
 
 
-def length(metres: float) -> str:
-    """A length in the unit that suits it.
-
-    >>> length(0.0072), length(0.043), length(1.2)
-    ('7.2 mm', '4.3 cm', '1.20 m')
-    """
-    if metres < 0.0095:
-        return f"{1000 * metres:.1f} mm"
-    return f"{100 * metres:.1f} cm" if metres < 0.95 else f"{metres:.2f} m"
-
-
-def spread_line(values: np.ndarray) -> str:
-    """Median and range of some errors, or the one value there is."""
-    if len(values) == 1:
-        return f"{length(values[0]):>8s}"
-    return f"{length(middle(values)):>8s} ({length(values.min())} to {length(values.max())})"
+def left_out_table() -> Shown:
+    """Return the errors without each change, without the polish and with it, and where the change is missed."""
+    rows = []
+    for drive, note in (("hall", ""), ("ramp", ", on slopes")):
+        bare, full = left_out(False, drive), left_out(True, drive)
+        for label in bare:
+            row = [label + note]
+            for errors in (bare, full):
+                missed = np.count_nonzero(errors[label] > errors["nothing"])
+                said = "" if label == "nothing" else f"{missed} of {len(errors[label])}"
+                row += [cm(errors[label], 2), cm(errors[label].max(), 2), said]
+            rows.append(row)
+    head = ("taken away", "no polish: median", "worst", "worse in", "polish: median", "worst", "worse in")
+    return Shown([f"{h} [cm]" if h.endswith(("median", "worst")) else h for h in head], rows)
 
 
-def ladder_lines(studies: Iterable[str] = ("ch09_ladder", "ch09_ladder_ramp")) -> str:
-    """One line per rung with the median and the worst run of each study, whose drive heads its column."""
-    tables = [read_table(name) for name in studies]
-    heads = [str(table["dataset"][0]) for table in tables]
-    lines = [f"{'':29s}" + "".join(f"{head:9s} {'worst':9s} " for head in heads).rstrip()]
-    errors = [errors_by_label(table) for table in tables]
-    for label in errors[0]:
-        cells = [length(f(e[label])) for e in errors for f in (middle, np.max)]
-        lines.append(f"{label:29s}" + " ".join(f"{cell:9s}" for cell in cells).rstrip())
-    return "\n".join(lines)
+# ---- other studies
 
 
-def left_out(drive: str, *, polish: bool, particles: int = 20) -> dict[str, np.ndarray]:
-    """The errors of all runs on ``hall`` or ``ramp`` with one ingredient taken away, by the name of that ingredient."""
-    rows = select(read_table(LEAVE_ONE_OUT[drive]), particles=float(particles))
-    wanted = [label for label in labels_of(rows) if label.endswith(NO_POLISH) != polish]
-    return {label.removesuffix(NO_POLISH): select(rows, label=label)[ERROR] for label in wanted}
+def spread_table(study: str) -> Shown:
+    """Return median, best and worst error of each method of a study, in centimetres."""
+    rows = (
+        (label, str(len(e)), cm(e), cm(e.min()), cm(e.max()))
+        for label, e in errors_by_label(read_table(study)).items()
+    )
+    return Shown(("error [cm]", "runs", "median", "best", "worst"), list(rows))
 
 
-def left_out_lines(columns: dict[str, dict[str, np.ndarray]]) -> str:
-    """One line per ingredient with the median and the worst run of each column."""
-    lines = [f"{'taken away':20s}" + "".join(f"{head:20s}" for head in columns).rstrip()]
-    for label in next(iter(columns.values())):
-        cells = [
-            f"{length(middle(found[label]))} ({length(found[label].max())})" for found in columns.values()
-        ]
-        lines.append(f"{label:20s}" + "".join(f"{cell:20s}" for cell in cells).rstrip())
-    return "\n".join(lines)
+def map_agreement_table(rungs: tuple[str, ...] = ("report", "+ gentle clearing", "+ polish")) -> Shown:
+    """Return the overlap of the occupied cells with the true walls for some rungs, as medians over the buildings."""
+    table = read_table(LADDER)
+    rows = [
+        (label, f"{np.median(select(table, label=label)['map_iou_occupied']):.2f}")
+        for label in labels_of(table)
+        if label in rungs
+    ]
+    return Shown(("filter", "overlap with the true walls"), rows)
 
 
-TICKS = {
-    0.001: "1 mm",
-    0.003: "3 mm",
-    0.01: "1 cm",
-    0.03: "3 cm",
-    0.1: "10 cm",
-    0.3: "30 cm",
-    1.0: "1 m",
-    3.0: "3 m",
-}
+TICKS = {0.001: "0.1", 0.003: "0.3", 0.01: "1", 0.03: "3", 0.1: "10", 0.3: "30", 1.0: "100", 3.0: "300"}
 
 
-def dots_picture(errors: dict[str, np.ndarray], title: str, height: float | None = None) -> Picture:
-    """One dot per run, one row per label, a bar at the median, logarithmic scale."""
-    figure, axes = new_figure(6.4, height or 0.8 + 0.36 * len(errors))
+def dots_picture(errors: dict[str, np.ndarray], title: str) -> Picture:
+    """Draw one dot per run, one row per label, a bar at the median, logarithmic scale."""
+    figure, axes = new_figure(6.4, 0.8 + 0.34 * len(errors))
     words = []
     for row, (label, values) in enumerate(errors.items()):
         colour = COLOURS[colour_of(label)]
-        axes.scatter(values, np.full(len(values), -row), color=colour, s=34, alpha=0.75, linewidths=0)
-        axes.plot([middle(values)] * 2, [-row - 0.32, -row + 0.32], color=colour, linewidth=2.5)
-        words.append(f"{label} {spread_line(values).strip()}")
+        middle = float(np.median(values))
+        axes.scatter(values, np.full(len(values), -row), color=colour, s=34, alpha=0.7, linewidths=0)
+        axes.plot([middle] * 2, [-row - 0.32, -row + 0.32], color=colour, linewidth=2.5)
+        words.append(f"{label} {cm(values)} ({cm(values.min())} to {cm(values.max())})")
     axes.set_yticks(-np.arange(len(errors)), list(errors))
-    low, high = (f(np.min(v) if f is min else np.max(v) for v in errors.values()) for f in (min, max))
+    low, high = min(np.min(v) for v in errors.values()), max(np.max(v) for v in errors.values())
     ticks = [t for t in TICKS if low / 2.5 < t < 2.5 * high]
-    axes.set(xscale="log", xlim=(low / 1.6, high * 1.6), ylim=(-len(errors) + 0.5, 0.5), xlabel=title)
+    axes.set(xscale="log", xlim=(low / 1.6, high * 1.6), ylim=(-len(errors) + 0.5, 0.5))
+    axes.set(xlabel=f"{title} [cm]")
     axes.set_xticks(ticks, [TICKS[t] for t in ticks])
     axes.set_xticks([], minor=True)
-    return Picture(figure, f"{title}, one dot per run, bars at the medians. {'; '.join(words)}.")
+    return Picture(figure, f"{title} in cm, one dot per run, bars at the medians. {'; '.join(words)}.")
 
 
 def colour_of(label: str) -> str:
-    """The colour of a method by the name of its row."""
-    if label.startswith("dead"):
+    """Return the colour of a method by the name of its row."""
+    if label == BARE:
         return "odometry"
-    if ("polish" in label and "no polish" not in label) or label == "refined":
-        return "estimate"
-    return "hits" if "before" in label or label == "report" else "particles"
+    if label in ("report", "refined"):
+        return label if label in COLOURS else {"report": "hits", "refined": "estimate"}[label]
+    return "estimate" if label == "+ polish" else "particles"
+
+
+def ladder_picture() -> Picture:
+    """Draw the error in every building, rung by rung."""
+    return dots_picture(ladder(), "position error (RMS)")
+
+
+def buildings() -> dict[str, np.ndarray]:
+    """Return the errors (m) of three methods in twenty buildings."""
+    return errors_by_label(read_table("ch09_buildings"))
+
+
+def buildings_picture() -> Picture:
+    """Draw the error of three methods in twenty buildings."""
+    return dots_picture(buildings(), "position error (RMS)")
