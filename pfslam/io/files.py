@@ -111,9 +111,9 @@ def read_npz(
 
 
 def _read_member(path: str | Path, archive: NpzFile, name: str) -> np.ndarray:
-    member = archive.zip.getinfo(f"{name}.npy")
-    if member.file_size > MAX_FIELD_BYTES:
-        found = f"a stated size of {member.file_size} bytes"
+    size = archive.zip.getinfo(f"{name}.npy").file_size  # type: ignore[union-attr]  # None once it is closed
+    if size > MAX_FIELD_BYTES:
+        found = f"a stated size of {size} bytes"
         raise DataError(path, name, found, f"at most {MAX_FIELD_BYTES} bytes")
     try:
         values = archive[name]

@@ -68,7 +68,7 @@ def _found(find: Callable, rounding=np.floor) -> Callable:
     return lambda p, m, o, r: counted(p, m, o, r, rounding, find)
 
 
-COUNT_INSIDE = [
+COUNT_INSIDE: list[tuple[Callable, str]] = [
     (IndexError, "IndexError for points inside the grid: the first index of the array is the row, iy; then ix."),
     (_found(_distinct), "Two points in one wall cell are two points. You count the cells; Eq. 8 counts the points."),
     (lambda p, m, o, r: counted(p, m, o, r, np.rint), "A cell begins at its lower edge: floor, not round. Rounding "
@@ -85,7 +85,7 @@ COUNT_INSIDE = [
     (lambda p, m, o, r: len(p), "You counted the points inside the grid. Count those on occupied cells."),
     (lambda p, m, o, r: counted(p, m, o, r) / len(p), "That is the share of the points. Their number is asked for."),
 ]  # fmt: skip
-COUNT_OUTSIDE = [
+COUNT_OUTSIDE: list[tuple[Callable, str]] = [
     (IndexError, "Right inside the grid, but some points lie outside. They must score 0, not stop the robot. A grid of "
      "n columns has the indices 0 to n - 1."),
     (_found(_upper_only), "Right inside the grid, but a point beyond the left edge scores too: index -1 is the last "

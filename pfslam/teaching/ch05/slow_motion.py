@@ -125,9 +125,8 @@ def _scan_of(k: int) -> Callable[[Axes, Axes, Update], str]:
     def draw(left: Axes, right: Axes, u: Update) -> str:
         particle = u.chosen[k]
         _map(left, u.log_odds, u.true_pose, 6.0)
-        left.scatter(
-            *BOOK["to_world"](u.predicted[particle], u.points_b).T, s=3, color=COLOURS[LOOKS[k]], zorder=3
-        )
+        x, y = BOOK["to_world"](u.predicted[particle], u.points_b).T
+        left.scatter(x, y, s=3, color=COLOURS[LOOKS[k]], zorder=3)
         bars = u.counts[u.chosen[: k + 1]]
         right.bar(list(NAMES[: k + 1]), bars, color=[COLOURS[c] for c in LOOKS[: k + 1]], width=0.6)
         right.set(ylabel="points on walls", ylim=(0, 1.15 * u.counts.max()), xlim=(-0.6, 2.6))

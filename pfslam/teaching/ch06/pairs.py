@@ -90,6 +90,7 @@ def state_gaps(drive: Drive, result: SlamResult) -> tuple[float, float]:
     First with the drive's few images, then with all that the camera took.
     """
     whole, states, gaps = drive.simulation.recording.camera, result.trajectory.t, []
+    assert whole is not None  # every simulated drive has one
     for stamps in (
         drive.stream.disparity_t[drive.stream.disparity_index],
         whole.disparity_t[image_pairs(whole).disparity],

@@ -137,7 +137,7 @@ def interaction(quiet: Change, loud: Change) -> Difference:
     parts = loud.after, loud.before, quiet.after, quiet.before
     signs = 1, -1, -1, 1
     value = sum(sign * np.median(part) for sign, part in zip(signs, parts, strict=True))
-    draws = sum(sign * resampled(part, rng) for sign, part in zip(signs, parts, strict=True))
+    draws = np.sum([sign * resampled(part, rng) for sign, part in zip(signs, parts, strict=True)], axis=0)
     return Difference(float(value), *middle_part(draws))
 
 

@@ -89,7 +89,7 @@ class Curve:
     def __init__(self, best: float):
         self.best = best
 
-    def __call__(self, shift: float) -> float:
+    def __call__(self, shift: float | np.ndarray) -> np.ndarray:
         away = np.abs(np.asarray(shift, dtype=float) - self.best)
         return 4400.0 + 30000.0 * away / (1.0 + 2.0 * away)
 
