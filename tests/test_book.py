@@ -33,11 +33,21 @@ def test_names_of_the_package_exist(page):
         resolve(dotted)
 
 
-def test_names_in_the_notation_exist():
-    names = re.findall(r"`([a-z_]+(?:\.\w+)+)`", (ROOT / "book" / "notation.md").read_text(encoding="utf-8"))
-    assert len(names) > 30
+@pytest.mark.parametrize(("page", "at_least"), [("notation", 40), ("report", 19)])
+def test_names_in_tables_of_symbols_and_equations_exist(page, at_least):
+    names = re.findall(r"`([a-z_]+(?:\.\w+)+)`", (ROOT / "book" / f"{page}.md").read_text(encoding="utf-8"))
+    assert len(names) >= at_least
     for name in names:
         resolve("pfslam." + name)
+
+
+def test_the_page_on_the_report_says_where_each_equation_is():
+    """One row for each, whose chapter is the one that carries the label."""
+    text = (ROOT / "book" / "report.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| \{eq\}`eq-(\d+)` .*\(\.\./(notebooks/\w+\.ipynb)\)", text, re.MULTILINE)
+    assert [int(number) for number, _ in rows] == list(range(1, 20))
+    for number, chapter in rows:
+        assert f":label: eq-{number}\\n" in (ROOT / chapter).read_text(encoding="utf-8")
 
 
 def test_the_notation_covers_every_equation_that_has_symbols():

@@ -150,6 +150,20 @@ def test_search_finds_a_word(visit, site, scheme):
     assert seen.complaints == []
 
 
+@pytest.mark.parametrize(
+    ("words", "page"),
+    [
+        ("Neff", "book/glossary"),
+        ("Neff", "notebooks/05"),
+        ("N_eff", "notebooks/05"),
+        ("ICP", "book/glossary"),
+    ],
+)
+def test_search_finds_what_is_a_formula_or_a_short_name(visit, site, words, page):
+    seen = visit(f"search.html?q={words}", "file")
+    seen.page.wait_for_selector(f'#search-results li a[href*="{page}"]')
+
+
 def test_a_chapter_can_be_downloaded_as_a_notebook(visit, site, anatomies):
     chapters = sorted((site / "notebooks").glob("*.html"))
     assert chapters
