@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from texture_steps import SEEDS, measured_steps
 
 import pfslam
 from pfslam.config import SlamConfig
@@ -17,12 +16,10 @@ from pfslam.teaching.ch09 import runs as ch09_runs
 from pfslam.teaching.ch09 import walls as ch09_walls
 from pfslam.teaching.ch09.checks import line_step
 from pfslam.teaching.ch09.tables import changed_fields, ladder_table
-from pfslam.teaching.ch09.texture import read_steps
 from pfslam.teaching.ch09b import kinds as ch09b_kinds
 from pfslam.teaching.ch09b import particles as ch09b_particles
 from pfslam.teaching.ch09b.intel import RUNS, TABLE, intel_map, intel_path
 from pfslam.teaching.show.tables import study_file
-from pfslam.texture.mapping import TextureConfig
 
 INTEL = (RUNS, TABLE)
 
@@ -156,20 +153,3 @@ def test_a_proposal_that_knows_the_scan_wastes_no_particle():
     assert case.n_eff(False) < 0.3 * case.n
     exact = (case.seen / case.sigma_scan**2) / (1 / case.sigma_scan**2 + 1 / case.sigma_motion**2)
     assert case.drawn(True)[0].mean() == pytest.approx(exact, abs=0.003)
-
-
-def test_the_stored_texture_table_is_complete():
-    rows = read_steps()
-    each = [(row["drive"], int(row["seed"]), row["step"]) for row in rows]
-    assert each == [
-        (d, seed, step) for d in ("hall", "ramp") for seed in SEEDS for step in TextureConfig.steps()
-    ]
-
-
-@pytest.mark.weekly
-def test_a_row_of_the_texture_table_comes_out_again():
-    (again,) = measured_steps("hall", seeds=(0,), steps=("report",))
-    stored = read_steps()[0]
-    assert again["coverage"] == pytest.approx(stored["coverage"], abs=0.01)
-    assert again["position_median_cells"] == pytest.approx(stored["position_median_cells"], abs=0.1)
-    assert again["colour_mean"] == pytest.approx(stored["colour_mean"], abs=0.5)

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pfslam.config import SearchConfig
 from pfslam.correlation import ScoreField, map_correlation, score_field, updated_field
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
-from pfslam.matching import match
 from pfslam.poses import transform_points
 from pfslam.recording import Recording
 from pfslam.search.lattice import Window
@@ -104,14 +102,6 @@ def first_index_walk(scans: int) -> np.ndarray:
     """Where a particle ends up, scan after scan ``(scans + 1, 3)``, if all scores are 0 and argmax picks the first."""
     step = LATTICE.pose(WINDOW.steps()[np.argmax(np.zeros(len(WINDOW.steps())))])
     return np.arange(scans + 1)[:, None] * step
-
-
-def match_on_empty_map(place: Place, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Poses before and after the package's search where the map has no wall: ``(200, 3)`` each."""
-    cloud = cloud_around(place.pose, PARTICLES, rng)
-    nothing = score_field(np.zeros(place.grid.spec.shape, dtype=bool), "occupied")
-    found = match(nothing, place.grid.spec, place.points_b, cloud, (0.05, 0.01), SearchConfig(), rng)
-    return cloud, found.poses
 
 
 # ---- count against distance field

@@ -68,7 +68,7 @@ def ladder_table() -> Shown:
     """Return each change with its fields, its name in the literature, the error after it, and where it helped."""
     errors, fields, rows, before = ladder(), changed_fields(LADDER), [], None
     for label, found in errors.items():
-        helped = _better(found, before) if label.startswith("+") else ""
+        helped = _better(found, before) if before is not None and label.startswith("+") else ""
         row = (label, fields.get(label, ""), KNOWN_AS.get(label, ""), cm(found), cm(found.max()), helped)
         rows.append(row)
         before = found
