@@ -341,12 +341,15 @@ def test_a_full_disk(data, tmp_path, monkeypatch, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_fault_of_ours_is_one_line_too(data, monkeypatch, capsys):
+@pytest.mark.parametrize(
+    ("fault", "code"), [(ZeroDivisionError("two\nlines"), 1), (MemoryError(), 2)], ids=repr
+)
+def test_a_fault_of_ours_and_too_little_memory_are_one_line_too(data, monkeypatch, capsys, fault, code):
     def broken(_):
-        raise ZeroDivisionError("two\nlines")
+        raise fault
 
     monkeypatch.setitem(commands.COMMANDS, "run", broken)
-    assert main(["run", "8", "--data", str(data)]) == 1
+    assert main(["run", "8", "--data", str(data)]) == code
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
