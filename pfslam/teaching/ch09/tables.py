@@ -79,7 +79,8 @@ def ladder_table() -> Shown:
 def _better(found: np.ndarray, before: np.ndarray) -> str:
     if np.array_equal(found, before):
         return "the same runs"
-    return f"{np.count_nonzero(found < before)} of {len(found)}"
+    same = np.count_nonzero(found == before)
+    return f"{np.count_nonzero(found < before)} of {len(found)}" + (f", {same} the same" if same else "")
 
 
 def changed_fields(study: str) -> dict[str, str]:

@@ -72,7 +72,7 @@ def _frame(situation: str) -> Figure:
             axes.scatter(places, 100 * errors, s=40, color=COLOURS[colour], linewidths=0, alpha=0.8)
         medians = [100 * np.median(errors) for errors in found]
         axes.plot(np.array(NUMBERS) * shift, medians, color=COLOURS[colour], label=side)
-    axes.set(xscale="log", yscale="log", ylim=(0.1, 3000), xlabel="number of particles")
+    axes.set(xscale="log", yscale="log", xlim=(0.8, 65), ylim=(0.1, 3000), xlabel="number of particles")
     axes.set(ylabel="position error (RMS) [cm]", title=situation)
     axes.set_xticks(NUMBERS, [str(n) for n in NUMBERS])
     axes.set_xticks([], minor=True)
