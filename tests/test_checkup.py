@@ -10,7 +10,7 @@ import pfslam
 from pfslam.evaluation.checkup import check_up, effective_track, scan_turn_fit, scan_turns
 from pfslam.evaluation.faults import first_seconds
 from pfslam.recording import LidarScans
-from pfslam.teaching.ch10.robot import FAULTS, HEALTHY
+from pfslam.teaching.ch11.robot import FAULTS, HEALTHY
 
 
 @pytest.fixture(scope="module")

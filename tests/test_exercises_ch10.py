@@ -1,4 +1,6 @@
-"""Exercises of chapter 10: right answers in many styles, wrong ones and the words for each."""
+"""Exercises of chapter 10: stub, solution, right answers in many styles, and the words for each wrong one."""
+
+import math
 
 import numpy as np
 import pytest
@@ -7,9 +9,9 @@ from notebook_cells import defined
 from pfslam.teaching import ch10
 
 EXERCISES = {
-    1: ("increments", ch10.check_increments),
-    2: ("track", ch10.check_track),
-    3: ("classify", ch10.check_classify),
+    1: ("proposal", ch10.check_proposal),
+    2: ("log_weight", ch10.check_log_weight),
+    3: ("draw_all", ch10.check_draw_all),
 }
 
 
@@ -17,145 +19,152 @@ EXERCISES = {
 def test_the_stub_is_unanswered_and_the_solution_right(number):
     name, check = EXERCISES[number]
     assert check(defined("10", f"exercise-{number}")[name]).verdict == "unanswered"
-    verdict = check(defined("10", f"solution-{number}")[f"{name}_solution"])
-    assert verdict, verdict
+    assert check(defined("10", f"solution-{number}")[f"{name}_solution"])
 
 
-# ---- right answers
+def product(li, p):
+    return li * p / (li * p).sum()
 
 
-def in_a_loop(readings):
-    steps, last = [], int(readings[0])
-    for reading in readings.tolist():
-        step = reading - last
-        steps.append(step - 256 if step > 127 else step + 256 if step < -128 else step)
-        last = reading
-    return steps
+def by_logs(li, p):
+    with np.errstate(divide="ignore"):
+        logs = np.log(li) + np.log(p)
+    return np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
 
 
-def signed_bytes(readings):
-    return np.diff(readings, prepend=readings[0]).view(np.int8)
+def summed(log_li, log_p):
+    return np.logaddexp.reduce(log_li + log_p)
 
 
-def unwrapped(readings):
-    angle = np.unwrap(readings * (2 * np.pi / 256))
-    return np.diff(angle, prepend=angle[0]) * 256 / (2 * np.pi)
+def one_by_one(log_li, log_p):
+    total = -math.inf
+    for a, b in zip(log_li, log_p, strict=True):
+        high, low = max(total, a + b), min(total, a + b)
+        total = high + math.log1p(math.exp(low - high))
+    return total
 
 
-def slope(right, left, turned):
-    return (right - left) @ turned / (turned @ turned)
+def with_scipy(log_li, log_p):
+    from scipy.special import logsumexp
+
+    return logsumexp(log_li + log_p)
 
 
-def slope_in_a_loop(right, left, turned):
-    top = bottom = 0.0
-    for r, side, angle in zip(right, left, turned, strict=True):
-        top, bottom = top + (r - side) * angle, bottom + angle * angle
-    return top / bottom
+def draw(maps, ancestors, hits):
+    new = []
+    for a, h in zip(ancestors, hits, strict=True):
+        if h is None:
+            new.append(maps[a])
+        else:
+            new.append(maps[a] + np.eye(len(maps[a]))[h])
+    return new
 
 
-def classify(r, low, high):
-    return "hit" if low <= r <= high else "free" if r > high else "unknown"
+def draw_copies(maps, ancestors, hits, add=lambda m, h: m.__setitem__(h, m[h] + 1), copy=np.copy):
+    new = [copy(maps[a]) if h is not None else maps[a] for a, h in zip(ancestors, hits, strict=True)]
+    for m, h in zip(new, hits, strict=True):
+        if h is not None:
+            add(m, h)
+    return new
 
 
-def classify_nan_first(r, low, high):
-    if np.isnan(r):
-        return "unknown"
-    return ("unknown", "hit", "free")[int(r >= low) + int(r > high)]
+def draw_lazily(maps, ancestors, hits):
+    new = [maps[k] for k in ancestors]
+    for k, h in enumerate(hits):
+        if h is not None:
+            new[k] = new[k].copy()
+            new[k][h] += 1
+    return new
 
 
-RIGHT = [
-    (ch10.check_increments, in_a_loop),
-    (ch10.check_increments, signed_bytes),
-    (ch10.check_increments, unwrapped),
-    (ch10.check_increments, lambda r: tuple(in_a_loop(r))),
-    (ch10.check_increments, lambda r: np.float32(in_a_loop(r))),
-    (ch10.check_increments, lambda r: np.rint(unwrapped(r)).astype(np.int16)),
-    (ch10.check_track, slope),
-    (ch10.check_track, slope_in_a_loop),
-    (ch10.check_track, lambda r, left, t: np.linalg.lstsq(t[:, None], r - left, rcond=None)[0]),
-    (ch10.check_track, lambda r, left, t: np.float32(slope(r, left, t))),
-    (ch10.check_track, lambda r, left, t: round(slope(r, left, t), 4)),
-    (ch10.check_track, lambda r, left, t: [slope(r, left, t)]),
-    (ch10.check_classify, classify),
-    (ch10.check_classify, classify_nan_first),
-    (ch10.check_classify, lambda *given: str(np.array(classify(*given)))),
-    (ch10.check_classify, lambda *given: np.str_(classify(*given))),
-    (
-        ch10.check_classify,
-        lambda r, a, b: {(True, False): "hit", (True, True): "free"}.get((r >= a, r > b), "unknown"),
-    ),
-    (
-        ch10.check_classify,
-        lambda r, a, b: next((w for w, x in (("free", r > b), ("hit", r >= a)) if x), "unknown"),
-    ),
-]
+RIGHT = {
+    "proposal": [
+        by_logs,
+        lambda li, p: [a * b / sum(li * p) for a, b in zip(li, p, strict=True)],
+        lambda li, p: product(li, p).astype(np.float32),
+        lambda li, p: tuple(product(li, p)),
+        lambda li, p: np.round(product(li, p), 5),
+        lambda li, p: np.multiply(li, p) / np.dot(li, p),
+    ],
+    "log_weight": [
+        summed,
+        one_by_one,
+        with_scipy,
+        lambda a, b: np.float32(summed(a, b)),
+        lambda a, b: [summed(a, b)],
+        lambda a, b: a.max() + np.log(np.exp(a - a.max()) @ np.exp(b)),
+    ],
+    "draw_all": [
+        draw,
+        draw_copies,
+        draw_lazily,
+        lambda m, a, h: tuple(draw(m, a, h)),
+        lambda m, a, h: [draw(m, a[k : k + 1], h[k : k + 1])[0] for k in range(len(h))],
+        lambda m, a, h: [
+            g if x is None else g + (np.arange(5) == x)
+            for g, x in zip(draw(m, a, [None] * 5), h, strict=True)
+        ],
+    ],
+}
 
 
-@pytest.mark.parametrize(("check", "answer"), RIGHT)
-def test_the_same_in_another_style_is_right_too(check, answer):
-    assert check(answer), check(answer)
+@pytest.mark.parametrize(
+    ("name", "style"), [(n, k) for n, styles in RIGHT.items() for k in range(len(styles))]
+)
+def test_a_right_answer_passes_in_any_style(name, style):
+    verdict = getattr(ch10, f"check_{name}")(RIGHT[name][style])
+    assert verdict, verdict.message
 
 
-# ---- wrong answers
+def spoiling(maps, ancestors, hits):
+    new = [m.copy() if h is not None else m for m, h in zip(draw(maps, ancestors, hits), hits, strict=True)]
+    maps[4] += 1
+    return new
 
 
-def plain(readings):
-    return np.diff(readings.astype(int), prepend=int(readings[0]))
+WRONG = {
+    "proposal": {
+        "do not sum to 1": lambda li, p: li * p,
+        "The scan alone": lambda li, p: li / li.sum(),
+        "motion alone": lambda li, p: p,
+        "not added": lambda li, p: (li + p) / (li + p).sum(),
+        "greatest product": lambda li, p: li * p / (li * p).max(),
+        "sum of the likelihoods": lambda li, p: li * p / li.sum(),
+        "mode": lambda li, p: np.eye(len(li))[np.argmax(li * p)],
+        "opposite order": lambda li, p: product(li, p)[::-1],
+    },
+    "log_weight": {
+        "Subtract the largest": lambda a, b: np.log(np.exp(a + b).sum()),
+        "best pose alone": lambda a, b: (a + b).max(),
+        "motion is missing": lambda a, b: np.logaddexp.reduce(a),
+        "equally likely": lambda a, b: np.logaddexp.reduce(a) - np.log(len(a)),
+        "mean over the poses": lambda a, b: summed(a, b) - np.log(len(a)),
+        "weight itself": lambda a, b: np.exp(summed(a, b)),
+        "add up": lambda a, b: (a + b).sum(),
+        "mean of logarithms": lambda a, b: (a + b).mean(),
+        "did not add it again": lambda a, b: summed(a, b) - (a + b).max(),
+        "sign": lambda a, b: -summed(a, b),
+    },
+    "draw_all": {
+        "one and the same array": lambda m, a, h: draw_copies(m, a, h, copy=lambda x: x),
+        "more memory": lambda m, a, h: [x.copy() for x in draw(m, a, h)],
+        "use its map": lambda m, a, h: draw(m, range(5), h),
+        "is not None": lambda m, a, h: [
+            m[k].copy() + (np.eye(5)[x] if x else 0) if x is not None else m[k]
+            for k, x in zip(a, h, strict=True)
+        ],
+        "set the cell": lambda m, a, h: draw_copies(m, a, h, add=lambda g, x: g.__setitem__(x, 1.0)),
+        "hits are missing": lambda m, a, h: draw(m, a, [None] * 5),
+        "step before": spoiling,
+        "list of maps": lambda m, a, h: m[0],
+        "returns nothing": lambda m, a, h: None,
+        "some map is not that": lambda m, a, h: [x + 1 for x in draw(m, a, h)],
+    },
+}
 
 
-def only_forwards(readings):
-    steps = plain(readings)
-    steps[steps < 0] += 256
-    return steps
-
-
-def reversed_in_place(readings):
-    readings[:] = readings[::-1]
-    return in_a_loop(readings[::-1])
-
-
-WRONG = [
-    (ch10.check_increments, plain, "at its word"),
-    (ch10.check_increments, lambda r: plain(r) % 256, "look alike"),
-    (ch10.check_increments, only_forwards, "look alike"),
-    (ch10.check_increments, lambda r: np.abs(in_a_loop(r)), "lost the sign"),
-    (ch10.check_increments, lambda r: (np.diff(r.astype(int), prepend=0) + 128) % 256 - 128, "start at zero"),
-    (ch10.check_increments, lambda r: np.cumsum(in_a_loop(r)), "running totals"),
-    (ch10.check_increments, lambda r: np.where(abs(plain(r)) > 127, 0, plain(r)), "throw the wrapped"),
-    (ch10.check_increments, lambda r: [*in_a_loop(r)[1:], 0], "too early"),
-    (ch10.check_increments, lambda r: np.diff(r.astype(int)), "nobody counted"),
-    (ch10.check_increments, reversed_in_place, "changes what it is given"),
-    (ch10.check_increments, lambda r: nothing, "NameError"),  # noqa: F821
-    (ch10.check_track, lambda r, left, t: np.mean((r - left) / t), "did not turn"),
-    (ch10.check_track, lambda r, left, t: slope(left, r, t), "sign"),
-    (ch10.check_track, lambda r, left, t: 1 / slope(r, left, t), "Upside down"),
-    (ch10.check_track, lambda r, left, t: slope(r, left, t) / 2, "Half"),
-    (ch10.check_track, lambda r, left, t: slope(r, left, np.rad2deg(t)), "into degrees"),
-    (ch10.check_track, lambda r, left, t: np.rad2deg(slope(r, left, t)), "radians already"),
-    (ch10.check_track, lambda r, left, t: (r - left).sum() / t.sum(), "cancel"),
-    (ch10.check_track, lambda r, left, t: np.mean((r - left)[t != 0] / t[t != 0]), "averaged ratios"),
-    (ch10.check_track, lambda r, left, t: np.polyfit(t, r - left, 1)[0], "through zero"),
-    (ch10.check_track, lambda r, left, t: slope(r, -left, t), "added the sides"),
-    (ch10.check_track, lambda r, left, t: r - left, "One number"),
-    (ch10.check_classify, lambda r, a, b: "hit" if a <= r <= b else "free", "dirt"),
-    (ch10.check_classify, lambda r, a, b: "hit" if r >= a else "unknown", "ring"),
-    (ch10.check_classify, lambda r, a, b: "hit" if a <= r <= b else "unknown", "that way is free"),
-    (ch10.check_classify, lambda r, a, b: "unknown" if r < a else "hit" if r <= b else "free", "NaN"),
-    (ch10.check_classify, lambda r, a, b: "hit" if a < r < b else "free" if r >= b else "unknown", "exactly"),
-    (ch10.check_classify, lambda r, a, b: classify(r, 0.1, 30.0), "built in"),
-    (
-        ch10.check_classify,
-        lambda r, a, b: "hit" if a <= r <= b else "free" if r == np.inf else "unknown",
-        "finite",
-    ),
-    (ch10.check_classify, lambda r, a, b: 1, "words"),
-    (ch10.check_classify, lambda r, a, b: "wall", "words"),
-    (ch10.check_classify, lambda r, a, b: None, "returns nothing"),
-]
-
-
-@pytest.mark.parametrize(("check", "answer", "words"), WRONG)
-def test_a_wrong_answer_is_refused_by_name(check, answer, words):
-    verdict = check(answer)
+@pytest.mark.parametrize(("name", "words"), [(n, w) for n, cases in WRONG.items() for w in cases])
+def test_a_wrong_answer_is_named(name, words):
+    verdict = getattr(ch10, f"check_{name}")(WRONG[name][words])
     assert verdict.verdict == "wrong"
     assert words in verdict.message

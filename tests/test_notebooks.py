@@ -95,8 +95,6 @@ def test_check_finds_what_strip_would_change(tmp_path, capsys):
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
 def test_committed_notebook_holds_text_outputs_only(path):
     notebook = json.loads(path.read_text(encoding="utf-8"))
-    if path.stem.startswith("09"):
-        pytest.xfail("stubs and checks are still one cell")
     assert strip_notebook(notebook) == notebook, "run `make strip`"
     assert not [o for c in notebook["cells"] for o in c.get("outputs", []) if o["output_type"] == "error"]
 

@@ -1,4 +1,4 @@
-"""Chapters 09 and 09b: what their helpers compute, against values known beforehand."""
+"""Chapters 09 and 10: what their helpers compute, against values known beforehand."""
 
 from dataclasses import replace
 
@@ -10,15 +10,15 @@ from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.poses import Trajectory, compose
 from pfslam.study import read_study
-from pfslam.teaching import ch09, ch09b
+from pfslam.teaching import ch09, ch10
 from pfslam.teaching.ch09 import judging
 from pfslam.teaching.ch09 import runs as ch09_runs
 from pfslam.teaching.ch09 import walls as ch09_walls
 from pfslam.teaching.ch09.checks import line_step
 from pfslam.teaching.ch09.tables import changed_fields, ladder_table
-from pfslam.teaching.ch09b import kinds as ch09b_kinds
-from pfslam.teaching.ch09b import particles as ch09b_particles
-from pfslam.teaching.ch09b.intel import RUNS, TABLE, intel_map, intel_path
+from pfslam.teaching.ch10 import kinds as ch10_kinds
+from pfslam.teaching.ch10 import particles as ch10_particles
+from pfslam.teaching.ch10.intel import RUNS, TABLE, intel_map, intel_path
 from pfslam.teaching.show.tables import study_file
 
 INTEL = (RUNS, TABLE)
@@ -64,7 +64,7 @@ def test_a_right_step_repeated_finds_the_pose_and_a_stub_is_told_so():
 def test_lineages_follow_the_ancestors():
     clouds = np.arange(12.0).reshape(3, 4, 1) * np.ones(3)
     ancestors = np.array([[0, 0, 2, 3], [1, 1, 1, 2], [0, 1, 2, 3]])
-    run = ch09b_kinds.Histories(None, np.arange(3.0), clouds, ancestors, np.array([2]), ())
+    run = ch10_kinds.Histories(None, np.arange(3.0), clouds, ancestors, np.array([2]), ())
     assert run.lineages(2).tolist() == [[0, 0, 0, 2], [1, 1, 1, 2], [0, 1, 2, 3]]
     assert run.alive(2).tolist() == [2, 2, 4]
     assert run.paths(2)[0, :, 0].tolist() == [0.0, 0.0, 0.0, 2.0]
@@ -110,45 +110,45 @@ def test_the_table_of_the_ladder_has_a_row_for_each_rung():
 
 @pytest.mark.parametrize("situation", ["ordinary", "blind for 10 s", "blind for 20 s", "kidnapped"])
 def test_every_situation_has_a_run_in_every_building_for_every_number_of_particles(situation):
-    assert situation in ch09b_particles.situations()
-    numbers = ("scan matching", *ch09b_particles.NUMBERS)
-    counts = {len(ch09b_particles.situation_errors(situation, n)) for n in numbers}
+    assert situation in ch10_particles.situations()
+    numbers = ("scan matching", *ch10_particles.NUMBERS)
+    counts = {len(ch10_particles.situation_errors(situation, n)) for n in numbers}
     assert len(counts) == 1
     assert counts.pop() >= 2
 
 
 @pytest.mark.parametrize("polish", [True, False])
-@pytest.mark.parametrize("study", [ch09b_kinds.BUILDINGS, ch09b_kinds.RINGS])
+@pytest.mark.parametrize("study", [ch10_kinds.BUILDINGS, ch10_kinds.RINGS])
 def test_kinds_are_compared_where_nothing_else_differs(study, polish):
     cases = [c for c in read_study(study_file(study)).cases if c.label.endswith("polish") != polish]
     configs = [c.config() for c in cases if c.get("method") != "dead-reckoning"]
     assert len({(c.every, c.draw_metres, c.draw_radians, c.polish, c.search, c.map) for c in configs}) == 1
     assert {c.particles for c in configs} == {1, 30}
-    errors = ch09b_kinds.kind_errors(study, polish)
+    errors = ch10_kinds.kind_errors(study, polish)
     assert len({len(e) for e in errors.values()}) == 1
 
 
 def test_one_polished_particle_draws_the_map_of_two_hundred():
-    table = ch09b.one_and_many(pfslam.load("hall"), 30.0)
+    table = ch10.one_and_many(pfslam.load("hall"), 30.0)
     apart = {row[0]: float(row[3]) for row in table.rows}
     assert apart["polish"] < 1.0 < apart["no polish"]
 
 
 def test_the_stored_runs_of_the_real_log_are_whole():
-    facts = ch09b.intel_facts()
+    facts = ch10.intel_facts()
     assert (facts["relations"], facts["usable"], facts["returns"]) == (2984, 97, 23)
     path, grid = intel_path("scan matching"), intel_map("scan matching")
     assert len(path) == len(intel_path("report")) == 910
     x, y = grid.spec.world_to_cell(path.poses[:, :2]).T
     assert (grid.log_odds[y, x] <= 0).mean() > 0.99
-    errors = ch09b.intel_errors()
+    errors = ch10.intel_errors()
     assert np.median(errors["scan matching"]) < 0.03
     assert errors["report"].min() > 1.0
     assert sum(file.stat().st_size for file in INTEL) < 150_000
 
 
 def test_a_proposal_that_knows_the_scan_wastes_no_particle():
-    case = ch09b.Proposals()
+    case = ch10.Proposals()
     assert case.n_eff(True) == pytest.approx(case.n)
     assert case.n_eff(False) < 0.3 * case.n
     exact = (case.seen / case.sigma_scan**2) / (1 / case.sigma_scan**2 + 1 / case.sigma_motion**2)

@@ -27,7 +27,7 @@ from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.runs import run_slam
-from pfslam.teaching.ch09b.intel import COLUMNS, RETURN_SECONDS, RUNS, TABLE
+from pfslam.teaching.ch10.intel import COLUMNS, RETURN_SECONDS, RUNS, TABLE
 
 SEEDS = range(10)
 SHOWN = ("scan matching", "report")

@@ -1,35 +1,49 @@
 """What the notebook of chapter 10 calls."""
 
-from pfslam.teaching.ch10.checks import check_classify, check_increments, check_track
-from pfslam.teaching.ch10.robot import (
-    calibration_table,
-    check_up_table,
-    complaints,
-    drives,
-    faults_table,
-    lever_explorer,
-    map_picture,
-    path_picture,
-    run_figure,
-    sharpest_lever,
-    track_explorer,
+from pfslam.per_particle import per_particle_step
+from pfslam.slam import align, shifted
+from pfslam.teaching.ch10.checks import check_draw_all, check_log_weight, check_proposal
+from pfslam.teaching.ch10.intel import intel_errors, intel_facts, intel_picture, intel_slips, intel_table
+from pfslam.teaching.ch10.kinds import (
+    cost_ratio,
+    histories_explorer,
+    kinds_table,
+    loop_recording,
+    medians_cm,
+    one_and_many,
+    play_histories,
+    private_better,
 )
+from pfslam.teaching.ch10.particles import lost_while_blind, particles_explorer, particles_table
+from pfslam.teaching.ch10.proposals import Proposals, proposals_picture
 from pfslam.teaching.show.source import show_source
+from pfslam.teaching.show.tables import number_of_buildings
 
 __all__ = [
-    "calibration_table",
-    "check_classify",
-    "check_increments",
-    "check_track",
-    "check_up_table",
-    "complaints",
-    "drives",
-    "faults_table",
-    "lever_explorer",
-    "map_picture",
-    "path_picture",
-    "run_figure",
-    "sharpest_lever",
+    "Proposals",
+    "align",
+    "check_draw_all",
+    "check_log_weight",
+    "check_proposal",
+    "cost_ratio",
+    "histories_explorer",
+    "intel_errors",
+    "intel_facts",
+    "intel_picture",
+    "intel_slips",
+    "intel_table",
+    "kinds_table",
+    "loop_recording",
+    "lost_while_blind",
+    "medians_cm",
+    "number_of_buildings",
+    "one_and_many",
+    "particles_explorer",
+    "particles_table",
+    "per_particle_step",
+    "play_histories",
+    "private_better",
+    "proposals_picture",
+    "shifted",
     "show_source",
-    "track_explorer",
 ]

@@ -2,177 +2,172 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from pfslam.teaching.show.checks import Check, compare
+from pfslam.teaching.show.checks import Check, answer_to, compare, hint, passed
 
-# ---- 1: a counter that wraps
-
-STEPS = np.array([0, 9, 18, 22, 22, 22, 15, 4, 0, -6, -12, -6, 0, 20, 22, 22, 22, 22, 18, 9])
-"""A drive with a stretch in reverse: increments between two readings."""
+# ---- 1 and 2: the improved proposal and its normaliser
 
 
-def _readings(seed: int) -> tuple[np.ndarray]:
-    """An 8-bit counter that begins somewhere and wraps more than once."""
-    rng = np.random.default_rng(seed)
-    steps = np.concatenate([[0], rng.integers(-90, 121, 24), [-127, 127]])
-    return (((rng.integers(0, 256) + np.cumsum(steps)) % 256).astype(np.uint8),)
+def proposal(likelihood, prior):
+    """Return the improved proposal over some poses."""
+    product = np.asarray(likelihood) * np.asarray(prior)
+    return product / product.sum()
 
 
-COUNTERS = [(((200 + np.cumsum(STEPS)) % 256).astype(np.uint8),), _readings(1), _readings(2)]
+def log_weight(log_likelihood, log_prior):
+    """Return the logarithm of the normaliser of the improved proposal."""
+    joint = np.asarray(log_likelihood) + np.asarray(log_prior)
+    return float(joint.max() + np.log(np.exp(joint - joint.max()).sum()))
 
 
-def increments(readings: np.ndarray) -> np.ndarray:
-    """Give the increments ``(K,)`` of an 8-bit counter; the first is 0."""
-    steps = np.diff(readings.astype(int), prepend=int(readings[0]))
-    return (steps + 128) % 256 - 128
+def _proposal_cases() -> list[tuple]:
+    rng = np.random.default_rng(0)
+    cases = [(np.array([0.2, 0.9, 0.4, 0.05, 0.0]), np.array([0.1, 0.25, 0.4, 0.2, 0.05]))]
+    return cases + [(rng.uniform(0.01, 1.0, n), rng.dirichlet(np.ones(n))) for n in (4, 9)]
 
 
-def _plain(readings: np.ndarray) -> np.ndarray:
-    return np.diff(readings.astype(int), prepend=int(readings[0]))
-
-
-COUNTER_MISTAKES = [
-    (_plain, "At the wrap the counter goes from 255 to 0, and you took it at its word. Differences of an 8-bit counter "
-     "are only known modulo 256."),
-    (lambda r: _plain(r) % 256, "All your increments are positive. Modulo 256, a step of -6 and one of 250 look alike; "
-     "choose the one that a wheel can make: between -128 and 127."),
-    (lambda r: np.abs(increments(r)), "You lost the sign: in reverse the increments are negative."),
-    (lambda r: (np.diff(r.astype(int), prepend=0) + 128) % 256 - 128, "Your first increment is the first reading. The "
-     "counter did not start at zero when you did: the robot would jump by all that it drove before."),
-    (lambda r: np.cumsum(increments(r)), "Those are running totals. The increments between them are asked for."),
-    (lambda r: np.where(_plain(r) < 0, _plain(r) + 256, _plain(r)), "You take every backward step for a wrap. A wheel "
-     "also turns backwards."),
-    (lambda r: np.where(np.abs(_plain(r)) > 127, 0, _plain(r)), "You throw the wrapped steps away. Their way is lost; "
-     "add or subtract 256 instead."),
-    (lambda r: np.roll(increments(r), -1), "Your increments stand one reading too early. The first is 0, because "
-     "before the first reading nobody counted."),
-    (lambda r: np.diff(r, prepend=r[0]), "In bytes, 3 - 9 is 250. Make whole numbers of the readings before you "
-     "subtract."),
+PROPOSAL_MISTAKES = [
+    (lambda li, p: li * p, "Right products, but they do not sum to 1. Divide by their sum."),
+    (lambda li, p: li / li.sum(), "The scan alone: the motion is missing. Multiply the two."),
+    (lambda li, p: p, "That is the motion alone, the proposal of a plain particle filter."),
+    (lambda li, p: (li + p) / (li + p).sum(), "Two sources of evidence about one pose are multiplied, not added."),
+    (lambda li, p: li * p / (li * p).max(), "You divide by the greatest product. Divide by their sum."),
+    (lambda li, p: li * p / li.sum(), "You divide by the sum of the likelihoods. Divide by the sum of the products."),
+    (lambda li, p: np.eye(len(li))[np.argmax(li * p)], "That is its mode. A proposal gives every pose its chance."),
 ]  # fmt: skip
 
 
-def check_increments(theirs: Callable) -> Check:
-    """Check that ``increments(readings)`` gives the increments ``(K,)`` of an 8-bit counter."""
-    praise = "The wrap is gone, and the stretch in reverse is still in reverse."
-    verdict = compare(theirs, increments, COUNTERS, mistakes=COUNTER_MISTAKES, praise=praise)
-    if "asked for; yours has the shape" in verdict.message:
-        return Check(
-            "wrong", f"{verdict.message} Before the first reading nobody counted: its increment is 0."
+def check_proposal(theirs) -> Check:
+    """Tell whether ``proposal(likelihood, prior)`` is the normalised product of the two."""
+    praise = "Particles drawn from it go where both the odometry and the scan agree."
+    return compare(theirs, proposal, _proposal_cases(), mistakes=PROPOSAL_MISTAKES, praise=praise)
+
+
+def _log_cases() -> list[tuple]:
+    """Return logarithms: moderate ones, random ones, and a scan so unlikely that its likelihood is 0 in a computer."""
+    rng = np.random.default_rng(1)
+    cases = [(np.log([0.2, 0.9, 0.4, 0.05]), np.log([0.1, 0.3, 0.4, 0.2]))]
+    cases += [(rng.uniform(-40.0, 0.0, 7), np.log(rng.dirichlet(np.ones(7))))]
+    return [*cases, (rng.uniform(-1260.0, -1240.0, 6), np.log(rng.dirichlet(np.ones(6))))]
+
+
+def _joint(li, p):
+    return np.asarray(li) + np.asarray(p)
+
+
+def _naive(li, p):
+    return float(np.log(np.exp(_joint(li, p)).sum()))
+
+
+LOG_MISTAKES = [
+    (_naive, "Right for likely scans. For an unlikely one exp gives 0 for every pose, and log 0 is minus infinity. "
+     "Subtract the largest sum before exp, and add it again after log."),
+    (lambda li, p: float(_joint(li, p).max()), "That is the best pose alone: the *mode*, which is what this package "
+     "takes for a weight. The normaliser is a sum over all poses."),
+    (lambda li, p: log_weight(li, np.zeros(len(p))), "The motion is missing: each pose counts as much as it is likely "
+     "to be reached."),
+    (lambda li, p: log_weight(li, np.zeros(len(p))) - np.log(len(p)), "You take all poses for equally likely. The "
+     "motion says how likely each is."),
+    (lambda li, p: log_weight(li, p) - np.log(len(p)), "That is the mean over the poses. The prior already sums to 1: "
+     "add up."),
+    (lambda li, p: float(np.exp(log_weight(li, p))), "That is the weight itself. Return its logarithm."),
+    (lambda li, p: float(_joint(li, p).sum()), "A sum of logarithms is a product of probabilities. The poses exclude "
+     "each other: their probabilities add up."),
+    (lambda li, p: float(_joint(li, p).mean()), "The mean of logarithms is not the logarithm of a sum."),
+    (lambda li, p: float(np.log(np.exp(_joint(li, p) - _joint(li, p).max()).sum())), "You subtracted the largest sum "
+     "and did not add it again. Particles could no longer be compared."),
+]  # fmt: skip
+
+
+def check_log_weight(theirs) -> Check:
+    """Tell whether ``log_weight(log_likelihood, log_prior)`` is the normaliser, for scans of any likelihood."""
+    praise = "How well this particle's map had expected the scan, wherever the robot went."
+    with np.errstate(all="ignore"):
+        return compare(theirs, log_weight, _log_cases(), mistakes=LOG_MISTAKES, praise=praise)
+
+
+# ---- 3: private maps that share memory
+
+ANCESTORS = np.array([0, 0, 2, 2, 1])
+HITS: list[int | None] = [1, 0, None, None, 3]
+
+
+def check_draw_all(theirs) -> Check:
+    """Tell whether ``draw_all(maps, ancestors, hits)`` gives each particle its own map and copies no more."""
+    maps = [np.array([0.5, 2.0, 0.0, 1.0, 3.0]) + 10.0 * k for k in range(5)]
+    before = [m.copy() for m in maps]
+    held: list = []
+
+    def run(ancestors, hits):
+        held[:] = [theirs(maps, ancestors, hits)]
+        return held[0]
+
+    answer = answer_to(run, (ANCESTORS.copy(), list(HITS)), "maps")
+    if isinstance(answer, Check):
+        return answer
+    if not isinstance(answer, list | tuple | np.ndarray) or len(answer) != len(HITS):
+        return hint(f"Return a list with one map for each of the {len(HITS)} particles.")
+    if any(np.shape(m) != (5,) for m in answer):
+        return hint("Return a list of maps, each with as many cells as before.")
+    return _judged(answer, maps, before)
+
+
+def _expected(before: list[np.ndarray], draw, ancestors=ANCESTORS) -> list[np.ndarray]:
+    new = [before[a].copy() for a in ancestors]
+    for m, h in zip(new, HITS, strict=True):
+        if h is not None:
+            draw(m, h)
+    return new
+
+
+def _add(m, h):
+    m[h] += 1.0
+
+
+def _set(m, h):
+    m[h] = 1.0
+
+
+def _unless_zero(m, h):
+    if h:
+        m[h] += 1.0
+
+
+def _judged(answer, maps: list[np.ndarray], before: list[np.ndarray]) -> Check:
+    """Return the verdict on a list of maps of the right size."""
+
+    def are(expected) -> bool:
+        return all(np.allclose(m, e) for m, e in zip(answer, expected, strict=True))
+
+    if are(_expected(before, lambda m, h: None)):
+        return hint("Nobody has drawn anything: the hits are missing.")
+    if answer[0] is answer[1] or np.array_equal(answer[0], answer[1]):
+        return hint(
+            "Particles 0 and 1 drew into one and the same array: each now sees the other's wall. Copies of a particle "
+            "may share a map only until one of them draws."
         )
-    return verdict
-
-
-# ---- 2: the effective track
-
-
-def _seconds(seed: int, track: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The way of right and left wheels (m) and the gyro's turn (rad) in each of some seconds, with noise."""
-    rng = np.random.default_rng(seed)
-    turned = np.concatenate([[0.0, 0.0, 0.0], rng.uniform(-1.2, 1.2, 9)])
-    apart = track * turned + 0.004 * rng.standard_normal(len(turned))
-    middle = rng.uniform(-0.2, 1.1, len(turned))
-    return middle + apart / 2, middle - apart / 2, turned
-
-
-DRIVES = [_seconds(3, 0.74), _seconds(4, 0.55), _seconds(5, 1.31)]
-
-
-def effective(right: np.ndarray, left: np.ndarray, turned: np.ndarray) -> float:
-    """Give the slope of the way apart over the angle, the line through zero."""
-    return float((right - left) @ turned / (turned @ turned))
-
-
-def _ratios(right, left, turned):
-    moved = turned != 0
-    return float(np.mean((right - left)[moved] / turned[moved]))
-
-
-TRACK_MISTAKES = [
-    (lambda r, left, t: -effective(r, left, t), "The sign is wrong: in a left turn, which is positive, the right "
-     "wheels go further."),
-    (lambda r, left, t: 1 / effective(r, left, t), "Upside down: way apart = track * angle, so the track is the slope "
-     "of the way over the angle."),
-    (lambda r, left, t: t @ t / ((r - left) @ t), "Upside down: way apart = track * angle, so the track is the slope "
-     "of the way over the angle."),
-    (lambda r, left, t: effective(r, left, t) / 2, "Half of it: the two sides are one track apart, not each a track "
-     "from the middle."),
-    (lambda r, left, t: np.rad2deg(effective(r, left, t)), "The angles are in radians already."),
-    (lambda r, left, t: effective(r, left, np.rad2deg(t)), "You turned the angles into degrees. Arc is radius times "
-     "angle in radians."),
-    (lambda r, left, t: (r - left).sum() / t.sum(), "You divided sums. The robot turned in both directions, so sums "
-     "cancel and noise remains: fit the slope of a line through all seconds."),
-    (_ratios, "You averaged ratios. A second with hardly any turn counts as much as one with a strong turn, and noise "
-     "over a small angle is large: fit one line through all seconds."),
-    (lambda r, left, t: np.polyfit(t, r - left, 1)[0], "Your line need not go through zero. A robot that did not turn "
-     "has wheels that went equally far."),
-    (lambda r, left, t: effective(r, 0 * left, t), "You left out one side. The difference of the two sides counts."),
-    (lambda r, left, t: effective(r, -left, t), "You added the sides. Their difference turns the robot."),
-]  # fmt: skip
-
-
-def check_track(theirs: Callable) -> Check:
-    """Check that ``track(right, left, turned)`` is the effective track (m)."""
-    if _divides_by_zero(theirs):
-        return Check("wrong", "Not yet. In some seconds the robot did not turn at all, and you divided by that. Fit "
-                     "one line through all seconds instead of a ratio for each.")  # fmt: skip
-    praise = (
-        f"{effective(*DRIVES[0]):.2f} m, where a ruler says 0.39 m: the wheels skid sideways in every turn."
-    )
-    return compare(theirs, effective, DRIVES, mistakes=TRACK_MISTAKES, praise=praise)
-
-
-def _divides_by_zero(theirs: Callable) -> bool:
-    """Whether the answer to the first drive is not finite."""
-    try:
-        with np.errstate(all="ignore"):
-            return not np.isfinite(float(np.squeeze(theirs(*(part.copy() for part in DRIVES[0])))))
-    except Exception:
-        return False  # compare says what it is
-
-
-# ---- 3: what a range says
-
-BEAMS = [(r, 0.1, 30.0) for r in (4.2, np.inf, 0.0, 0.05, 29.9, np.nan, 0.1, 30.0)]
-BEAMS += [(r, 0.25, 8.0) for r in (0.2, 3.3, 7.9, 12.0, np.inf)]
-
-
-def classified(r: float, range_min: float, range_max: float) -> str:
-    """Give "hit", "free" or "unknown" for one range."""
-    if range_min <= r <= range_max:
-        return "hit"
-    return "free" if r > range_max else "unknown"
-
-
-RANGE_MISTAKES = [
-    (lambda r, a, b: "hit" if a <= r <= b else "free", "A range below the least, 0.05 m say, is dirt on the window, or "
-     "the sensor's word for nothing; and NaN says that the sensor does not know. Neither is free space."),
-    (lambda r, a, b: "hit" if a <= r <= b else "unknown", "This instrument says infinity when nothing came back from "
-     "within its range: that way is free."),
-    (lambda r, a, b: "hit" if r >= a else "unknown", "Infinity is no wall. A wall at the maximum range would draw a "
-     "ring around the robot."),
-    (lambda r, a, b: "unknown" if r < a else "hit" if r <= b else "free", "NaN is not a long way: the instrument says "
-     "that it does not know. Comparisons with NaN are all false, so ask for it first or last."),
-    (lambda r, a, b: "free" if r < a else "hit" if r <= b else "free", "A range below the least is neither a wall nor "
-     "free space: the sensor cannot measure there."),
-    (lambda r, a, b: "hit" if a < r < b else "free" if r >= b else "unknown", "At exactly the least and the greatest "
-     "range the instrument still measures."),
-    (lambda r, a, b: "hit" if 0.1 <= r <= 30.0 else "free" if r > 30.0 else "unknown", "You built in 0.1 and 30 m. "
-     "Another LiDAR has other limits: use the arguments."),
-    (lambda r, a, b: "hit" if a <= r <= b else "free" if r == np.inf else "unknown", "A finite range beyond the "
-     "greatest is no measurement either, but the way up to it is free."),
-    (lambda r, a, b: "free", "Between its limits the instrument measures, and the end of the beam is a hit."),
-]  # fmt: skip
-
-
-def check_classify(theirs: Callable) -> Check:
-    """Check that ``classify(r, range_min, range_max)`` tells the three cases apart."""
-    praise = (
-        "Three cases, not two. Which of them a black cupboard gives is for your sensor's data sheet to say."
-    )
-    verdict = compare(theirs, classified, BEAMS, mistakes=RANGE_MISTAKES, praise=praise)
-    if verdict.verdict == "wrong" and "expected" in verdict.message:
-        return Check("wrong", f"{verdict.message} One of the words hit, free, unknown is asked for.")
-    return verdict
+    if are(_expected(before, _unless_zero)):
+        return hint(
+            "A hit in cell 0 was not drawn: `if hit` takes 0 for nothing. Ask whether it `is not None`."
+        )
+    if are(_expected(before, _set)):
+        return hint("You set the cell to 1. Add 1 to what it had: it keeps its earlier evidence.")
+    if are(_expected(before, _add, range(5))):
+        return hint(
+            "Every particle goes on from its own old map. It descends from ancestors[k]: use its map."
+        )
+    if not are(_expected(before, _add)):
+        return hint(
+            "Particle k starts from the map of ancestors[k] and adds 1 at hits[k]; some map is not that."
+        )
+    if any(not np.array_equal(m, b) for m, b in zip(maps, before, strict=True)):
+        return hint(
+            "Your new maps are right, but a map of the step before has changed. It may be somebody else's."
+        )
+    if not (np.shares_memory(answer[2], maps[2]) and np.shares_memory(answer[3], maps[2])):
+        return hint(
+            "Right numbers, and more memory than needed: particles 2 and 3 drew nothing. They can go on sharing the "
+            "array of their ancestor."
+        )
+    return passed("Five particles, four arrays: three drew and have their own, two share one.")

@@ -1,4 +1,4 @@
-"""Chapter 09b: error against the number of particles, situation by situation, over buildings, from the stored study."""
+"""Chapter 10: error against the number of particles, situation by situation, over buildings, from the stored study."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pfslam.teaching.show.style import COLOURS, new_figure
 from pfslam.teaching.show.tables import ERROR, Shown, labels_of, read_table, select
 from pfslam.teaching.show.widgets import Explorer, Slider
 
-STUDY = "ch09b_particles"
+STUDY = "ch10_particles"
 NUMBERS = (1, 5, 50)
 MATCHING = ", scan matching"
 LOST = 0.3

@@ -1,4 +1,4 @@
-"""Chapter 09b: kinds of SLAM in one table, one particle beside two hundred, and the histories of private maps."""
+"""Chapter 10: kinds of SLAM in one table, one particle beside two hundred, and the histories of private maps."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from pfslam.teaching.show.widgets import Explorer, Slider
 
 FRAMES = 20
 NO_POLISH = ", and no polish"
-BUILDINGS, RINGS = "ch09b_kinds", "ch09b_ring"
+BUILDINGS, RINGS = "ch10_kinds", "ch10_ring"
 PLACES = {"buildings": BUILDINGS, "rings": RINGS}
 PRIVATE, SHARED = "a map for each particle", "shared map"
 

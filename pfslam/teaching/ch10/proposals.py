@@ -1,4 +1,4 @@
-"""Chapter 09b: where particles are drawn from, in one dimension: the motion alone, or the motion and the scan."""
+"""Chapter 10: where particles are drawn from, in one dimension: the motion alone, or the motion and the scan."""
 
 from __future__ import annotations
 

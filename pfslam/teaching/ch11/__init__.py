@@ -1,0 +1,35 @@
+"""What the notebook of chapter 11 calls."""
+
+from pfslam.teaching.ch11.checks import check_classify, check_increments, check_track
+from pfslam.teaching.ch11.robot import (
+    calibration_table,
+    check_up_table,
+    complaints,
+    drives,
+    faults_table,
+    lever_explorer,
+    map_picture,
+    path_picture,
+    run_figure,
+    sharpest_lever,
+    track_explorer,
+)
+from pfslam.teaching.show.source import show_source
+
+__all__ = [
+    "calibration_table",
+    "check_classify",
+    "check_increments",
+    "check_track",
+    "check_up_table",
+    "complaints",
+    "drives",
+    "faults_table",
+    "lever_explorer",
+    "map_picture",
+    "path_picture",
+    "run_figure",
+    "sharpest_lever",
+    "show_source",
+    "track_explorer",
+]

@@ -1,0 +1,161 @@
+"""Exercises of chapter 11: right answers in many styles, wrong ones and the words for each."""
+
+import numpy as np
+import pytest
+from notebook_cells import defined
+
+from pfslam.teaching import ch11
+
+EXERCISES = {
+    1: ("increments", ch11.check_increments),
+    2: ("track", ch11.check_track),
+    3: ("classify", ch11.check_classify),
+}
+
+
+@pytest.mark.parametrize("number", EXERCISES)
+def test_the_stub_is_unanswered_and_the_solution_right(number):
+    name, check = EXERCISES[number]
+    assert check(defined("11", f"exercise-{number}")[name]).verdict == "unanswered"
+    verdict = check(defined("11", f"solution-{number}")[f"{name}_solution"])
+    assert verdict, verdict
+
+
+# ---- right answers
+
+
+def in_a_loop(readings):
+    steps, last = [], int(readings[0])
+    for reading in readings.tolist():
+        step = reading - last
+        steps.append(step - 256 if step > 127 else step + 256 if step < -128 else step)
+        last = reading
+    return steps
+
+
+def signed_bytes(readings):
+    return np.diff(readings, prepend=readings[0]).view(np.int8)
+
+
+def unwrapped(readings):
+    angle = np.unwrap(readings * (2 * np.pi / 256))
+    return np.diff(angle, prepend=angle[0]) * 256 / (2 * np.pi)
+
+
+def slope(right, left, turned):
+    return (right - left) @ turned / (turned @ turned)
+
+
+def slope_in_a_loop(right, left, turned):
+    top = bottom = 0.0
+    for r, side, angle in zip(right, left, turned, strict=True):
+        top, bottom = top + (r - side) * angle, bottom + angle * angle
+    return top / bottom
+
+
+def classify(r, low, high):
+    return "hit" if low <= r <= high else "free" if r > high else "unknown"
+
+
+def classify_nan_first(r, low, high):
+    if np.isnan(r):
+        return "unknown"
+    return ("unknown", "hit", "free")[int(r >= low) + int(r > high)]
+
+
+RIGHT = [
+    (ch11.check_increments, in_a_loop),
+    (ch11.check_increments, signed_bytes),
+    (ch11.check_increments, unwrapped),
+    (ch11.check_increments, lambda r: tuple(in_a_loop(r))),
+    (ch11.check_increments, lambda r: np.float32(in_a_loop(r))),
+    (ch11.check_increments, lambda r: np.rint(unwrapped(r)).astype(np.int16)),
+    (ch11.check_track, slope),
+    (ch11.check_track, slope_in_a_loop),
+    (ch11.check_track, lambda r, left, t: np.linalg.lstsq(t[:, None], r - left, rcond=None)[0]),
+    (ch11.check_track, lambda r, left, t: np.float32(slope(r, left, t))),
+    (ch11.check_track, lambda r, left, t: round(slope(r, left, t), 4)),
+    (ch11.check_track, lambda r, left, t: [slope(r, left, t)]),
+    (ch11.check_classify, classify),
+    (ch11.check_classify, classify_nan_first),
+    (ch11.check_classify, lambda *given: str(np.array(classify(*given)))),
+    (ch11.check_classify, lambda *given: np.str_(classify(*given))),
+    (
+        ch11.check_classify,
+        lambda r, a, b: {(True, False): "hit", (True, True): "free"}.get((r >= a, r > b), "unknown"),
+    ),
+    (
+        ch11.check_classify,
+        lambda r, a, b: next((w for w, x in (("free", r > b), ("hit", r >= a)) if x), "unknown"),
+    ),
+]
+
+
+@pytest.mark.parametrize(("check", "answer"), RIGHT)
+def test_the_same_in_another_style_is_right_too(check, answer):
+    assert check(answer), check(answer)
+
+
+# ---- wrong answers
+
+
+def plain(readings):
+    return np.diff(readings.astype(int), prepend=int(readings[0]))
+
+
+def only_forwards(readings):
+    steps = plain(readings)
+    steps[steps < 0] += 256
+    return steps
+
+
+def reversed_in_place(readings):
+    readings[:] = readings[::-1]
+    return in_a_loop(readings[::-1])
+
+
+WRONG = [
+    (ch11.check_increments, plain, "at its word"),
+    (ch11.check_increments, lambda r: plain(r) % 256, "look alike"),
+    (ch11.check_increments, only_forwards, "look alike"),
+    (ch11.check_increments, lambda r: np.abs(in_a_loop(r)), "lost the sign"),
+    (ch11.check_increments, lambda r: (np.diff(r.astype(int), prepend=0) + 128) % 256 - 128, "start at zero"),
+    (ch11.check_increments, lambda r: np.cumsum(in_a_loop(r)), "running totals"),
+    (ch11.check_increments, lambda r: np.where(abs(plain(r)) > 127, 0, plain(r)), "throw the wrapped"),
+    (ch11.check_increments, lambda r: [*in_a_loop(r)[1:], 0], "too early"),
+    (ch11.check_increments, lambda r: np.diff(r.astype(int)), "nobody counted"),
+    (ch11.check_increments, reversed_in_place, "changes what it is given"),
+    (ch11.check_increments, lambda r: nothing, "NameError"),  # noqa: F821
+    (ch11.check_track, lambda r, left, t: np.mean((r - left) / t), "did not turn"),
+    (ch11.check_track, lambda r, left, t: slope(left, r, t), "sign"),
+    (ch11.check_track, lambda r, left, t: 1 / slope(r, left, t), "Upside down"),
+    (ch11.check_track, lambda r, left, t: slope(r, left, t) / 2, "Half"),
+    (ch11.check_track, lambda r, left, t: slope(r, left, np.rad2deg(t)), "into degrees"),
+    (ch11.check_track, lambda r, left, t: np.rad2deg(slope(r, left, t)), "radians already"),
+    (ch11.check_track, lambda r, left, t: (r - left).sum() / t.sum(), "cancel"),
+    (ch11.check_track, lambda r, left, t: np.mean((r - left)[t != 0] / t[t != 0]), "averaged ratios"),
+    (ch11.check_track, lambda r, left, t: np.polyfit(t, r - left, 1)[0], "through zero"),
+    (ch11.check_track, lambda r, left, t: slope(r, -left, t), "added the sides"),
+    (ch11.check_track, lambda r, left, t: r - left, "One number"),
+    (ch11.check_classify, lambda r, a, b: "hit" if a <= r <= b else "free", "dirt"),
+    (ch11.check_classify, lambda r, a, b: "hit" if r >= a else "unknown", "ring"),
+    (ch11.check_classify, lambda r, a, b: "hit" if a <= r <= b else "unknown", "that way is free"),
+    (ch11.check_classify, lambda r, a, b: "unknown" if r < a else "hit" if r <= b else "free", "NaN"),
+    (ch11.check_classify, lambda r, a, b: "hit" if a < r < b else "free" if r >= b else "unknown", "exactly"),
+    (ch11.check_classify, lambda r, a, b: classify(r, 0.1, 30.0), "built in"),
+    (
+        ch11.check_classify,
+        lambda r, a, b: "hit" if a <= r <= b else "free" if r == np.inf else "unknown",
+        "finite",
+    ),
+    (ch11.check_classify, lambda r, a, b: 1, "words"),
+    (ch11.check_classify, lambda r, a, b: "wall", "words"),
+    (ch11.check_classify, lambda r, a, b: None, "returns nothing"),
+]
+
+
+@pytest.mark.parametrize(("check", "answer", "words"), WRONG)
+def test_a_wrong_answer_is_refused_by_name(check, answer, words):
+    verdict = check(answer)
+    assert verdict.verdict == "wrong"
+    assert words in verdict.message
