@@ -64,16 +64,21 @@ def ladder() -> dict[str, np.ndarray]:
     return errors_by_label(read_table(LADDER))
 
 
+def changes_table() -> Shown:
+    """Return each change of the ladder with the fields that it sets and its name in the literature."""
+    fields = changed_fields(LADDER)
+    rows = [(label, field, KNOWN_AS.get(label, "")) for label, field in fields.items()]
+    return Shown(("change", "in the configuration", "known as"), rows, left=(1, 2))
+
+
 def ladder_table() -> Shown:
-    """Return each change with its fields, its name in the literature, the error after it, and where it helped."""
-    errors, fields, rows, before = ladder(), changed_fields(LADDER), [], None
-    for label, found in errors.items():
+    """Return the error after each change, and in how many buildings the change helped."""
+    rows, before = [], None
+    for label, found in ladder().items():
         helped = _better(found, before) if before is not None and label.startswith("+") else ""
-        row = (label, fields.get(label, ""), KNOWN_AS.get(label, ""), cm(found), cm(found.max()), helped)
-        rows.append(row)
+        rows.append((label, cm(found), cm(found.max()), helped))
         before = found
-    head = ("change", "in the configuration", "known as", "median [cm]", "worst [cm]", "better in")
-    return Shown(head, rows, left=(1, 2))
+    return Shown(("change", "median [cm]", "worst [cm]", "better in"), rows)
 
 
 def _better(found: np.ndarray, before: np.ndarray) -> str:
