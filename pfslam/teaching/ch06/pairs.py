@@ -307,7 +307,13 @@ def score_table(maps: dict[str, tuple[FloorTexture, TextureError]]) -> Shown:
         rows.append(
             (name, f"{100 * e.coverage:.0f}", f"{100 * e.beyond_floor:.0f}", shift, f"{e.colour_mean:.0f}")
         )
-    heads = ("", "floor covered [%]", "paint off the floor [%]", "shift [cells]", "colour error [of 255]")
+    heads = (
+        "settings",
+        "floor covered [%]",
+        "paint off the floor [%]",
+        "shift [cells]",
+        "colour error [of 255]",
+    )
     return Shown(heads, rows)
 
 

@@ -83,7 +83,7 @@ def mirrored_table(worlds: dict[str, World]) -> Shown:
     rows = (
         (name, f"{w.score:.2f}", f"{w.error:.2f}", f"{w.wheels_per_gyro:+.2f}") for name, w in worlds.items()
     )
-    return Shown(("", "mean score", "error [m]", "turn by wheels / by gyro"), rows)
+    return Shown(("world", "mean score", "error [m]", "turn by wheels / by gyro"), rows)
 
 
 def standing_cloud(scans: int, n: int = 200, sigma: float = 0.05, off: float = 0.03) -> Particles:

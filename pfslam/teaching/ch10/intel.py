@@ -66,7 +66,7 @@ def intel_table() -> Shown:
             (label, str(len(found)), *lengths, f"{degrees:.2f}", f"{100 * everything:.1f}", slips[label])
         )
     head = (
-        "",
+        "filter",
         "runs",
         "returns [cm]",
         "worst return [cm]",

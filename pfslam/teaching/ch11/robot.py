@@ -69,7 +69,7 @@ FAULTS: dict[str, Callable[[Recording], Recording]] = {
 def check_up_table(recording: Recording) -> Shown:
     """List the check-up of one recording: the question, what was found and what is expected."""
     rows = [(MARKS[f.ok], f.question, f.found, f.expected) for f in check_up(recording)]
-    return Shown(("", "question", "found", "expected"), rows, left=(1, 2, 3))
+    return Shown(("verdict", "question", "found", "expected"), rows, left=(1, 2, 3))
 
 
 def complaints(recording: Recording) -> list[Finding]:
