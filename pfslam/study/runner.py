@@ -7,6 +7,7 @@ there is not run again, so that a study that was stopped goes on where it was; o
 from __future__ import annotations
 
 import json
+import signal
 from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
@@ -74,12 +75,17 @@ def _on_this_machine(cases: list[Case], jobs: int) -> Iterator[tuple[Case, Row]]
         import joblib
     except ImportError as error:
         raise DataError("pfslam study", "package", error.name, "joblib: pip install pfslam[study]") from error
-    pool = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
+    pool = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", initializer=_leave_ctrl_c_to_the_caller)
     try:
         yield from pool(joblib.delayed(_with_row)(case) for case in cases)
     except BrokenProcessPool:
         expected = "room for all of them: fewer --jobs, then the same command goes on where it stopped"
         raise DataError("pfslam study", "worker", "a process that was killed", expected) from None
+
+
+def _leave_ctrl_c_to_the_caller() -> None:
+    """Ignore Ctrl-C in a worker: a terminal sends it to every process, and the caller ends its workers itself."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _with_row(case: Case) -> tuple[Case, Row]:
