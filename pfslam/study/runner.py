@@ -75,7 +75,9 @@ def _on_this_machine(cases: list[Case], jobs: int) -> Iterator[tuple[Case, Row]]
         import joblib
     except ImportError as error:
         raise DataError("pfslam study", "package", error.name, "joblib: pip install pfslam[study]") from error
-    pool = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", initializer=_leave_ctrl_c_to_the_caller)
+    pool = joblib.Parallel(
+        n_jobs=jobs, return_as="generator_unordered", initializer=_leave_ctrl_c_to_the_caller
+    )
     try:
         yield from pool(joblib.delayed(_with_row)(case) for case in cases)
     except BrokenProcessPool:
