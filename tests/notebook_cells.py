@@ -2,7 +2,6 @@
 
 import ast
 import json
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +17,6 @@ def source(chapter: str, tag: str) -> str:
     return "".join(found["source"])
 
 
-def defined(chapter: str, tag: str, **names) -> dict:
-    """What that cell defines when it runs with NumPy as ``np``, its chapter's ``chNN`` and the given names."""
-    helpers = f"ch{chapter}"
-    space = {"np": np, helpers: import_module(f"pfslam.teaching.{helpers}"), **names}
-    exec(source(chapter, tag), space)
-    return space
-
-
 def run(code: str, space: dict):
     """Run the lines of a cell among the names of ``space``; gives what the notebook would show, or None."""
     *before, last = ast.parse(code).body
@@ -34,24 +25,6 @@ def run(code: str, space: dict):
         return eval(compile(ast.Expression(last.value), "cell", "eval"), space)
     exec(compile(ast.Module([last], []), "cell", "exec"), space)
     return None
-
-
-def check_stub_and_solution(chapter: str, number: int, *old, **names) -> None:
-    """As a reader runs them: set-up, stub and check say "unanswered"; the solution's own check passes.
-
-    names : what the cells need from earlier ones.
-    """
-    if old:  # name, check, the checks by name
-        name, check, checks = old
-        stub = defined(chapter, f"exercise-{number}", **checks)[name]
-        assert check(stub).verdict == "unanswered"
-        assert check(defined(chapter, f"solution-{number}", **checks)[f"{name}_solution"])
-        return
-    space = dict(names)
-    run(source(chapter, "setup"), space)
-    run(source(chapter, f"exercise-{number}"), space)
-    assert run(source(chapter, f"check-{number}"), space).verdict == "unanswered"
-    assert run(source(chapter, f"solution-{number}"), space).verdict == "passed"
 
 
 def check_nonsense_is_named(check, plain_number: float, row: int) -> None:

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from notebook_cells import defined
 
 from pfslam.motion import Controls, motion_model, motion_model_arc
 from pfslam.particles import ControlNoise, Particles, predict
@@ -12,22 +11,6 @@ from pfslam.teaching.ch03 import mean as ch03_mean
 from pfslam.teaching.ch03 import models as ch03_models
 from pfslam.teaching.ch03.cloud import fan
 from pfslam.teaching.ch03.corridor import STEP, corridor_walk, predict_belief, update_belief
-
-EXERCISES = {
-    1: ("spread_of_heading", ch03.check_heading_spread),
-    2: ("move", ch03.check_predict),
-    3: ("track", ch03.check_track),
-}
-
-
-@pytest.mark.parametrize("number", EXERCISES)
-def test_the_stub_is_unanswered_and_the_solution_right(number):
-    name, check = EXERCISES[number]
-    stub = defined("03", f"exercise-{number}", motion_model=motion_model)[name]
-    solution = defined("03", f"solution-{number}", motion_model=motion_model)[f"{name}_solution"]
-    assert check(stub).verdict == "unanswered"
-    assert check(solution)
-
 
 # ---- right answers: loops, lists, float32, four digits, other containers, complex numbers
 

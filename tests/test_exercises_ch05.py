@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from notebook_cells import defined
 
 from pfslam.particles import RESAMPLERS
 from pfslam.poses import average_pose, wrap_angle
@@ -13,20 +12,6 @@ from pfslam.teaching.ch05.slow_motion import one_update
 from pfslam.teaching.ch05.weights import copies_table
 from pfslam.teaching.ch05.window import moved_to_best, window_scores
 from pfslam.teaching.show.tables import errors_by_label, read_table
-
-EXERCISES = {
-    1: ("update", ch05.check_update),
-    2: ("resample", ch05.check_resample),
-    3: ("mean_pose", ch05.check_mean_pose),
-}
-
-
-@pytest.mark.parametrize("number", EXERCISES)
-def test_the_stub_is_unanswered_and_the_solution_right(number):
-    name, check = EXERCISES[number]
-    assert check(defined("05", f"exercise-{number}")[name]).verdict == "unanswered"
-    assert check(defined("05", f"solution-{number}")[f"{name}_solution"])
-
 
 # ---- right answers: loops, lists, float32, four digits, other containers, complex numbers
 

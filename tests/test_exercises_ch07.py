@@ -4,35 +4,9 @@ import bisect
 
 import numpy as np
 import pytest
-from notebook_cells import defined
 
-from pfslam.particles import effective_sample_size
 from pfslam.teaching import ch07
 from pfslam.teaching.ch07.statistics import bootstrap_interval, difference_interval
-
-EXERCISES = {
-    1: ("wrong_pairs", ch07.check_wrong_pairs),
-    2: ("median_interval", ch07.check_median_interval),
-    3: ("difference", ch07.check_difference),
-    4: ("sigma_from_sheet", ch07.check_sigma_from_sheet),
-    5: ("sharpness", ch07.check_sharpness),
-}
-
-
-def solution(number):
-    name, _ = EXERCISES[number]
-    return defined("07", f"solution-{number}", effective_sample_size=effective_sample_size)[
-        f"{name}_solution"
-    ]
-
-
-@pytest.mark.parametrize("number", EXERCISES)
-def test_the_stub_is_unanswered_and_the_solution_right(number):
-    name, check = EXERCISES[number]
-    assert check(defined("07", f"exercise-{number}")[name]).verdict == "unanswered"
-    verdict = check(solution(number))
-    assert verdict, verdict
-
 
 # ---- right answers: loops, lists, sorting, float32, the package, other containers
 

@@ -14,6 +14,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import numpy.ma  # NumPy would load these two in the middle of a run,
+import numpy.random  # and a Ctrl-C that comes during an import can be lost
 from tqdm import tqdm
 
 from pfslam.cli.summary import closing_words, summarise
