@@ -45,9 +45,11 @@ def check_writable(folder: str | Path) -> None:
     try:
         probe.parent.mkdir(parents=True, exist_ok=True)
         probe.write_bytes(b"")
-        probe.unlink()
     except OSError as error:
         raise DataError(folder, "folder", reason(error), "a folder that can be written") from error
+    finally:
+        with suppress(OSError):
+            probe.unlink()
 
 
 def write_text(path: str | Path, text: str) -> None:
