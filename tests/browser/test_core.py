@@ -1,0 +1,463 @@
+"""The equations in the browser are the package's: whole numbers are equal, all others agree to 1e-12.
+
+Python makes inputs, random numbers and outputs with the package; Chromium runs ``core.js`` on the inputs.
+"""
+
+from importlib.resources import files
+from itertools import islice
+from math import inf, nan, pi
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pfslam.correlation import map_correlation, score_field
+from pfslam.grid import (
+    LOG_4,
+    GridSpec,
+    MapConfig,
+    OccupancyGrid,
+    free_cells,
+    integrate_scan,
+    probability,
+    trace_rays,
+)
+from pfslam.motion import motion_model
+from pfslam.particles import (
+    ControlNoise,
+    Particles,
+    effective_sample_size,
+    log_sum_exp,
+    predict,
+    reweight,
+    systematic_resample,
+)
+from pfslam.poses import average_pose, transform_points, wrap_angle
+from pfslam.sensors import LidarModel, scan_points
+from pfslam.simulator.ground import rotations
+from pfslam.simulator.lidar import Sensor, cast
+from pfslam.simulator.world import Person
+
+pytestmark = pytest.mark.browser
+
+CORE = files("pfslam.teaching.show").joinpath("labs/core.js").read_text(encoding="utf-8")
+CLOSE = 1e-12
+MAP = MapConfig(resolution=0.1, hit=1.1, free=0.4, clamp=2.3, rays="bresenham")
+LIDAR = LidarModel(angle_min=-2.3, angle_max=2.35, beams=61, range_max=8.0, position_b=(0.13, 0.02, 0.5))
+SPEC = GridSpec((-3.0, -2.0), 0.1, (50, 70))
+# Typed arrays cross the border between Python and the browser as lists with the name of their type.
+RUN = """({source, calls}) => {
+  const root = {};
+  new Function('globalThis', source)(root);
+  const into = value => value?.type ? globalThis[value.type].from(value.values)
+    : Array.isArray(value) ? value.map(into)
+    : value && typeof value === 'object' ? Object.fromEntries(Object.entries(value).map(([k, v]) => [k, into(v)]))
+    : value;
+  const out = value => ArrayBuffer.isView(value) || Array.isArray(value) ? Array.from(value, out)
+    : value && typeof value === 'object' ? Object.fromEntries(Object.entries(value).map(([k, v]) => [k, out(v)]))
+    : value;
+  return calls.map(([name, args]) => {
+    if (name === 'generator') {
+      const dice = root.pfslam.core.generator(...args);
+      return {uniform: Array.from({length: 50}, dice.uniform), normals: out(dice.normals(50))};
+    }
+    return out(root.pfslam.core[name](...args.map(into)));
+  });
+}"""
+NAMES = """source => {
+  const root = {};
+  new Function('globalThis', source)(root);
+  return Object.keys(root.pfslam.core);
+}"""
+TYPES = {
+    "f8": "Float64Array",
+    "f4": "Float32Array",
+    "i8": "Int32Array",
+    "u1": "Uint8Array",
+    "b1": "Uint8Array",
+}
+
+
+def js(value):
+    """A value as the browser takes it."""
+    if isinstance(value, np.ndarray):
+        return {"type": TYPES[value.dtype.str[1:]], "values": value.ravel().tolist()}
+    if isinstance(value, GridSpec):
+        return {"origin": list(value.origin), "resolution": value.resolution, "shape": list(value.shape)}
+    if isinstance(value, LidarModel):
+        x, y, _ = value.position_b
+        limits = {"rangeMin": value.range_min, "rangeMax": value.range_max, "position": [x, y]}
+        return {"angleMin": value.angle_min, "angleMax": value.angle_max, "beams": value.beams} | limits
+    if isinstance(value, OccupancyGrid):
+        return {"spec": js(value.spec), "logOdds": js(value.log_odds)}
+    if isinstance(value, MapConfig):
+        return {"hit": value.hit, "free": value.free, "clamp": value.clamp}
+    if isinstance(value, ControlNoise):
+        sigmas = {"sigmaV": value.sigma_v, "sigmaOmega": value.sigma_omega}
+        return sigmas | {"perRootSecond": value.per_root_second}
+    return float(value) if isinstance(value, np.floating) else value
+
+
+def agree(found, expected) -> bool:
+    """Whole numbers and float32 must be equal, others within 1e-12; two infinities of one sign are equal."""
+    if isinstance(expected, dict):
+        return found.keys() == expected.keys() and all(agree(found[key], expected[key]) for key in expected)
+    expected = np.asarray(expected)
+    found = np.asarray(found, dtype=float).reshape(-1)
+    if found.shape != (expected.size,):
+        return False
+    if expected.dtype.kind in "iub" or expected.dtype == np.float32:
+        return np.array_equal(found, expected.ravel())
+    return np.allclose(found, expected.ravel(), rtol=CLOSE, atol=CLOSE, equal_nan=True)
+
+
+class Handed:
+    """Random numbers given in advance, in the place of a generator."""
+
+    def __init__(self, *numbers):
+        self.numbers = list(numbers)
+
+    def standard_normal(self, n):
+        assert len(self.numbers[0]) == n
+        return self.numbers.pop(0)
+
+    def random(self):
+        return self.numbers.pop(0)
+
+
+def sfc32(seed: int):
+    """The generator's definition in whole numbers: uniform numbers without end."""
+    mask = 2**32 - 1
+    a, b, c, counter = 0, seed, 0, 1
+    while True:
+        t, counter = (a + b + counter) & mask, (counter + 1) & mask
+        a, b, c = b ^ (b >> 9), (c + (c << 3)) & mask, (((c << 21) | (c >> 11)) + t) & mask
+        yield t / 2**32
+
+
+def poses_in(rng, n: int) -> np.ndarray:
+    return np.column_stack([rng.uniform(-2, 3, n), rng.uniform(-1.5, 2.5, n), rng.uniform(-pi, pi, n)])
+
+
+def ranges_with_gaps(rng) -> np.ndarray:
+    """A scan with no return, returns too near and too far, and the limits themselves."""
+    ranges = rng.uniform(0.2, 7.9, LIDAR.beams)
+    ranges[::7] = nan
+    ranges[[1, 2, 3, 4, 5]] = inf, 0.05, 9.0, LIDAR.range_min, LIDAR.range_max
+    return ranges
+
+
+def weights_of(rng, n: int) -> np.ndarray:
+    weights = rng.random(n) ** 4
+    return weights / weights.sum()
+
+
+def motion_cases(rng):
+    poses, normals = poses_in(rng, 40), rng.standard_normal(80)
+    for theta in (0.0, pi, -pi, 3.5, -3.5, 100.0, np.nextafter(pi, 4), -0.0, *rng.uniform(-20, 20, 20)):
+        yield "wrapAngle", [theta], wrap_angle(theta)
+    yield "motionModel", [poses, 0.7, -0.3, 0.1], motion_model(poses, 0.7, -0.3, 0.1)
+    v, omega = rng.normal(size=40), rng.normal(size=40)
+    yield "motionModel", [poses, v, omega, 0.25], motion_model(poses, v, omega, 0.25)
+    for per_root_second in (False, True):
+        noise = ControlNoise(0.3, 0.14, per_root_second)
+        moved = predict(
+            Particles(poses, np.zeros(40)), 0.7, -0.3, 0.1, noise, Handed(normals[:40], normals[40:])
+        )
+        yield "predict", [poses, 0.7, -0.3, 0.1, noise, normals], moved.poses
+    yield "averagePose", [poses, weights := weights_of(rng, 40)], average_pose(poses, weights)
+
+
+def scan_cases(rng):
+    yield "beamAngles", [LIDAR], LIDAR.angles
+    one = LidarModel(angle_min=0.3, angle_max=0.3, beams=1)
+    yield "beamAngles", [one], one.angles
+    ranges = ranges_with_gaps(rng)
+    for value, valid in zip(ranges, LIDAR.valid(ranges), strict=True):
+        yield "isValid", [value, LIDAR], int(valid)
+    yield "scanPoints", [ranges, LIDAR], scan_points(ranges, LIDAR)
+    yield "scanPoints", [np.full(LIDAR.beams, nan), LIDAR], np.zeros((0, 2))
+    points = rng.normal(size=(30, 2))
+    for pose in poses_in(rng, 3):
+        yield "transformPoints", [pose, points], transform_points(pose, points)
+
+
+def map_cases(rng):
+    borders = np.array(SPEC.origin) + SPEC.resolution * rng.integers(-3, 75, (200, 2))
+    for points in (rng.uniform(-4, 5, (300, 2)), borders, borders + 1e-15, np.zeros((0, 2))):
+        yield "worldToCell", [SPEC, points], SPEC.world_to_cell(points)
+    for cell in ([0, 0], [-1, 0], [0, -1], [69, 49], [70, 49], [69, 50]):
+        yield "contains", [SPEC, *cell], int(SPEC.contains(cell))
+    log_odds = rng.normal(size=SPEC.shape).astype(np.float32)
+    log_odds[3:6] = 0.0
+    grid = OccupancyGrid(SPEC, log_odds)
+    yield "occupied", [grid], grid.occupied
+    for points in (rng.uniform(-4, 5, (500, 2)), borders):
+        yield "mapCorrelation", [grid.occupied, SPEC, points], map_correlation(grid.occupied, SPEC, points)
+    for value in (0.0, LOG_4, -3.0, 40.0, -40.0):
+        yield "probability", [value], probability(value)
+
+
+def score_cases(rng):
+    walls = rng.random(SPEC.shape) < 0.03
+    walls[0, 0] = walls[-1, -1] = True
+    points, poses = rng.uniform(-3, 3, (60, 2)), poses_in(rng, 25)
+    for occupied in (walls, np.zeros(SPEC.shape, dtype=bool)):
+        for kind in ("occupied", "distance"):
+            field = score_field(occupied, kind).values
+            yield "scoreField", [occupied, SPEC, kind], field
+            sums = []
+            for points_w in transform_points(poses, points):
+                cells = SPEC.world_to_cell(points_w)
+                ix, iy = cells[SPEC.contains(cells)].T
+                sums.append(int(field[iy, ix].sum()))
+            yield "scores", [field, SPEC, points, poses], np.array(sums)
+    counts = np.array([0.0, 3.0, 61.0])
+    yield "logLikelihood", [counts, 61.0, 12.0], 12.0 * counts / 61.0
+    with np.errstate(divide="ignore"):
+        yield "logLikelihood", [counts, 61.0, None], np.log(counts)
+
+
+def weight_cases(rng):
+    n = 50
+    cloud = Particles(np.zeros((n, 3)), rng.normal(size=n))
+    hopeless = np.full(n, -inf)
+    half = np.where(np.arange(n) % 2, -inf, -1000.0)
+    for log_likelihood in (rng.normal(size=n) * 30, half, hopeless):
+        joint = cloud.log_weights + log_likelihood
+        yield "logSumExp", [joint], log_sum_exp(joint)
+        after, evidence = reweight(cloud, log_likelihood)
+        expected = {"logWeights": after.log_weights, "logEvidence": evidence}
+        yield "reweight", [cloud.log_weights, log_likelihood], expected
+    short = np.full(10, 0.1)
+    short[-1] -= 1e-16
+    equal, one = np.full(8, 0.125), np.eye(5)[3]
+    for weights in (weights_of(rng, 60), equal, one, np.ones(1), short, np.array([0.5, 0.5, 0.0, 0.0])):
+        yield "effectiveSampleSize", [weights], effective_sample_size(weights)
+        for u in (0.0, 0.3, rng.random(), 1.0 - 2.0**-53):
+            yield "systematicResample", [weights, u], systematic_resample(weights, Handed(u))
+    poses, ancestors = poses_in(rng, 6), np.array([0, 0, 3, 5, 5, 5])
+    yield "chosen", [poses, ancestors], poses[ancestors]
+
+
+def drawing_cases(rng):
+    for end in (
+        [4, 9],
+        [9, 4],
+        [4, 4],
+        [-3, -11],
+        [4, -6],
+        [17, 5],
+        *rng.integers(-20, 20, (20, 2)).tolist(),
+    ):
+        yield "traceRay", [[4, 4], end], trace_rays(np.array([4, 4]), np.array([end]))
+    grid = OccupancyGrid.empty(SPEC)
+    for pose in poses_in(rng, 12):
+        low = np.array(SPEC.origin) + 0.05
+        high = low + SPEC.resolution * np.array(SPEC.shape[::-1]) - 0.1
+        points = np.clip(transform_points(pose, rng.uniform(-3, 3, (40, 2))), low, high)
+        mask, (rows, columns) = free_cells(SPEC, points, np.arange(40), pose[:2], "bresenham")
+        whole = np.zeros(SPEC.shape, dtype=np.uint8)
+        whole[rows, columns] = mask
+        yield "freeCells", [SPEC, points, pose[:2]], whole
+        drawn, _ = integrate_scan(grid, points, np.arange(40), pose[:2], MAP)
+        expected = {"spec": js(SPEC), "logOdds": drawn.log_odds}
+        yield "integrateScan", [grid, points, pose[:2], MAP], expected
+        grid = drawn
+
+
+def room(rng, people: int = 3):
+    """A square room with clutter and people, as the simulator's beams meet it."""
+    corners = np.array([[-2.5, -1.8], [3.5, -1.8], [3.5, 2.8], [-2.5, 2.8]])
+    middles = np.column_stack([rng.uniform(-2, 3, 6), rng.uniform(-1.3, 2.3, 6)])
+    clutter = middles[:, None] + rng.uniform(-0.4, 0.4, (6, 2, 2))
+    walls = np.concatenate([np.stack([corners, np.roll(corners, -1, axis=0)], axis=1), clutter])
+    closed = np.tile([-inf, inf], (len(walls), 1))
+    walkers = tuple(Person(np.tile(c, (2, 1)) + [[0, 0], [1, 1]], 0.0, 0.0) for c in middles[:people])
+    return SimpleNamespace(walls=walls, closed=closed, people=walkers, slopes=())
+
+
+def beams_in(world, pose) -> np.ndarray:
+    """The true ranges of the LiDAR's beams from a sensor at a pose ``(3,)``."""
+    turned = rotations(np.zeros(1), np.zeros(1), pose[2:])
+    return cast(world, Sensor(np.zeros(1), np.array([[*pose[:2], 0.5]]), turned), LIDAR.angles)[0]
+
+
+def discs(world) -> np.ndarray:
+    return np.array([[*person.at(np.zeros(1))[0], person.radius] for person in world.people]).reshape(-1, 3)
+
+
+def ray_cases(rng):
+    for people in (0, 3):
+        world = room(rng, people)
+        for pose in poses_in(rng, 15):
+            yield "castRays", [world.walls, discs(world), pose, LIDAR.angles], beams_in(world, pose)
+    world.walls, world.closed = world.walls[:1], world.closed[:1]
+    yield "castRays", [world.walls, discs(world), pose, LIDAR.angles], beams_in(world, pose)
+
+
+def random_cases(rng):
+    for seed in (0, 1, 16, 2**32 - 1):
+        numbers = list(islice(sfc32(seed), 15 + 50 + 100))[15:]
+        radius, turn = np.array(numbers[50:]).reshape(50, 2).T
+        normals = np.sqrt(-2.0 * np.log(1.0 - radius)) * np.cos(2.0 * pi * turn)
+        yield "generator", [seed], {"uniform": numbers[:50], "normals": normals}
+
+
+FAMILIES = (
+    motion_cases,
+    scan_cases,
+    map_cases,
+    score_cases,
+    weight_cases,
+    drawing_cases,
+    ray_cases,
+    random_cases,
+)
+# In each function one constant, sign or comparison, and what a slip of the pen would make of it.
+SLIPS = {
+    "wrapAngle": ("rest < 0", "rest > 0"),
+    "motionModel": ("dt * speed * Math.sin", "dt * speed * Math.cos"),
+    "predict": ("normals[n + k]", "normals[k]"),
+    "beamAngles": ("lidar.beams - 1, 1", "lidar.beams, 1"),
+    "isValid": ("range <= lidar", "range < lidar"),
+    "scanPoints": ("+ lidar.position[1]", "- lidar.position[1]"),
+    "transformPoints": ("pose[1] + s * points_b[k] + c", "pose[1] + s * points_b[k] - c"),
+    "worldToCell": ("Math.floor((points_w", "Math.round((points_w"),
+    "contains": ("iy < spec.shape[0]", "iy <= spec.shape[0]"),
+    "occupied": ("value > 0", "value >= 0"),
+    "mapCorrelation": ("count += 1", "count += 2"),
+    "scoreField": ("-0.5 * d2", "-0.4 * d2"),
+    "scores": ("(x + c * points_b[k] -", "(x + c * points_b[k] +"),
+    "logLikelihood": ("(score / full)", "(1 + score / full)"),
+    "logSumExp": ("top + Math.log", "Math.log"),
+    "reweight": ("weight + logLikelihood[k]", "logLikelihood[k]"),
+    "effectiveSampleSize": ("weight * weight", "weight"),
+    "systematicResample": ("(k + u) / n", "(k + 0.5) / n"),
+    "chosen": ("3 * from + 3", "3 * from + 2"),
+    "averagePose": ("c += weights[k] * Math.cos", "c += Math.cos"),
+    "probability": ("Math.exp(-logOdds)", "Math.exp(logOdds)"),
+    "traceRay": ("Math.abs(dy) + n", "Math.abs(dy)"),
+    "freeCells": ("+ ray[j]] = 1", "+ ray[j]] = 2"),
+    "integrateScan": ("= -config.free", "= config.free"),
+    "castRays": ("s <= 1", "s <= 2"),
+    "generator": ("b >>> 9", "b >>> 8"),
+}
+
+
+def cases() -> list:
+    rng = np.random.default_rng(7)
+    return [case for family in FAMILIES for case in family(rng)]
+
+
+@pytest.fixture(scope="module")
+def page(chromium):
+    page = chromium.new_page()
+    yield page
+    page.close()
+
+
+def run(page, source: str, calls: list) -> list:
+    return page.evaluate(RUN, {"source": source, "calls": calls})
+
+
+def test_every_function_gives_what_the_package_gives(page):
+    everything = cases()
+    found = run(page, CORE, [[name, [js(value) for value in values]] for name, values, _ in everything])
+    for (name, values, expected), result in zip(everything, found, strict=True):
+        assert agree(result, expected), (name, values, result, expected)
+    assert {name for name, _, _ in everything} == set(page.evaluate(NAMES, CORE))
+
+
+def test_a_slip_in_any_function_is_noticed(page):
+    everything = cases()
+    assert SLIPS.keys() == set(page.evaluate(NAMES, CORE))
+    for name, (right, wrong) in SLIPS.items():
+        assert CORE.count(right) == 1, f"{name}: {right!r} is not in the source once"
+        own = [(values, expected) for called, values, expected in everything if called == name]
+        found = run(page, CORE.replace(right, wrong), [[name, [js(v) for v in values]] for values, _ in own])
+        unchanged = [agree(result, expected) for result, (_, expected) in zip(found, own, strict=True)]
+        assert not all(unchanged), f"{name}: {wrong!r} for {right!r} changes nothing"
+
+
+SCANS, PARTICLES, SHARPNESS, THRESHOLD = 40, 100, 25.0, 0.5
+DRIVE = """({source, spec, lidar, noise, map, start, steps, sharpness, threshold}) => {
+  const root = {};
+  new Function('globalThis', source)(root);
+  const core = root.pfslam.core, n = steps[0].normals.length / 2, equal = new Float64Array(n).fill(-Math.log(n));
+  let poses = Float64Array.from(Array(n).fill(start).flat()), logWeights = equal;
+  let grid = {spec, logOdds: new Float32Array(spec.shape[0] * spec.shape[1])};
+  const record = [];
+  for (const {v, omega, dt, normals, ranges, u} of steps) {
+    const points_b = core.scanPoints(ranges, lidar), field = core.scoreField(core.occupied(grid), spec, 'distance');
+    poses = core.predict(poses, v, omega, dt, noise, normals);
+    const scores = core.scores(field, spec, points_b, poses);
+    const gain = core.logLikelihood(scores, 1000 * points_b.length / 2, sharpness);
+    logWeights = core.reweight(logWeights, gain).logWeights;
+    const weights = logWeights.map(Math.exp), estimate = core.averagePose(poses, weights);
+    const nEff = core.effectiveSampleSize(weights), resampled = nEff <= threshold * n;
+    if (resampled) {
+      poses = core.chosen(poses, core.systematicResample(weights, u));
+      logWeights = equal;
+    }
+    const points_w = core.transformPoints(estimate, points_b);
+    grid = core.integrateScan(grid, points_w, core.transformPoints(estimate, lidar.position), map);
+    record.push({scores: Array.from(scores), estimate, nEff, resampled, poses: Array.from(poses)});
+  }
+  return {record, logOdds: Array.from(grid.logOdds)};
+}"""
+
+
+def drive_steps(rng) -> list[dict]:
+    """A drive along an arc: controls, scans of a room with people, and the dice of every step."""
+    world, pose, steps = room(rng), np.array([-1.8, -1.2, 0.3]), []
+    for _ in range(SCANS):
+        v, omega, dt = 0.5, 0.25, 0.2
+        pose = motion_model(pose, v, omega, dt)
+        sensor = np.append(transform_points(pose, np.array([LIDAR.position_b[:2]]))[0], pose[2])
+        ranges = beams_in(world, sensor) + 0.02 * rng.standard_normal(LIDAR.beams)
+        steps.append({"v": v + 0.1, "omega": omega - 0.04, "dt": dt, "ranges": ranges, "u": rng.random()})
+        steps[-1]["normals"] = rng.standard_normal(2 * PARTICLES)
+    return steps
+
+
+def driven(steps: list[dict], start, noise: ControlNoise):
+    """The same drive by the package: after each step what the browser records, and the map."""
+    cloud, grid, record = Particles.at(start, PARTICLES), OccupancyGrid.empty(SPEC), []
+    for step in steps:
+        points_b, field = scan_points(step["ranges"], LIDAR), score_field(grid.occupied, "distance")
+        dice = Handed(*np.split(step["normals"], 2))
+        cloud = predict(cloud, step["v"], step["omega"], step["dt"], noise, dice)
+        scores = []
+        for points_w in transform_points(cloud.poses, points_b):
+            cells = SPEC.world_to_cell(points_w)
+            ix, iy = cells[SPEC.contains(cells)].T
+            scores.append(int(field.values[iy, ix].sum()))
+        gain = SHARPNESS * np.array(scores) / (len(points_b) * field.top)
+        cloud, _ = reweight(cloud, gain)
+        estimate, n_eff = average_pose(cloud.poses, cloud.weights), effective_sample_size(cloud.weights)
+        resampled = n_eff <= THRESHOLD * PARTICLES
+        if resampled:
+            ancestors = systematic_resample(cloud.weights, Handed(step["u"]))
+            cloud = Particles(cloud.poses[ancestors], np.zeros(PARTICLES))
+        points_w = transform_points(estimate, points_b)
+        sensor_w = transform_points(estimate, np.array([LIDAR.position_b[:2]]))[0]
+        grid, _ = integrate_scan(grid, points_w, np.flatnonzero(LIDAR.valid(step["ranges"])), sensor_w, MAP)
+        record.append({"scores": np.array(scores), "estimate": estimate, "nEff": n_eff})
+        record[-1] |= {"resampled": int(resampled), "poses": cloud.poses}
+    return record, grid
+
+
+def test_a_whole_drive_gives_the_same_particles_and_the_same_map(page):
+    rng = np.random.default_rng(11)
+    steps, start, noise = drive_steps(rng), [-1.8, -1.2, 0.3], ControlNoise(0.3, 0.2)
+    handed = [{k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in s.items()} for s in steps]
+    settings = {"spec": js(SPEC), "lidar": js(LIDAR), "noise": js(noise), "map": js(MAP), "start": start}
+    limits = {"sharpness": SHARPNESS, "threshold": THRESHOLD}
+    found = page.evaluate(DRIVE, {"source": CORE, "steps": handed} | settings | limits)
+    record, grid = driven(steps, start, noise)
+    for k, (here, there) in enumerate(zip(found["record"], record, strict=True)):
+        assert agree(here, there), k
+    assert agree(found["logOdds"], grid.log_odds)
+    assert 3 < sum(step["resampled"] for step in record) < SCANS
+    assert np.count_nonzero(grid.occupied) > 50
