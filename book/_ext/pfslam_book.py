@@ -25,6 +25,8 @@ import copies
 import plain
 from hero import write_hero
 
+from pfslam.teaching.show import lab
+
 MATHJAX_PACKAGE = "sphinx-mathjax-offline"
 MATHJAX_SCRIPT = "tex-svg-full.js"  # one file, fonts and extensions inside: works from file:// too
 
@@ -74,6 +76,7 @@ N_EFF = re.compile(r"N_\{?\\(?:text|mathrm)\{eff\}")
 # The lines around what a search finds are fetched from its page, which a browser forbids from file://.
 SEARCH_SUMMARY = ("SHOW_SEARCH_SUMMARY: true", "SHOW_SEARCH_SUMMARY: location.protocol !== 'file:'")
 
+LABORATORY = re.compile(r'class="pfslam-lab" data-lab="(\w+)"')
 CHAPTER = re.compile(r"notebooks/(\d\d)_")
 
 
@@ -233,6 +236,24 @@ def draw_hero(app, error) -> None:
         write_hero(Path(app.outdir) / "_static")
 
 
+def copy_laboratories(app) -> None:
+    """The scripts of the laboratories, which are the package's, into the site."""
+    if app.builder.format == "html":
+        target = Path(app.outdir) / "_static" / "labs"
+        target.mkdir(parents=True, exist_ok=True)
+        for source in Path(str(lab.FOLDER)).glob("*.[jc]s*"):
+            shutil.copyfile(source, target / source.name)
+
+
+def load_laboratories(app, pagename, templatename, context, doctree) -> None:
+    """Only a page with a laboratory loads the scripts, after it has been read."""
+    names = list(dict.fromkeys(LABORATORY.findall(context.get("body", ""))))
+    if names:
+        app.add_css_file("labs/lab.css")
+    for script in dict.fromkeys(script for name in names for script in lab.scripts(name)):
+        app.add_js_file(f"labs/{script}", loading_method="defer")
+
+
 def read_in_parallel(app, config) -> None:
     """Let the cores share the chapters; two extensions that change no page as it is read do not say that they can."""
     for name in ("sphinx_multitoc_numbering", "sphinx_jupyterbook_latex"):
@@ -263,6 +284,8 @@ def setup(app):
     app.connect("doctree-read", wrap_sentences)
     app.connect("doctree-read", name_formulas)
     app.connect("doctree-read", name_folds)
+    app.connect("builder-inited", copy_laboratories)
+    app.connect("html-page-context", load_laboratories)
     app.connect("build-finished", finish_site)
     app.connect("build-finished", offer_notebooks)
     app.connect("build-finished", draw_hero)

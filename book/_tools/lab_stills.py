@@ -1,0 +1,78 @@
+"""Draw the stored pictures of the laboratories: `lab_stills.py drive ...`, or all of them.
+
+The picture stands where no script runs, and in print. Each laboratory is opened in a headless Chromium, brought to the
+moment in ``MOMENTS``, and its first canvas is written beside its script as ``NAME.webp``.
+"""
+
+import base64
+import json
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pfslam.io.files import atomic_write
+from pfslam.teaching.show import lab
+
+# What to do with the laboratory, here called `lab`, before its picture is taken.
+MOMENTS = {"drive": "for (let k = 0; k < 20 * 60; k++) lab.state.tick();"}
+WIDTH, QUALITY = 688, 0.85
+DRAWN = """async ([name, moment, quality]) => {
+  const lab = document.querySelector('figure.pfslam-lab').lab;
+  new Function('lab', moment)(lab);
+  lab.draw();
+  return lab.stage.sheets[0].canvas.toDataURL('image/webp', quality);
+}"""
+
+
+def page(name: str, options: dict | None = None, theme: str = "light") -> str:
+    """A page with one laboratory and nothing else, whose scripts are the files of this package."""
+    folder = Path(str(lab.FOLDER)).as_uri()
+    style = (Path(__file__).parents[1] / "_static" / "pfslam.css").as_uri()
+    tags = "".join(f'<script defer src="{folder}/{script}"></script>' for script in lab.scripts(name))
+    options_json = json.dumps(options or {}).replace("'", "&#39;")
+    return f"""<!doctype html><html lang="en" data-theme="{theme}"><head><meta charset="utf-8"><title>{name}</title>
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="stylesheet" href="{style}"><link rel="stylesheet" href="{folder}/lab.css">
+<style>html[data-theme=dark] {{background: #121212; color: #eee; --pst-color-text-base: #eee}}
+html[data-theme=dark] {{--pst-color-primary: #7db2f7}} html[data-theme=light] {{--pst-color-primary: #0f57bd}} body {{max-width: 688px; margin: 0 auto; font: 16px sans-serif}}</style></head>
+<body><main><h1>{name}</h1><figure class="pfslam-lab" data-lab="{name}" data-options='{options_json}'>
+<figcaption>{name}</figcaption></figure></main>{tags}</body></html>"""
+
+
+@contextmanager
+def chromium() -> Iterator:
+    """A headless Chromium that is closed at the end."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=shutil.which("chromium"), args=["--no-sandbox", "--disable-gpu"]
+        )
+        yield browser
+        browser.close()
+
+
+def main(names: list[str]) -> None:
+    """Write the picture of each laboratory that is named."""
+    with chromium() as browser:
+        for name in names or MOMENTS:
+            target = Path(str(lab.FOLDER)) / f"{name}.webp"
+            place = target.with_suffix(".html")
+            context = browser.new_context(viewport={"width": WIDTH, "height": 900}, device_scale_factor=1.5)
+            place.write_text(page(name), encoding="utf-8")
+            try:
+                sheet = context.new_page()
+                sheet.goto(place.as_uri())
+                sheet.wait_for_function("() => document.querySelector('figure.pfslam-lab').lab?.stage.fitted")
+                picture = sheet.evaluate(DRAWN, [name, MOMENTS[name], QUALITY])
+            finally:
+                place.unlink()
+            with atomic_write(target) as file:
+                file.write(base64.b64decode(picture.partition(",")[2]))
+            print(target, target.stat().st_size)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,341 @@
+/* Drive (chapter 05, and in small on the first page): a robot in a building of walls, and the filter that follows it. */
+(function (root) {
+  "use strict";
+  const {core, draw, lab} = root.pfslam;
+
+  const HERTZ = 60, LOOK = 12;  // ticks in a second; ticks from one scan to the next
+  const SPEED = 0.7, TURN = 1.6, RADIUS = 0.2;  // m/s, rad/s, m
+  const SPEC = {origin: [-0.4, -0.4], resolution: 0.1, shape: [68, 98]};
+  const LIDAR = {angleMin: -2.4, angleMax: 2.4, beams: 145, rangeMin: 0.1, rangeMax: 6, position: [0.1, 0]};
+  const EVERY = 3;  // of so many beams one is scored; all are drawn
+  const HIT = Math.log(4), CLAMP = 2 * Math.log(4);
+  const START = [0.7, 3, 0];
+  const WHOLE = [-0.4, 9.4, -0.4, 6.4], NEAR = 3.5;  // the window on the building; how much larger a near view is
+  const SLIPPERY = [3.2, 2.2, 5.4, 3.8];  // x0, y0, x1, y1 of the patch
+  const ROUTE = [[6.7, 3], [6.7, 4.9], [4.5, 4.9], [2.1, 4.9], [2.1, 3.1], [1.7, 2.8], [1.7, 1.2], [4.2, 1.2], [6.9, 1.2],
+                 [6.9, 2.8], [8.3, 3], [7, 3.1], [0.8, 3]];
+  const PLACES = [[7.6, 5.4, 3], [0.8, 0.8, 0.5], [3.4, 5.4, 0], [7.6, 1.6, 2], [5.6, 0.7, 0.2]];  // where a kidnapper leaves it
+  const PEOPLE = [[2.6, 2.6, 7.6, 3.4, 0.5], [5.3, 4.3, 8.2, 4.5, 0.3], [2.6, 0.5, 3.2, 1.9, 0.4]];  // from, to, m/s
+  const WALLS = Float64Array.from([
+    [0, 0, 9, 0], [9, 0, 9, 6], [9, 6, 0, 6], [0, 6, 0, 0],
+    [0, 3.8, 1.6, 3.8], [2.6, 3.8, 6.2, 3.8], [7.2, 3.8, 9, 3.8],
+    [0, 2.2, 1.2, 2.2], [2.2, 2.2, 6.4, 2.2], [7.4, 2.2, 9, 2.2],
+    [4.5, 3.8, 4.5, 4.4], [4.5, 5.4, 4.5, 6], [4.2, 0, 4.2, 0.7], [4.2, 1.7, 4.2, 2.2],
+    [8, 5, 8.6, 5], [8.6, 5, 8.6, 5.6], [8.6, 5.6, 8, 5.6], [8, 5.6, 8, 5],
+    [0.7, 4.6, 1.1, 4.6], [1.1, 4.6, 1.1, 5.2], [1.1, 5.2, 0.7, 5.2], [0.7, 5.2, 0.7, 4.6],
+    [8, 0, 9, 1.2], [0, 1, 0.6, 0],
+  ].flat());
+
+  /** The world, the robot in it, and its filter. Everything that chance decides comes from two seeded generators. */
+  class Drive {
+    constructor(options, parts = {}) {
+      this.settings = {particles: 200, noise: 1, sharpness: 5, threshold: 0.5, free: 0.4, people: false, slip: false,
+                       ...options};
+      this.parts = parts;
+      this.reset();
+    }
+
+    /** Back to the start: an empty map, all particles where the robot is. */
+    reset() {
+      const {seed = 1} = this.settings;
+      Object.assign(this, {
+        worldDice: core.generator(seed), filterDice: core.generator(seed + 1), ticks: 0, looks: 0, resamplings: 0,
+        truth: START.slice(), reckoned: [START.slice()], leg: 0, kidnaps: 0, auto: true, keys: {}, target: null,
+        points_b: new Float64Array(0), history: [], trace: [], moved: true, waiting: false, said: "",
+        grid: {spec: SPEC, logOdds: new Float32Array(SPEC.shape[0] * SPEC.shape[1])},
+      });
+      this.gather(START);
+    }
+
+    /** All particles at one pose, with equal weights. */
+    gather(pose) {
+      const n = this.settings.particles;
+      this.poses = Float64Array.from({length: 3 * n}, (_, k) => pose[k % 3]);
+      this.logWeights = new Float64Array(n).fill(-Math.log(n));
+      this.estimate = Array.from(pose);
+    }
+
+    get weights() { return this.logWeights.map(Math.exp); }
+
+    get nEff() { return core.effectiveSampleSize(this.weights); }
+
+    /** Walking people, as discs x, y, radius. */
+    get discs() {
+      if (!this.settings.people) return [];
+      return PEOPLE.flatMap(([x0, y0, x1, y1, speed]) => {
+        const way = (this.ticks / HERTZ) * speed / Math.hypot(x1 - x0, y1 - y0), part = Math.abs(((way + 1) % 2) - 1);
+        return [x0 + part * (x1 - x0), y0 + part * (y1 - y0), 0.18];
+      });
+    }
+
+    /** Speed and turn that the driver asks for: arrow keys, a target on the map, or the autopilot, which knows the way. */
+    command() {
+      const {left, right, up, down} = this.keys;
+      if (left || right || up || down) {
+        return [SPEED * ((up ? 1 : 0) - (down ? 1 : 0)), TURN * ((left ? 1 : 0) - (right ? 1 : 0))];
+      }
+      const goal = this.auto ? ROUTE[this.leg] : this.target, pose = this.auto ? this.truth : this.estimate;
+      if (!goal) return [0, 0];
+      const dx = goal[0] - pose[0], dy = goal[1] - pose[1];
+      if (Math.hypot(dx, dy) < 0.2) {
+        if (this.auto) this.leg = (this.leg + 1) % ROUTE.length;
+        else this.target = null;
+        return [0, 0];
+      }
+      const aside = core.wrapAngle(Math.atan2(dy, dx) - pose[2]);
+      return [SPEED * Math.max(0, Math.cos(aside)) ** 3, Math.max(-TURN, Math.min(TURN, 3 * aside))];
+    }
+
+    /** One sixtieth of a second: the robot moves, its wheels and gyro report, every particle is predicted. Without `look`
+     * no scan is taken. */
+    tick(look = true) {
+      if (this.waiting) return;
+      this.ticks += 1;
+      const dt = 1 / HERTZ, [v, omega] = this.command();
+      if (v || omega) {
+        const [x0, y0, x1, y1] = SLIPPERY, [x, y] = this.truth;
+        const slips = this.settings.slip && x > x0 && x < x1 && y > y0 && y < y1;
+        const next = Array.from(core.motionModel(this.truth, slips ? 0.5 * v : v, slips ? omega + 0.25 * v : omega, dt));
+        const bumped = touches(next) && touches(next) >= touches(this.truth);
+        this.truth = bumped ? [x, y, next[2]] : next;
+        const noise = this.worldDice.normals(2);
+        this.predict((bumped ? 0 : 1.03 * v) + 0.1 * noise[0], omega + 0.012 + 0.1 * noise[1], dt);
+      }
+      if (look && this.ticks % LOOK === 0 && this.moved) this.look();
+    }
+
+    /** Eq. 11: every particle by its own noisy control. */
+    predict(v, omega, dt) {
+      const {particles, noise} = this.settings, normals = this.filterDice.normals(2 * particles);
+      const sigmas = {sigmaV: 0.13 * noise, sigmaOmega: 0.25 * noise, perRootSecond: true};
+      this.poses = core.predict(this.poses, v, omega, dt, sigmas, normals);
+      this.reckoned.push(Array.from(core.motionModel(this.reckoned[this.reckoned.length - 1], v, omega, dt)));
+      this.estimate = core.averagePose(this.poses, this.weights);
+      this.moved = true;
+      this.note({v, omega, dt, sigmas, normals});
+    }
+
+    /** What the LiDAR measures where the robot truly is: end points in the body frame. */
+    scan() {
+      const [x, y] = core.transformPoints(this.truth, LIDAR.position), angles = core.beamAngles(LIDAR);
+      const noise = this.worldDice.normals(LIDAR.beams);
+      const ranges = core.castRays(WALLS, this.discs, [x, y, this.truth[2]], angles).map((r, k) => r + 0.02 * noise[k]);
+      this.points_b = core.scanPoints(ranges, LIDAR);
+      this.note({ranges});
+    }
+
+    /** A scan as the filter takes it: score, resample if few particles carry the weight. */
+    look() {
+      this.scan();
+      this.score(() => { if (this.nEff <= this.settings.threshold * this.settings.particles) this.resample(); });
+    }
+
+    /** Weigh every particle by how well the scan fits the map from there (Eq. 12), and draw the scan into the map. */
+    score(next = () => {}) {
+      const occupied = core.occupied(this.grid), {sharpness} = this.settings;
+      this.moved = false;
+      this.looks += 1;
+      if (!occupied.includes(1)) { this.draw(); next(); return; }
+      const few = this.points_b.filter((_, k) => Math.floor(k / 2) % EVERY === 0);
+      const field = core.scoreField(occupied, SPEC, "distance");
+      const gain = core.logLikelihood(core.scores(field, SPEC, few, this.poses), 500 * few.length, sharpness);
+      this.fit = Math.max(...gain) / sharpness;
+      this.after(this.parts.update && this.parts.update(this.weights, gain.map(Math.exp)), weights => {
+        this.logWeights = weights ? weights[0].map(Math.log) : core.reweight(this.logWeights, gain).logWeights;
+        this.estimate = core.averagePose(this.poses, this.weights);
+        this.history.push(this.nEff);
+        this.note({scored: true, sharpness});
+        this.draw();
+        next();
+      });
+    }
+
+    /** Write the scan into the map from the estimate (Eq. 15). */
+    draw() {
+      const points_w = core.transformPoints(this.estimate, this.points_b), {free} = this.settings;
+      const sensor = core.transformPoints(this.estimate, LIDAR.position);
+      this.grid = core.integrateScan(this.grid, points_w, sensor, {hit: HIT, free, clamp: CLAMP});
+    }
+
+    /** Draw the particles anew by their weights: heavy ones several times, light ones never; then all weigh the same. */
+    resample() {
+      const u = this.filterDice.uniform();
+      this.after(this.parts.resample && this.parts.resample(this.poses, this.weights), drawn => {
+        this.poses = drawn ? drawn[0] : core.chosen(this.poses, core.systematicResample(this.weights, u));
+        this.logWeights = drawn ? drawn[1].map(Math.log) : this.logWeights.map(() => -Math.log(this.logWeights.length));
+        this.resamplings += 1;
+        this.history.push(this.nEff);
+        this.note({u});
+      });
+    }
+
+    /** Go on with a value; if somebody else is still working it out, nothing moves until it is there. */
+    after(value, next) {
+      if (!value || !value.then) { next(value); return; }
+      this.waiting = true;
+      value.then(result => { this.waiting = false; next(result); }, error => { this.said = String(error); });
+    }
+
+    /** Lift the robot and put it down elsewhere: wheels and gyro notice nothing. */
+    kidnap() {
+      this.truth = PLACES[this.kidnaps % PLACES.length].slice();
+      this.leg = this.truth[1] > 3.8 ? 2 : 8;
+      this.kidnaps += 1;
+    }
+
+    /** Put so many particles into the cloud, drawn from those that there are. */
+    setParticles(n) {
+      this.settings.particles = n;
+      const {weights} = this, many = Float64Array.from({length: n}, (_, k) => weights[k % weights.length]);
+      const total = many.reduce((a, b) => a + b, 0);
+      this.poses = Float64Array.from({length: 3 * n}, (_, k) => this.poses[k % this.poses.length]);
+      this.logWeights = many.map(weight => Math.log(weight / total));
+      this.note({particles: n});
+    }
+
+    /** For tests: what happened, in order, with all random numbers, if the option `trace` asks for it. */
+    note(event) { if (this.settings.trace) this.trace.push(event); }
+  }
+
+  /** How deep (m) the robot would stand in a wall; 0 if it is free. */
+  function touches(pose) {
+    let depth = 0;
+    for (let w = 0; w < WALLS.length; w += 4) {
+      const ex = WALLS[w + 2] - WALLS[w], ey = WALLS[w + 3] - WALLS[w + 1], x = pose[0] - WALLS[w], y = pose[1] - WALLS[w + 1];
+      const part = Math.max(0, Math.min(1, (x * ex + y * ey) / (ex * ex + ey * ey)));
+      depth = Math.max(depth, RADIUS - Math.hypot(x - part * ex, y - part * ey));
+    }
+    return depth;
+  }
+
+  lab("drive", stage => {
+    const wide = stage.small ? {noise: 1.6, sharpness: 3} : {};  // a cloud that is seen in a small picture
+    const drive = new Drive({...wide, ...stage.options}, stage.host), shown = {truth: false, near: false};
+    const plan = stage.plan({
+      name: "Plan of the building with the map so far, the robot, its beams and the particles",
+      help: "Arrow keys drive while the picture has the focus; or tap a place, and the robot goes there.",
+      window: WHOLE,
+    });
+    const words = stage.words(
+      '<span class="pfslam-dot" style="background:var(--lab-particles)"></span> <b>Each blue dot is a guess</b> of where the ' +
+      'robot is; the larger the dot, the better its view fits the walls. ' +
+      '<span class="pfslam-dot" style="background:var(--lab-hits)"></span> where a beam ended. ' +
+      '<span class="pfslam-dot" style="background:var(--lab-wall)"></span> walls of the map so far.');
+    const strip = stage.small ? null : stage.chart({name: "The last values of N_eff, the number of particles that count", height: 64});
+
+    const clock = stage.clock({hertz: HERTZ, tick: () => drive.tick(), step: () => move(HERTZ)});
+    function move(ticks, look = true) { for (let k = 0; k < ticks; k++) drive.tick(look); }
+
+    if (!stage.small) {
+      const byHand = action => () => { clock.pause(); action(); };
+      stage.button({name: "Predict", key: "p", press: byHand(() => move(LOOK, false))});
+      stage.button({name: "Score", key: "s", press: byHand(() => { drive.scan(); drive.score(); })});
+      stage.button({name: "Resample", key: "r", press: byHand(() => drive.resample())});
+    }
+    stage.button({name: "Kidnap", key: "k", press: () => drive.kidnap()});
+    stage.button({name: "Start again", key: "n", press: () => { drive.reset(); auto.checked = true; }});
+    stage.check({name: "Show the truth", key: "t", change: value => { shown.truth = value; }});
+    stage.check({name: "Look closely", key: "z", change: value => { shown.near = value; }});
+    const auto = stage.check({name: "Autopilot", key: "a", value: true, change: value => { drive.auto = value; }});
+    const byHand = () => { drive.auto = auto.checked = false; };
+    if (!stage.small) controls(stage, drive);
+
+    stage.drag(plan, {
+      start: (x, y) => { byHand(); drive.target = [x, y]; },
+      move: (x, y) => { drive.target = [x, y]; },
+    });
+    const key = name => down => {
+      drive.keys[name] = down;
+      if (down) { byHand(); drive.target = null; }
+    };
+    stage.keys(plan, {ArrowUp: key("up"), ArrowDown: key("down"), ArrowLeft: key("left"), ArrowRight: key("right")});
+
+    return {
+      state: drive,
+      words,
+      draw() {
+        paint(plan, stage.colours, drive, shown);
+        if (strip) paintStrip(strip, stage.colours, drive);
+      },
+      describe: () => sentence(drive, shown),
+    };
+  });
+
+  function controls(stage, drive) {
+    const {settings} = drive;
+    stage.slider({name: "Particles", min: 10, max: 2000, step: 10, value: settings.particles, digits: 0,
+                  change: value => drive.setParticles(value)});
+    stage.slider({name: "Noise of the prediction", min: 0, max: 3, step: 0.05, value: settings.noise, unit: "times",
+                  change: value => { settings.noise = value; }});
+    stage.slider({name: "Sharpness", min: 0, max: 40, step: 0.5, value: settings.sharpness, digits: 1,
+                  change: value => { settings.sharpness = value; }});
+    stage.slider({name: "Resample below", min: 0, max: 1, step: 0.01, value: settings.threshold, unit: "of N",
+                  change: value => { settings.threshold = value; }});
+    stage.slider({name: "Clearing by a beam", min: 0, max: 1.4, step: 0.05, value: settings.free, unit: "log-odds",
+                  change: value => { settings.free = value; }});
+    stage.slider({name: "Speed", min: 0.1, max: 2, step: 0.1, value: 1, unit: "times", digits: 1,
+                  change: value => { stage.beat.speed = value; }});
+    stage.check({name: "Slippery patch", change: value => { settings.slip = value; }});
+    stage.check({name: "People", change: value => { settings.people = value; }});
+  }
+
+  function paint(plan, colours, drive, shown) {
+    const {estimate, settings} = drive, half = [4.9 / NEAR, 3.4 / NEAR], [cx, cy] = estimate;
+    plan.window = shown.near ? [cx - half[0], cx + half[0], cy - half[1], cy + half[1]] : WHOLE;
+    plan.clear(colours.paper);
+    draw.grid(plan, drive.grid, colours, CLAMP);
+    if (settings.slip) hatch(plan, SLIPPERY, colours.odometry);
+    const points_w = core.transformPoints(estimate, drive.points_b), sensor = core.transformPoints(estimate, LIDAR.position);
+    if (drive.looks) draw.rays(plan, sensor, points_w, colours.clear);
+    if (shown.truth) {
+      draw.line(plan, WALLS, colours.truth, {width: 1, gaps: true});
+      draw.line(plan, drive.reckoned.filter((_, k) => k % 6 === 0).flatMap(([x, y]) => [x, y]), colours.odometry, {dash: [7, 4]});
+      const {discs} = drive;
+      for (let k = 0; k < discs.length; k += 3) draw.robot(plan, [discs[k], discs[k + 1], 0], colours.muted, {radius: 0.18});
+      draw.robot(plan, drive.truth, colours.truth, {radius: RADIUS, fill: colours.muted});
+    }
+    draw.dots(plan, points_w, colours.hits, 1.8);
+    draw.robot(plan, estimate, colours.estimate, {radius: RADIUS});
+    const few = settings.particles <= 500;
+    draw.particles(plan, drive.poses, drive.weights, colours, {
+      radius: (few ? 2.5 : 1.5) * (shown.near ? 1.5 : 1), headings: shown.near && few, rims: few && plan.scale > 50,
+    });
+    if (drive.target) {
+      const [x, y] = plan.at(...drive.target);
+      Object.assign(plan.context, {strokeStyle: colours.highlight, lineWidth: 3});
+      plan.context.strokeRect(x - 7, y - 7, 14, 14);
+    }
+    if (!drive.looks) {
+      const size = plan.width < 500 ? 15 : 20;
+      draw.text(plan, "An empty map. Press Start.", plan.width / 2, 0.4 * plan.height, colours.ink, {size, align: "center"});
+    }
+  }
+
+  function paintStrip(strip, colours, drive) {
+    const {particles, threshold} = drive.settings, level = threshold * particles;
+    strip.clear(colours.paper);
+    draw.strip(strip, drive.history, {room: 80, top: particles, level, colour: colours.estimate, levelColour: colours.ink});
+    draw.text(strip, `N_eff ${drive.nEff.toFixed(0)} of ${particles}`, 8, 18, colours.ink);
+  }
+
+  /** Slanted lines across a rectangle x0, y0, x1, y1 of the world. */
+  function hatch(plan, [x0, y0, x1, y1], colour) {
+    const lines = [];
+    for (let x = x0; x + 0.3 <= x1 + 1e-9; x += 0.2) lines.push(x, y0, x + 0.3, y1);
+    plan.context.globalAlpha = 0.5;
+    draw.line(plan, lines, colour, {width: 1, gaps: true});
+    plan.context.globalAlpha = 1;
+  }
+
+  function sentence(drive, shown) {
+    if (drive.said) return drive.said;
+    if (!drive.looks) return "The map is empty. The robot stands at the left end of a corridor.";
+    const {poses, weights, estimate} = drive;
+    const spread = Math.sqrt(weights.reduce((sum, w, k) =>
+      sum + w * ((poses[3 * k] - estimate[0]) ** 2 + (poses[3 * k + 1] - estimate[1]) ** 2), 0));
+    const off = Math.hypot(estimate[0] - drive.truth[0], estimate[1] - drive.truth[1]);
+    return `The estimate is at ${estimate[0].toFixed(1)}, ${estimate[1].toFixed(1)} metres; the particles spread over ` +
+      `${(100 * spread).toFixed(0)} centimetres, and ${drive.nEff.toFixed(0)} of ${weights.length} count` +
+      (shown.truth ? `; it is off by ${(100 * off).toFixed(0)} centimetres.` : ".");
+  }
+})(globalThis);

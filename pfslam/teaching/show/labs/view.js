@@ -1,0 +1,437 @@
+/* The stage of a laboratory: canvases, controls, a clock, and how things of the book are drawn.
+ *
+ * A laboratory is a file of its own that calls `pfslam.lab(name, build)`. For every `<figure class="pfslam-lab"
+ * data-lab="name" data-options="{...}">` of the page, `build(stage)` puts the parts on the stage and returns
+ * {draw(), describe()} and what else it wants to be found at `figure.lab`: its state, for instance.
+ *
+ *   const plan = stage.plan({name: "Map", window: [x0, x1, y0, y1]});      metres; plan.at(x, y) is a pixel
+ *   const strip = stage.chart({name: "N_eff", height: 70});                pixels
+ *   stage.button({name: "Score", key: "s", press() {...}});
+ *   stage.slider({name: "Noise", min: 0, max: 3, step: 0.01, value: 1, unit: "m", digits: 2, change(value) {...}});
+ *   stage.choice({name: "Score by", options: {count: "count", field: "likelihood field"}, value: "count", change});
+ *   stage.check({name: "Show the truth", key: "t", value: false, change});
+ *   stage.clock({hertz: 60, tick() {...}, step() {...}});                  Start and Pause, and Step
+ *   stage.drag(plan, {start(x, y), move(x, y), end()});                    mouse and finger alike, in metres
+ *   stage.keys(plan, {ArrowUp(down) {...}});                               while the plan has the focus
+ *   stage.say("Sentence.");                                                for who listens, once a second at most
+ *   stage.redraw();                                                        before the next frame
+ */
+(function (root) {
+  "use strict";
+  const calm = () => root.matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const builders = {};
+  let count = 0;
+
+  /** An element with attributes, `text` and children. */
+  function make(tag, attributes = {}, ...children) {
+    const element = document.createElement(tag);
+    for (const [name, value] of Object.entries(attributes)) {
+      if (name === "text") element.textContent = value;
+      else if (value !== undefined && value !== false) element.setAttribute(name, value === true ? "" : value);
+    }
+    element.append(...children);
+    return element;
+  }
+
+  /** A canvas as sharp as the screen. `context` counts in CSS pixels; `fit()` follows the width that the page gives. */
+  class Sheet {
+    constructor(canvas, aspect) {
+      Object.assign(this, {canvas, aspect, context: canvas.getContext("2d"), width: 0, height: 0});
+    }
+
+    fit(width) {
+      const ratio = root.devicePixelRatio || 1;
+      this.width = width;
+      this.height = this.aspect(width);
+      this.canvas.width = Math.round(width * ratio);
+      this.canvas.height = Math.round(this.height * ratio);
+      this.canvas.style.height = `${this.height}px`;
+      this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    }
+
+    clear(colour) {
+      this.context.fillStyle = colour;
+      this.context.fillRect(0, 0, this.width, this.height);
+    }
+  }
+
+  /** A sheet with a window on the world, in metres, y upwards, equal scales. */
+  class Plan extends Sheet {
+    constructor(canvas, window) {
+      super(canvas, width => (width * (window[3] - window[2])) / (window[1] - window[0]));
+      this.window = window;
+    }
+
+    /** Pixels in a metre. */
+    get scale() { return this.width / (this.window[1] - this.window[0]); }
+
+    /** The pixel of a point of the world. */
+    at(x, y) { return [(x - this.window[0]) * this.scale, (this.window[3] - y) * this.scale]; }
+
+    /** The point of the world under a pixel. */
+    world(px, py) { return [this.window[0] + px / this.scale, this.window[3] - py / this.scale]; }
+  }
+
+  class Stage {
+    constructor(figure, options) {
+      const id = `pfslam-lab-${(count += 1)}`;
+      Object.assign(this, {figure, options, id, sheets: [], shortcuts: {}, said: "", saidAt: -Infinity, visible: true});
+      this.small = Boolean(options.small);
+      this.body = make("div", {class: "pfslam-lab-body"});
+      this.controls = make("div", {class: "pfslam-settings"});
+      this.buttons = make("div", {class: "pfslam-buttons"});
+      this.status = make("p", {class: "pfslam-status", role: "status", "aria-live": "polite"});
+      this.body.append(this.buttons, this.controls, this.status);
+      figure.append(this.body);
+      figure.classList.add("pfslam-live");
+      figure.addEventListener("keydown", event => this.pressed(event));
+      this.readColours();
+      new MutationObserver(() => { this.readColours(); this.redraw(); })
+        .observe(document.documentElement, {attributes: true, attributeFilter: ["data-theme"]});
+      new IntersectionObserver(entries => { this.visible = entries[0].isIntersecting; this.redraw(); }).observe(figure);
+      new ResizeObserver(() => this.fit()).observe(this.body);
+    }
+
+    /** The palette of the book, from the style sheet: `stage.colours.particles`. */
+    readColours() {
+      const style = getComputedStyle(this.figure);
+      this.colours = {};
+      for (const name of ["paper", "ink", "free", "wall", "truth", "odometry", "estimate", "particles", "hits", "highlight",
+                          "clear", "muted"]) {
+        this.colours[name] = style.getPropertyValue(`--lab-${name}`).trim();
+      }
+    }
+
+    fit() {
+      const width = this.body.clientWidth;
+      if (!width || width === this.fitted) return;
+      this.fitted = width;
+      this.sheets.forEach(sheet => sheet.fit(width));
+      this.redraw();
+    }
+
+    place(sheet, element) {
+      this.sheets.push(sheet);
+      this.body.insertBefore(element, this.buttons);
+      return sheet;
+    }
+
+    /** A plan that takes the focus; `help` says what keys and fingers do. */
+    plan({name, help = "", window, touch = "pan-y pinch-zoom"}) {
+      const canvas = make("canvas", {role: "img", "aria-label": name});
+      const words = make("p", {class: "pfslam-note", id: `${this.id}-help`, text: help});
+      const holder = make("div", {class: "pfslam-plan", tabindex: "0", role: "application", "aria-label": name,
+                                  "aria-describedby": `${this.id}-help`}, canvas);
+      canvas.style.touchAction = touch;
+      this.body.insertBefore(words, this.buttons);
+      const plan = this.place(new Plan(canvas, window), holder);
+      this.body.insertBefore(words, this.buttons);
+      plan.holder = holder;
+      return plan;
+    }
+
+    /** A strip of `height` pixels across the laboratory. */
+    chart({name, height}) {
+      const canvas = make("canvas", {role: "img", "aria-label": name});
+      return this.place(new Sheet(canvas, () => height), canvas);
+    }
+
+    /** A line of words under the pictures, HTML of our own. */
+    words(html) {
+      const line = make("p", {class: "pfslam-legend"});
+      line.innerHTML = html;
+      this.body.insertBefore(line, this.buttons);
+      return line;
+    }
+
+    button({name, key, press}) {
+      const button = make("button", {type: "button", text: name, "aria-keyshortcuts": key});
+      if (key) button.append(" ", make("kbd", {text: key.toUpperCase(), "aria-hidden": "true"}));
+      button.addEventListener("click", () => { press(); this.redraw(); });
+      if (key) this.shortcuts[key] = () => button.click();
+      this.buttons.append(button);
+      return button;
+    }
+
+    slider({name, min, max, step, value, unit = "", digits = 2, change}) {
+      const id = `${this.id}-${name.replace(/\W+/g, "-").toLowerCase()}`;
+      const input = make("input", {type: "range", id, min, max, step, value, autocomplete: "off"});
+      const output = make("output", {for: id});
+      const write = () => {
+        output.textContent = `${Number(input.value).toFixed(digits)} ${unit}`.trim();
+        input.setAttribute("aria-valuetext", output.textContent);
+      };
+      input.value = value;
+      input.addEventListener("input", () => { write(); change(Number(input.value)); this.redraw(); });
+      write();
+      this.controls.append(make("div", {class: "pfslam-slider"}, make("label", {for: id, text: name}), output, input));
+      return input;
+    }
+
+    choice({name, options, value, change}) {
+      const group = `${this.id}-${name.replace(/\W+/g, "-").toLowerCase()}`;
+      const set = make("fieldset", {id: group}, make("legend", {text: name}));
+      for (const [key, words] of Object.entries(options)) {
+        const radio = make("input", {type: "radio", name: group, value: key, autocomplete: "off"});
+        radio.checked = key === value;
+        radio.addEventListener("change", () => { change(key); this.redraw(); });
+        set.append(make("label", {}, radio, ` ${words}`));
+      }
+      this.controls.append(set);
+      return set;
+    }
+
+    check({name, key, value = false, change}) {
+      const box = make("input", {type: "checkbox", autocomplete: "off", "aria-keyshortcuts": key});
+      const label = make("label", {class: "pfslam-check"}, box, ` ${name} `);
+      if (key) label.append(make("kbd", {text: key.toUpperCase(), "aria-hidden": "true"}));
+      box.checked = value;
+      box.addEventListener("change", () => { change(box.checked); this.redraw(); });
+      if (key) this.shortcuts[key] = () => box.click();
+      this.buttons.append(label);
+      return box;
+    }
+
+    /** Start and Pause of a clock that ticks `hertz` times a second, and Step. Who asked for less motion only steps. */
+    clock({hertz, tick, step}) {
+      const clock = {running: false, hertz, tick, due: 0, last: 0, speed: 1};
+      const stepped = () => { clock.pause(); step(); this.redraw(); };
+      const toggle = () => (calm() ? stepped() : clock.running ? clock.pause() : clock.start());
+      clock.start = () => { clock.running = true; clock.due = 0; clock.last = performance.now(); write(); this.redraw(); };
+      clock.pause = () => { clock.running = false; write(); this.redraw(); };
+      const button = calm() ? null : this.button({name: "Start", press: toggle});
+      const write = () => { if (button) button.textContent = clock.running ? "Pause" : "Start"; };
+      const one = this.button({name: "Step", key: ".", press: stepped});
+      (button || one).classList.add("pfslam-main");
+      this.shortcuts[" "] = toggle;
+      this.beat = clock;
+      return clock;
+    }
+
+    /** Mouse, pen and finger on a plan; the handlers get metres. */
+    drag(plan, {start, move = () => {}, end = () => {}}) {
+      let held = null;
+      const place = event => plan.world(event.offsetX, event.offsetY);
+      plan.canvas.addEventListener("pointerdown", event => {
+        if (event.button !== 0) return;
+        held = event.pointerId;
+        plan.canvas.setPointerCapture(held);
+        plan.holder.focus({preventScroll: true});
+        start(...place(event));
+        this.redraw();
+      });
+      plan.canvas.addEventListener("pointermove", event => {
+        if (event.pointerId !== held) return;
+        move(...place(event));
+        this.redraw();
+      });
+      for (const kind of ["pointerup", "pointercancel"]) {
+        plan.canvas.addEventListener(kind, event => {
+          if (event.pointerId !== held) return;
+          held = null;
+          end();
+          this.redraw();
+        });
+      }
+    }
+
+    /** Keys that are pressed (`handler(true)`) and let go (`handler(false)`) while the plan has the focus. */
+    keys(plan, handlers) {
+      const heard = down => event => {
+        if (!handlers[event.key] || event.altKey || event.ctrlKey || event.metaKey) return;
+        event.preventDefault();
+        handlers[event.key](down);
+        this.redraw();
+      };
+      plan.holder.addEventListener("keydown", heard(true));
+      plan.holder.addEventListener("keyup", heard(false));
+      plan.holder.addEventListener("blur", () => Object.values(handlers).forEach(handler => handler(false)));
+    }
+
+    /** The letters on the buttons, wherever in the laboratory the focus is; the space bar only on a plan. */
+    pressed(event) {
+      const action = this.shortcuts[event.key.toLowerCase()];
+      if (!action || event.altKey || event.ctrlKey || event.metaKey || event.repeat) return;
+      if (event.key === " " && !event.target.matches(".pfslam-plan")) return;
+      event.preventDefault();
+      action();
+    }
+
+    say(sentence) {
+      const now = performance.now();
+      if (sentence === this.said || now - this.saidAt < 1000) return;
+      Object.assign(this, {said: sentence, saidAt: now});
+      this.status.textContent = sentence;
+    }
+
+    redraw() {
+      if (!this.asked) this.asked = requestAnimationFrame(now => this.frame(now));
+    }
+
+    /** One frame: the ticks that are due, then the pictures. It asks for the next only while a clock runs in view. */
+    frame(now) {
+      this.asked = null;
+      const clock = this.beat;
+      if (!this.visible || !this.parts || !this.fitted) return;
+      if (clock && clock.running) {
+        // A machine that is too slow drives more slowly; it does not skip.
+        clock.due = Math.min(clock.due + ((now - clock.last) / 1000) * clock.hertz * clock.speed, 4);
+        clock.last = now;
+        for (; clock.due >= 1 && clock.running; clock.due -= 1) clock.tick();
+      }
+      this.parts.draw();
+      if (this.parts.describe) this.say(this.parts.describe());
+      if (clock && clock.running) this.redraw();
+    }
+  }
+
+  const draw = {
+    /** The map: unknown as paper, free and occupied by their log-odds, up to `full` (the clamp). */
+    grid(plan, grid, colours, full) {
+      const [height, width] = grid.spec.shape, store = (plan.store = plan.store || document.createElement("canvas"));
+      if (store.width !== width || store.height !== height) Object.assign(store, {width, height});
+      const context = store.getContext("2d"), image = context.createImageData(width, height);
+      const [paper, free, wall] = [colours.paper, colours.free, colours.wall].map(rgb);
+      for (let iy = 0; iy < height; iy++) {
+        for (let ix = 0; ix < width; ix++) {
+          const value = grid.logOdds[iy * width + ix], at = 4 * ((height - 1 - iy) * width + ix);
+          const towards = value > 0 ? wall : free, part = Math.min(1, Math.abs(value) / full);
+          for (let c = 0; c < 3; c++) image.data[at + c] = paper[c] + part * (towards[c] - paper[c]);
+          image.data[at + 3] = 255;
+        }
+      }
+      context.putImageData(image, 0, 0);
+      const {origin, resolution} = grid.spec, [x, y] = plan.at(origin[0], origin[1] + height * resolution);
+      plan.context.imageSmoothingEnabled = false;
+      plan.context.drawImage(store, x, y, width * resolution * plan.scale, height * resolution * plan.scale);
+    },
+
+    /** Lines x, y, x, y, ... of the world; `gaps` makes every two points a line of their own. */
+    line(plan, points, colour, {width = 2, dash = [], gaps = false} = {}) {
+      const {context} = plan;
+      context.beginPath();
+      for (let k = 0; k < points.length; k += 2) {
+        const [x, y] = plan.at(points[k], points[k + 1]);
+        if (k === 0 || (gaps && k % 4 === 0)) context.moveTo(x, y);
+        else context.lineTo(x, y);
+      }
+      Object.assign(context, {strokeStyle: colour, lineWidth: width});
+      context.setLineDash(dash);
+      context.stroke();
+      context.setLineDash([]);
+    },
+
+    /** Dots at points x, y, x, y, ...; `radius` in pixels, one or one for each. */
+    dots(plan, points, colour, radius) {
+      const {context} = plan;
+      context.fillStyle = colour;
+      context.beginPath();
+      for (let k = 0; k < points.length; k += 2) {
+        const [x, y] = plan.at(points[k], points[k + 1]), r = radius.length ? radius[k / 2] : radius;
+        if (r < 1.6) context.rect(x - r, y - r, 2 * r, 2 * r);
+        else { context.moveTo(x + r, y); context.arc(x, y, r, 0, 2 * Math.PI); }
+      }
+      context.fill();
+    },
+
+    /** Particles: dots whose area is their weight, `radius` pixels for the average one, each with a
+     * rim, which tells neighbours apart, and with a line to the front if asked for. */
+    particles(plan, poses, weights, colours, {radius = 3, headings = false, rims = true} = {}) {
+      const n = weights.length, places = new Float64Array(2 * n), radii = new Float64Array(n);
+      for (let k = 0; k < n; k++) {
+        places.set(poses.subarray(3 * k, 3 * k + 2), 2 * k);
+        radii[k] = Math.max(0.6, Math.min(3 * radius, radius * Math.sqrt(n * weights[k])));
+      }
+      if (headings) {
+        const lines = new Float64Array(4 * n), length = (4 * radius) / plan.scale;
+        for (let k = 0; k < n; k++) {
+          const x = poses[3 * k], y = poses[3 * k + 1], theta = poses[3 * k + 2];
+          lines.set([x, y, x + length * Math.cos(theta), y + length * Math.sin(theta)], 4 * k);
+        }
+        draw.line(plan, lines, colours.particles, {width: 1, gaps: true});
+      }
+      draw.dots(plan, places, colours.particles, radii);
+      if (!rims) return;
+      Object.assign(plan.context, {strokeStyle: colours.estimate, lineWidth: 0.75});
+      plan.context.stroke();
+    },
+
+    /** Beams from a sensor [x, y] to their end points. */
+    rays(plan, sensor, points_w, colour, width = 1) {
+      const lines = new Float64Array(2 * points_w.length);
+      for (let k = 0; k < points_w.length; k += 2) lines.set([...sensor, points_w[k], points_w[k + 1]], 2 * k);
+      plan.context.globalAlpha = 0.35;
+      draw.line(plan, lines, colour, {width, gaps: true});
+      plan.context.globalAlpha = 1;
+    },
+
+    /** A robot: a disc of `radius` m with a line to the front; `fill` for a solid one. */
+    robot(plan, pose, colour, {radius = 0.22, fill = null} = {}) {
+      const {context} = plan, [x, y] = plan.at(pose[0], pose[1]), r = radius * plan.scale;
+      context.beginPath();
+      context.arc(x, y, r, 0, 2 * Math.PI);
+      if (fill) { context.fillStyle = fill; context.fill(); }
+      context.moveTo(x, y);
+      context.lineTo(x + 1.6 * r * Math.cos(pose[2]), y - 1.6 * r * Math.sin(pose[2]));
+      Object.assign(context, {strokeStyle: colour, lineWidth: 2.5});
+      context.stroke();
+    },
+
+    /** Bars of `values` from 0 to `top`, side by side across a sheet. */
+    bars(sheet, values, top, colour) {
+      const {context} = sheet, step = sheet.width / values.length;
+      context.fillStyle = colour;
+      values.forEach((value, k) => {
+        const height = (value / top) * (sheet.height - 2);
+        context.fillRect(k * step + 0.1 * step, sheet.height - height, 0.8 * step, height);
+      });
+    },
+
+    /** The last `room` values of a series as a curve from 0 to `top`, the newest at the right, and a level across it. */
+    strip(sheet, values, {room, top, level, colour, levelColour}) {
+      const {context} = sheet, y = value => 2 + (1 - value / top) * (sheet.height - 4);
+      Object.assign(context, {strokeStyle: levelColour, lineWidth: 1});
+      context.setLineDash([4, 4]);
+      context.beginPath();
+      context.moveTo(0, y(level));
+      context.lineTo(sheet.width, y(level));
+      context.stroke();
+      context.setLineDash([]);
+      context.beginPath();
+      values.slice(-room).forEach((value, k, shown) => {
+        context.lineTo(sheet.width * (1 - (shown.length - 1 - k) / (room - 1)), y(value));
+      });
+      Object.assign(context, {strokeStyle: colour, lineWidth: 2});
+      context.stroke();
+    },
+
+    /** Words at a pixel. */
+    text(sheet, words, x, y, colour, {size = 14, align = "left"} = {}) {
+      Object.assign(sheet.context, {fillStyle: colour, font: `${size}px system-ui, sans-serif`, textAlign: align});
+      sheet.context.fillText(words, x, y);
+    },
+  };
+
+  /** Red, green and blue (0 to 255) of a colour as the style sheet writes it: #rrggbb. */
+  function rgb(colour) {
+    return [1, 3, 5].map(k => parseInt(colour.slice(k, k + 2), 16));
+  }
+
+  /** Build the laboratory `name` in a figure; `host` is what JupyterLab hands in. */
+  function mount(figure, name, options, host) {
+    const stage = new Stage(figure, options);
+    stage.host = host;
+    stage.parts = figure.lab = Object.assign(builders[name](stage), {stage});
+    stage.fit();
+    stage.redraw();
+  }
+
+  function lab(name, build) {
+    builders[name] = build;
+    document.querySelectorAll(`figure.pfslam-lab[data-lab="${name}"]:not(.pfslam-live)`).forEach(figure => {
+      mount(figure, name, JSON.parse(figure.dataset.options || "{}"));
+    });
+  }
+
+  Object.assign(root.pfslam, {lab, mount, draw, make});
+})(globalThis);
