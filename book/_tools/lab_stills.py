@@ -35,8 +35,9 @@ def page(name: str, options: dict | None = None, theme: str = "light") -> str:
     return f"""<!doctype html><html lang="en" data-theme="{theme}"><head><meta charset="utf-8"><title>{name}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <link rel="stylesheet" href="{style}"><link rel="stylesheet" href="{folder}/lab.css">
-<style>html[data-theme=dark] {{background: #121212; color: #eee; --pst-color-text-base: #eee}}
-html[data-theme=dark] {{--pst-color-primary: #7db2f7}} html[data-theme=light] {{--pst-color-primary: #0f57bd}} body {{max-width: 688px; margin: 0 auto; font: 16px sans-serif}}</style></head>
+<style>html {{--pst-color-primary: #0f57bd}} body {{max-width: 688px; margin: 0 auto; font: 16px sans-serif}}
+html[data-theme=dark] {{background: #121212; color: #eee; --pst-color-text-base: #eee; --pst-color-primary: #7db2f7}}
+</style></head>
 <body><main><h1>{name}</h1><figure class="pfslam-lab" data-lab="{name}" data-options='{options_json}'>
 <figcaption>{name}</figcaption></figure></main>{tags}</body></html>"""
 

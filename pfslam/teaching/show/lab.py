@@ -59,11 +59,12 @@ def show_lab(
 def page_fragment(lab: Laboratory) -> str:
     """The laboratory as HTML: the stored picture, until the page's scripts put the stage in its place."""
     options = html.escape(json.dumps(dict(lab.options), sort_keys=True), quote=True)
+    alt = html.escape(" ".join(lab.alt.split()))
     still = base64.b64encode(FOLDER.joinpath(f"{lab.name}.webp").read_bytes()).decode("ascii")
     return f"""<figure class="pfslam-lab" data-lab="{lab.name}" data-options="{options}">
 <figcaption>{html.escape(lab.title)}</figcaption>
 <div class="pfslam-still">
-<img class="pfslam-picture" src="data:image/webp;base64,{still}" alt="{html.escape(" ".join(lab.alt.split()))}" width="688">
+<img class="pfslam-picture" src="data:image/webp;base64,{still}" alt="{alt}" width="688">
 <p class="pfslam-note">A stored picture: the laboratory itself runs on the site, with JavaScript.</p>
 </div>
 </figure>"""
