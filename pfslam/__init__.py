@@ -35,6 +35,7 @@ _HOMES = {
     "map_texture": "texture.mapping",
     "read_tum": "io.formats",
     "run_slam": "runs",
+    "save": "io.recordings",
     "save_course": "io.course",
     "simulate": "simulator",
     "slam_step": "slam",

@@ -11,6 +11,9 @@ from pathlib import Path
 from pfslam.errors import DataError
 
 BAD_INPUT, INTERRUPTED, FAULT = 2, 130, 1
+EPILOG = (
+    "Exit codes: 0 all is well, 1 a check failed (or a fault in pfslam itself), 2 bad input, 130 interrupted."
+)
 LONGEST_LINE = 600
 """Characters of a complaint; an argument can be any length."""
 
@@ -47,18 +50,37 @@ def whole(lowest: int, highest: int):
     return convert
 
 
+def coordinate(text: str) -> float:
+    """Convert a finite number of metres or radians."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < 1000.0:
+        raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a number below 1000")
+    return value
+
+
 SEED = whole(0, 2**63 - 1)
 
 
 def build_parser() -> Parser:
     """Build the parser of all commands and their options."""
     parser = Parser(
-        prog="pfslam", description="Particle-filter SLAM and floor texture mapping.", allow_abbrev=False
+        prog="pfslam",
+        description="Particle-filter SLAM and floor texture mapping.",
+        epilog=EPILOG,
+        allow_abbrev=False,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_simulate(commands)
+    _add_dataset(_command(commands, "info", "what a data set holds, and what a run would use"), out=False)
+    command = _command(commands, "check", "nine questions to ask of a data set before a run")
+    command.epilog = "Exit codes: 0 no check failed, 1 at least one did, 2 the data set cannot be read."
+    _add_dataset(command, out=False)
     _command(commands, "run", "trajectory, map and floor texture of a data set").later = _add_run
     _add_dataset(_command(commands, "report", "the report's figures for a data set"))
+    _add_convert(commands)
     command = _command(commands, "study", "many runs over parameters, seeds and data sets")
     command.add_argument("file", type=Path, metavar="FILE", help="what to run, in TOML")
     command.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default out/NAME)")
@@ -80,6 +102,14 @@ def _add_simulate(commands) -> None:
     command.add_argument("--seed", type=SEED, metavar="S", help="another building for each seed")
     images = "write every N-th image pair (default none)"
     command.add_argument("--images", type=whole(1, 10**6), metavar="N", help=images)
+
+
+def _add_convert(commands) -> None:
+    command = _command(commands, "convert", "write a data set into one .npz file, which loads without ROS")
+    _add_dataset(command, out=False)
+    command.add_argument("out", type=Path, metavar="OUT", help="the file to write, NAME.npz")
+    images = "keep the images (default: all that the data set offers)"
+    command.add_argument("--images", action=argparse.BooleanOptionalAction, default=True, help=images)
 
 
 def _add_run(command: Parser) -> None:
@@ -104,23 +134,33 @@ def _command(commands, name: str, what: str) -> Parser:
     )
 
 
-def _add_dataset(command: Parser) -> None:
-    command.add_argument(
-        "dataset", metavar="DATASET", help="hall, ramp, a set's number, or the path of a CARMEN log"
-    )
+def _add_dataset(command: Parser, out: bool = True) -> None:
+    what = "hall, ramp, a set's number, or the path of a ROS bag, an .npz recording, or a CARMEN log"
+    command.add_argument("dataset", metavar="DATASET", help=what)
     command.add_argument(
         "--data", type=Path, metavar="DIR", help="folder of numbered sets (default $PFSLAM_DATA or data)"
     )
-    command.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default out/DATASET)")
+    if out:
+        command.add_argument(
+            "--out", type=Path, metavar="DIR", help="folder to write to (default out/DATASET)"
+        )
+    bags = command.add_argument_group("for ROS bags", "Topics are found by their type if they are not named.")
+    for name, kind in {"scan": "LaserScan", "odom": "Odometry", "imu": "Imu"}.items():
+        bags.add_argument(f"--{name}", metavar="TOPIC", help=f"the topic of {kind} to use")
+    place = "place of the LiDAR in the robot's frame, m and rad (default: from /tf_static)"
+    bags.add_argument("--lidar-at", type=coordinate, nargs=3, metavar=("X", "Y", "YAW"), help=place)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code: 0, or after one line 2 for bad input, 130 for Ctrl-C, 1 for a fault."""
+    """Run one command and return its exit code.
+
+    0 if all is well, 1 if ``check`` found something; after one line, 2 for bad input, 130 for Ctrl-C, 1 for a fault.
+    """
     try:
         arguments = build_parser().parse_args(argv)
         from pfslam.cli import commands
 
-        commands.COMMANDS[arguments.command](arguments)
+        code = commands.COMMANDS[arguments.command](arguments)
         sys.stdout.flush()
     except (DataError, UsageError) as error:
         return _complain(str(error), BAD_INPUT)
@@ -136,7 +176,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         message = f"a fault in pfslam itself ({type(error).__name__}: {error}); PFSLAM_DEBUG=1 shows where"
         return _complain(message, FAULT)
-    return 0
+    return code or 0
 
 
 def _complain(message: str, code: int) -> int:

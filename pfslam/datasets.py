@@ -8,8 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from pfslam.errors import DataError
+from pfslam.io.bags import BagOptions, is_bag, load_bag
 from pfslam.io.carmen import load_carmen
-from pfslam.io.course import load_course
+from pfslam.io.course import load_course, numbers_in
+from pfslam.io.recordings import load_recording
 from pfslam.recording import Recording, image_pairs
 
 BUILT_IN = ("hall", "ramp")
@@ -18,15 +20,20 @@ IMAGE_EVERY = 8
 
 
 def load(
-    dataset: str | int | Path, data_dir: str | Path | None = None, *, progress: Callable | None = None
+    dataset: str | int | Path,
+    data_dir: str | Path | None = None,
+    *,
+    bag: BagOptions | None = None,
+    progress: Callable | None = None,
 ) -> Recording:
     """Load the recording that ``dataset`` names.
 
     ``"hall"`` and ``"ramp"`` are the built-in simulated sets, with truth, and with every eighth pair of
     images, rendered when it is read (``simulate`` gives all). A number is a set in the course format, whose
-    files lie in ``data_dir`` (None: ``$PFSLAM_DATA``, else ``data/``). Anything else is the path of a CARMEN
-    log. ``progress`` may wrap the work of simulating, as tqdm does. Raises ``DataError`` for what is none of
-    these.
+    files lie in ``data_dir`` (None: ``$PFSLAM_DATA``, else ``data/``). Anything else is a path: of a ROS bag, of an
+    ``.npz`` file that ``save`` wrote, of a folder with one set in the course format, or of a CARMEN log. ``bag`` says
+    what a bag does not. ``progress`` may wrap the work of simulating, as tqdm does. Raises ``DataError`` for what is
+    none of these.
 
     >>> from pfslam import load
     >>> recording = load("hall")
@@ -34,20 +41,43 @@ def load(
     1081
     """
     text = str(dataset)
+    if bag not in (None, BagOptions()) and not _holds_bag(Path(text)):
+        expected = "a .bag, .mcap or .db3 file or its folder"
+        raise DataError(text[:200], "options for ROS bags", "no ROS bag", expected)
     if text in BUILT_IN:
         return _built_in(text, progress)
     if text.isascii() and text.isdigit():
         return load_course(text, data_folder(data_dir))
+    recording = _from_path(Path(text), bag)
+    if recording is None:
+        accepted = (
+            f"{', '.join(BUILT_IN)}, the number of a set in {data_folder(data_dir)}, or the path of a ROS bag, "
+            "of an .npz recording, of a folder with one set, or of a CARMEN log"
+        )
+        raise DataError("pfslam", "data set", repr(text[:200]), accepted)
+    return recording
+
+
+def _from_path(path: Path, bag: BagOptions | None) -> Recording | None:
+    """Load what lies at a path, by its kind; None if nothing does."""
+    if _holds_bag(path):
+        return load_bag(path, bag)
     try:
-        is_file = Path(text).is_file()
+        is_file, is_folder = path.is_file(), path.is_dir()
     except (OSError, ValueError):  # a name too long for the system, or with a zero byte
-        is_file = False
+        return None
     if is_file:
-        return load_carmen(text)
-    accepted = (
-        f"{', '.join(BUILT_IN)}, the number of a set in {data_folder(data_dir)}, or the path of a CARMEN log"
-    )
-    raise DataError("pfslam", "data set", repr(text[:200]), accepted)
+        return load_recording(path) if path.suffix == ".npz" else load_carmen(path)
+    if is_folder and len(numbers := numbers_in(path)) == 1:
+        return load_course(numbers[0], path)
+    return None
+
+
+def _holds_bag(path: Path) -> bool:
+    try:
+        return path.exists() and is_bag(path)
+    except (OSError, ValueError):
+        return False
 
 
 def data_folder(data_dir: str | Path | None = None) -> Path:

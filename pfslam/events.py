@@ -84,14 +84,17 @@ class Drive:
         for i, t, tilt, motion in zip(self.scans, self.t, self.tilt, self.motion, strict=True):
             floor = self.floor if tilt.any() else -np.inf
             points, beams, sensor, struck = level_scan(scans.ranges[i], lidar, tilt, floor)
-            if lidar.sweep > 0.0:
+            if lidar.sweep:
                 points = deskewed(points, beams, lidar, self.motion_during(t, lidar.sweep))
             v, omega, dt = self.controls.during(previous, t)
             yield ScanEvent(t, points, beams, sensor, struck, motion, (np.cos(tilt[0]) * v, omega, dt))
             previous = t
 
     def motion_during(self, t: float, sweep: float) -> np.ndarray:
-        """Return the odometry's motion ``(3,)`` over the ``sweep`` (s) of a scan with its middle beam at ``t``."""
+        """Return the odometry's motion ``(3,)`` over the ``sweep`` (s) of a scan with its middle beam at ``t``.
+
+        A negative sweep gives the motion from the later beam back to the earlier.
+        """
         ends = np.clip([t - 0.5 * sweep, t + 0.5 * sweep], *self.odometry.t[[0, -1]])
         return between(*self.odometry.at(ends))
 

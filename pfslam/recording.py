@@ -96,6 +96,8 @@ class Recording:
     truth: Trajectory | None = None
     dropped: dict[str, int] = field(default_factory=dict)
     """Readings left out while loading, by reason."""
+    notes: tuple[str, ...] = ()
+    """What the loader had to decide or saw, each in one line, for the user to read."""
 
     def __post_init__(self):
         if self.odometry is None and (self.encoders is None or self.imu is None):

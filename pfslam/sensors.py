@@ -63,8 +63,11 @@ class LidarModel(Settings):
     range_min: Distance = 0.1
     range_max: Distance = 30.0
     position_b: Position = (0.13323, 0.0, 0.51435)
-    sweep: Annotated[float, Range(0.0, 100.0)] = 0.0
-    """Time (s) from the first beam to the last, the stamp being the middle beam's; 0 if all at once, or unknown."""
+    sweep: Annotated[float, Range(-100.0, 100.0)] = 0.0
+    """Time (s) from the first beam to the last, the stamp being the middle beam's; 0 if all at once, or unknown.
+
+    Negative where the last beam is measured first: a scanner that turns clockwise, or hangs upside down.
+    """
 
     def __post_init__(self):
         super().__post_init__()

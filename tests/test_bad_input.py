@@ -9,12 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bag_files import FORMATS, rows_of, write_bag
 from box_recording import box_recording
 
 from pfslam.__main__ import main
 from pfslam.errors import DataError
+from pfslam.io.bags import load_bag
 from pfslam.io.carmen import load_carmen
 from pfslam.io.course import load_course, save_course
+from pfslam.io.recordings import load_recording, save
 from pfslam.motion import dead_reckoning
 
 CASES = int(os.environ.get("PFSLAM_CASES", "60"))
@@ -52,7 +55,7 @@ def damage_field(path, rng):
     """Spoil one field of an archive: its values, its shape, its type, or its being there."""
     with np.load(path) as data:
         fields = dict(data)
-    name = rng.choice(list(fields))
+    name = rng.choice([name for name, values in fields.items() if values.size])
     values = fields.pop(name)
     spoiled = [
         lambda: None,
@@ -76,7 +79,11 @@ def with_one(values, number, rng):
 
 def load_all(folder):
     """Load set 7, drive it by dead reckoning and look at every image."""
-    recording = load_course(7, folder)
+    use(load_course(7, folder))
+
+
+def use(recording):
+    """Drive a recording by dead reckoning and look at every image."""
     dead_reckoning(recording)
     if recording.camera is not None:
         for k in recording.camera.disparity_index:
@@ -129,6 +136,82 @@ def test_damaged_logs(tmp_path, seed):
     path = tmp_path / "a.log"
     path.write_bytes(data)
     works_or_says_why(lambda p: dead_reckoning(load_carmen(p)), path, ["a.log"])
+
+
+@pytest.fixture(scope="module")
+def whole_file(tmp_path_factory):
+    """A good recording in one file."""
+    path = tmp_path_factory.mktemp("whole") / "drive.npz"
+    save(box_recording(2.0, images=2), path)
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("seed", range(CASES // 3))
+def test_damaged_recordings(whole_file, tmp_path, seed):
+    rng, path = np.random.default_rng(seed), tmp_path / "drive.npz"
+    path.write_bytes(whole_file)
+    if rng.random() < 0.7:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            damage_field(path, rng)
+    else:
+        path.write_bytes(damaged_bytes(whole_file, rng))
+    # Streams that no longer overlap are named by the recording, everything else by the file.
+    works_or_says_why(lambda p: use(load_recording(p)), path, ["drive.npz", "box: imu time_stamps"])
+
+
+@pytest.fixture(scope="module", params=FORMATS)
+def bag(request, tmp_path_factory):
+    """A good bag of each format: where it lies, and its files as bytes."""
+    folder = tmp_path_factory.mktemp("bag")
+    path = write_bag(
+        folder / "drive", request.param, rows_of(box_recording(2.0, images=0), request.param == "ros1")
+    )
+    files = [p for p in sorted(folder.rglob("*")) if p.is_file()]
+    return path.relative_to(folder), {p.relative_to(folder): p.read_bytes() for p in files}
+
+
+@pytest.mark.parametrize("seed", range(CASES // 4))
+def test_damaged_bags(bag, tmp_path, seed):
+    rng, (path, files) = np.random.default_rng(seed), bag
+    victim = Path(rng.choice([str(name) for name in files]))
+    for name, data in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(damaged_bytes(data, rng) if name == victim else data)
+    works_or_says_why(lambda p: use(load_bag(p)), tmp_path / path, [path.name])
+
+
+@pytest.mark.parametrize("seed", range(CASES // 4))
+def test_bags_of_damaged_messages(tmp_path, seed):
+    """One number of one message, or of all of a kind, is spoiled."""
+    rng, rows = np.random.default_rng(seed), rows_of(box_recording(2.0, images=0))
+    topic = rng.choice(["/scan", "/odom", "/tf_static"], p=[0.5, 0.3, 0.2])
+    messages = [message for name, _, message in rows if name == topic]
+    place, number = rng.random(), float(rng.choice(NUMBERS))
+    for message in messages if rng.random() < 0.5 else [messages[rng.integers(len(messages))]]:
+        spoil(message, place, number)
+    path = write_bag(tmp_path / "drive", "mcap", rows)
+    works_or_says_why(lambda p: use(load_bag(p)), path, ["drive"])
+
+
+def spoil(message, place, number):
+    """Set one field of a message, chosen by ``place`` from 0 to 1, to a number, as far as the field can hold it."""
+    holders = []
+
+    def collect(part):
+        for name, value in vars(part).items():
+            if isinstance(value, (int, float)):
+                holders.append((part, name))
+            elif hasattr(value, "__msgtype__"):
+                collect(value)
+            for item in value if isinstance(value, list) else ():
+                collect(item)
+
+    collect(message)
+    part, name = holders[int(place * len(holders))]
+    is_whole = isinstance(getattr(part, name), int)
+    limited = int(np.clip(np.nan_to_num(number), 0 if name == "nanosec" else -(2**31), 2**31 - 1))
+    setattr(part, name, limited if is_whole else float(np.clip(number, -3e38, 3e38)))
 
 
 def test_a_long_value_is_cut():

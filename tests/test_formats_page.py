@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from bag_files import rows_of, write_bag
+from box_recording import box_recording
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "book" / "formats.md").read_text(encoding="utf-8")
@@ -27,6 +29,7 @@ pytestmark = [
 def said(tmp_path_factory):
     """What each block of the page printed, run in one folder from the first to the last, and that folder."""
     folder, home = tmp_path_factory.mktemp("page"), tmp_path_factory.mktemp("home")
+    write_bag(folder / "drive_bag", "mcap", rows_of(box_recording(images=0)))
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     cache = (
         os.environ.get("PFSLAM_CACHE")
@@ -84,6 +87,16 @@ def test_the_logs_come_back(said):
         assert summary["dropped"] == {} or "messages of other kinds" not in summary["dropped"]
     (error,) = rmse(printed(outputs, "run new.log"))
     assert error < 0.05
+
+
+def test_the_bag_becomes_a_map_and_a_file(said):
+    folder, outputs = said
+    look = printed(outputs, "info drive_bag")
+    assert "/scan" in look
+    assert "verdict" in look
+    summary = json.loads((folder / "out" / "bag" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["scans"] == len(box_recording(images=0).lidar.t)
+    assert printed(outputs, "np.load").splitlines()[1] == "lidar.ranges (55, 1081) float32"
 
 
 def test_only_ros_is_left_out():

@@ -18,13 +18,17 @@ import numpy.ma  # NumPy would load these two in the middle of a run,
 import numpy.random  # and a Ctrl-C that comes during an import can be lost
 from tqdm import tqdm
 
+from pfslam.cli.look import check_table, describe, topic_table
 from pfslam.cli.summary import closing_words, summarise
 from pfslam.config import PRESETS
 from pfslam.datasets import dataset_name, load
 from pfslam.errors import DataError
+from pfslam.evaluation.checkup import check_up
+from pfslam.io.bags import BagOptions, Log, choose_topics, is_bag, list_topics
 from pfslam.io.course import save_course
 from pfslam.io.files import atomic_write, check_writable, write_text
 from pfslam.io.formats import write_map, write_texture, write_tum
+from pfslam.io.recordings import save
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
@@ -91,7 +95,7 @@ def run_command(arguments: argparse.Namespace) -> None:
     config = changed(PRESETS[arguments.method](), given, "pfslam run")
     out, watch = out_folder(arguments), Stopwatch()
     with watch.stage("load"):
-        recording = load(arguments.dataset, arguments.data, progress=progress_bar("simulating"))
+        recording = load_dataset(arguments)
     wants_texture = has_images(recording) if arguments.texture is None else arguments.texture
     if wants_texture and not has_images(recording):
         raise DataError(recording.name, "--texture", "no images", "a data set with disparity and RGB images")
@@ -117,6 +121,49 @@ def run_command(arguments: argparse.Namespace) -> None:
     about |= {"config": config_used.as_dict(), "seconds": watch.seconds, "files": files}
     write_text(out / "summary.json", json.dumps(plain(about | summary), indent=2, allow_nan=False) + "\n")
     print(closing_words(recording, summary, out))
+
+
+def info_command(arguments: argparse.Namespace) -> None:
+    """Print what a data set holds and what a run would use."""
+    path = Path(arguments.dataset)
+    if path.exists() and is_bag(path):
+        topics = list_topics(path)
+        try:
+            chosen = choose_topics(Log(path), topics, bag_options(arguments))
+        except DataError:  # said again, in full, when the bag is loaded
+            chosen = {}
+        print(topic_table(topics, chosen.values()), end="\n\n", flush=True)
+    print(describe(load_dataset(arguments)))
+
+
+def check_command(arguments: argparse.Namespace) -> int:
+    """Print the check-up of a data set; the exit code is 1 if a check failed."""
+    findings = check_up(load_dataset(arguments))
+    failed = sum(finding.ok is False for finding in findings)
+    print(check_table(findings))
+    print(f"{failed} of {len(findings)} checks failed" if failed else "no check failed")
+    return 1 if failed else 0
+
+
+def convert_command(arguments: argparse.Namespace) -> None:
+    """Write a data set into one file that loads without ROS."""
+    recording = load_dataset(arguments)
+    save(recording, arguments.out, images=arguments.images, progress=progress_bar("writing"))
+    for note in recording.notes:
+        print(f"note: {note}")
+    print(f"the recording is in {arguments.out}")
+
+
+def load_dataset(arguments: argparse.Namespace) -> Recording:
+    """Load the data set that the command line names."""
+    bar = progress_bar("simulating")
+    return load(arguments.dataset, arguments.data, bag=bag_options(arguments), progress=bar)
+
+
+def bag_options(arguments: argparse.Namespace) -> BagOptions:
+    """Collect what the command line says about a bag."""
+    place = None if arguments.lidar_at is None else tuple(arguments.lidar_at)
+    return BagOptions(arguments.scan, arguments.odom, arguments.imu, place)
 
 
 def out_folder(arguments: argparse.Namespace) -> Path:
@@ -155,7 +202,7 @@ def report_command(arguments: argparse.Namespace) -> None:
             "pfslam report", "package", error.name or error, "the extra: pip install pfslam[plots]"
         ) from error
     out = out_folder(arguments)
-    recording = load(arguments.dataset, arguments.data, progress=progress_bar("simulating"))
+    recording = load_dataset(arguments)
     check_writable(out)
     figures = report_figures(recording, seed=0, progress=progress_bar("figures"))
     for name in FIGURES:
@@ -185,10 +232,13 @@ def study_command(arguments: argparse.Namespace) -> None:
     print(f"{words}{len(errors)} runs are in {path}")
 
 
-COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
+COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "simulate": simulate_command,
+    "info": info_command,
+    "check": check_command,
     "run": run_command,
     "report": report_command,
+    "convert": convert_command,
     "study": study_command,
     "bench": bench_command,
 }

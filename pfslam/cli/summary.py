@@ -29,6 +29,7 @@ def summarise(
         "resamplings": result.resamplings if result else 0,
         "lost": len(alarms(result.infos)) if result else 0,
         "dropped": {reason: count for part in parts for reason, count in part.items()},
+        "notes": list(recording.notes),
     }
     if recording.encoders is not None and recording.imu is not None:
         summary["calibration"] = {"applied": False} | asdict(calibrate(recording, result))
@@ -48,8 +49,9 @@ def summarise(
 
 
 def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> str:
-    """Write one or two lines for the user."""
-    lines = [] if recording.lidar is not None else ["no LiDAR in this data set: dead reckoning only"]
+    """Write a few lines for the user: what the loader said, and how the run ended."""
+    lines = [f"note: {note}" for note in recording.notes]
+    lines += [] if recording.lidar is not None else ["no LiDAR in this data set: dead reckoning only"]
     if summary["lost"]:
         lines.append(f"the robot seems to have been lost or moved by hand {summary['lost']} times")
     errors = [

@@ -4,7 +4,7 @@
 ``dataRGBD/DisparityNN/disparityNN_I.png`` and ``dataRGBD/RGBNN/rgbNN_I.png`` with I from 1. They may lie in a
 ``data`` folder, and case does not matter. Encoders and IMU must be there; the rest may be absent. An optional key
 ``sweep`` of the LiDAR's file is the time (s) from the first beam of a scan to its last, the stamp being the middle
-beam's; scans are then deskewed.
+beam's (negative if the scanner turns clockwise); scans are then deskewed.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 from pfslam.errors import DataError
 from pfslam.io.files import read_npz, write_npz
 from pfslam.io.images import ImageReader, numbered_images, write_png
+from pfslam.io.limits import LONGEST_SWEEP, check_size, stamps
 from pfslam.poses import Trajectory
 from pfslam.recording import (
     Encoders,
@@ -27,26 +28,12 @@ from pfslam.recording import (
     Recording,
     RgbdStream,
     check_rows,
-    check_stamps,
     image_pairs,
 )
 from pfslam.sensors import MAX_BEAMS, MAX_RANGE, LidarModel, RgbdModel, RobotModel
 
 Progress = Callable
-STAMP_LIMIT = (1e11, "seconds")  # the year 5138
-LIMITS = {
-    "time_stamps": STAMP_LIMIT,
-    "disparity_time_stamps": STAMP_LIMIT,
-    "rgb_time_stamps": STAMP_LIMIT,
-    "counts": (1e6, "counts per reading"),
-    "angular_velocity": (1e3, "rad/s"),
-    "linear_acceleration": (1e3, "g"),
-    "pose": (1e8, "m and rad"),
-}
-"""Largest magnitude of each field, and its unit. Generous: what is beyond is damage or another unit."""
 FULL_TURN = 2.0 * np.pi + 1e-3
-LONGEST_SWEEP = 10.0
-"""Seconds that a scanner may take for one scan."""
 
 
 def set_number(number: int | str) -> str:
@@ -55,6 +42,13 @@ def set_number(number: int | str) -> str:
     if not re.fullmatch(r"[0-9]{1,6}", text):
         raise DataError("data set", "number", repr(number)[:80], "one to six digits, such as 20")
     return text
+
+
+def numbers_in(folder: Path) -> list[str]:
+    """List the numbers of the sets in a folder, or in its ``data`` folder, by their files of encoders."""
+    entries = [path.name for start in (folder, folder / "data") if start.is_dir() for path in start.iterdir()]
+    matches = (re.fullmatch(r"encoders([0-9]{1,6})\.npz", name, re.IGNORECASE) for name in entries)
+    return sorted({match[1] for match in matches if match})
 
 
 def load_course(number: int | str, data_dir: str | Path) -> Recording:
@@ -106,39 +100,22 @@ def _require(folder: Path, name: str) -> Path:
     return path
 
 
-def _stamps(path: Path, data: Mapping[str, np.ndarray], key: str = "time_stamps") -> np.ndarray:
-    """Read stamps ``(K,)`` float64; a matrix of one row or column will do."""
-    t = np.asarray(data[key])
-    t = t.ravel() if t.ndim == 2 and 1 in t.shape else t
-    check_stamps(t, str(path), key)
-    _check_size(path, key, t)
-    return t.astype(float)
-
-
 def _columns(path: Path, data: Mapping[str, np.ndarray], key: str, rows: int, count: int) -> np.ndarray:
     """Read values ``(count, rows)`` from the file's ``(rows, count)``."""
     check_rows(data[key], str(path), key, (rows, count))
-    _check_size(path, key, data[key])
+    check_size(path, key, data[key])
     return np.ascontiguousarray(data[key].T)
-
-
-def _check_size(path: Path, key: str, values: np.ndarray) -> None:
-    """Raise ``DataError`` for numbers that no robot can have measured: a damaged file, or another unit."""
-    limit, unit = LIMITS[key]
-    largest = float(values.ravel()[np.argmax(np.abs(values.astype(float)))])
-    if abs(largest) > limit:
-        raise DataError(path, key, f"{largest:g}", f"{unit}, at most {limit:g}")
 
 
 def _load_encoders(path: Path) -> Encoders:
     data = read_npz(path, ("counts", "time_stamps"))
-    t = _stamps(path, data)
+    t = stamps(path, data["time_stamps"], "time_stamps")
     return Encoders(t, _columns(path, data, "counts", 4, len(t)))
 
 
 def _load_imu(path: Path) -> Imu:
     data = read_npz(path, ("angular_velocity", "linear_acceleration", "time_stamps"))
-    t = _stamps(path, data)
+    t = stamps(path, data["time_stamps"], "time_stamps")
     angular_velocity = _columns(path, data, "angular_velocity", 3, len(t))
     return Imu(t, angular_velocity, _columns(path, data, "linear_acceleration", 3, len(t)))
 
@@ -146,7 +123,7 @@ def _load_imu(path: Path) -> Imu:
 def _load_lidar(path: Path, dropped: dict[str, int]) -> tuple[LidarModel, LidarScans]:
     limits = ("angle_min", "angle_max", "range_min", "range_max")
     data = read_npz(path, (*limits, "ranges", "time_stamps"), optional=("sweep",))
-    t, raw = _stamps(path, data), data["ranges"]
+    t, raw = stamps(path, data["time_stamps"], "time_stamps"), data["ranges"]
     shape_fits = raw.ndim == 2 and raw.shape[1] == len(t) and 1 <= raw.shape[0] <= MAX_BEAMS
     if not shape_fits or raw.dtype.kind not in "fiu":
         expected = f"numbers of shape (beams, {len(t)}), at most {MAX_BEAMS} beams"
@@ -170,8 +147,8 @@ def _lidar_model(path: Path, numbers: dict[str, float], beams: int) -> LidarMode
         found = f"{numbers['range_min']:g} to {numbers['range_max']:g}"
         expected = f"metres, 0 <= range_min < range_max <= {MAX_RANGE:g}"
         raise DataError(path, "range_min, range_max", found, expected)
-    if not 0.0 <= numbers.get("sweep", 0.0) <= LONGEST_SWEEP:
-        expected = f"seconds from the first beam to the last, 0 to {LONGEST_SWEEP:g}"
+    if abs(numbers.get("sweep", 0.0)) > LONGEST_SWEEP:
+        expected = f"seconds from the first beam to the last, at most {LONGEST_SWEEP:g}"
         raise DataError(path, "sweep", f"{numbers['sweep']:g}", expected)
     return LidarModel(beams=beams, **numbers)  # type: ignore[arg-type]
 
@@ -186,9 +163,9 @@ def _scalar(path: Path, data: Mapping[str, np.ndarray], key: str) -> float:
 
 def _load_truth(path: Path) -> Trajectory:
     data = read_npz(path, ("time_stamps", "pose"))
-    t = _stamps(path, data)
+    t = stamps(path, data["time_stamps"], "time_stamps")
     check_rows(data["pose"], str(path), "pose", (len(t), 3))
-    _check_size(path, "pose", data["pose"])
+    check_size(path, "pose", data["pose"])
     return Trajectory(t, data["pose"])
 
 
@@ -201,7 +178,7 @@ def _load_camera(folder: Path, number: str, camera: RgbdModel, dropped: dict[str
         _count(dropped, "images without a stamp", sum(len(f) for f in files.values()))
         return None
     data = read_npz(path, ("disparity_time_stamps", "rgb_time_stamps"))
-    t = {kind: _stamps(path, data, f"{kind}_time_stamps") for kind in kinds}
+    t = {kind: stamps(path, data[f"{kind}_time_stamps"], f"{kind}_time_stamps") for kind in kinds}
     index = {kind: np.array(sorted(k for k in files[kind] if k < len(t[kind])), dtype=int) for kind in kinds}
     _count(dropped, "images without a stamp", sum(len(files[kind]) - len(index[kind]) for kind in kinds))
     size = (camera.height, camera.width)
@@ -232,7 +209,8 @@ def save_course(
     """
     number, out_dir = set_number(number), Path(out_dir)
     if recording.encoders is None or recording.imu is None:
-        raise DataError(recording.name, "recording", "odometry poses only", "encoders and IMU to write")
+        expected = "encoders and IMU; pfslam.save writes any recording into one .npz file"
+        raise DataError(recording.name, "recording", "odometry poses only", expected)
     if image_every is not None and image_every < 1:
         raise DataError("save_course", "image_every", image_every, "1 or more")
     for name, arrays in _tables(recording, truth_extras or {}).items():

@@ -21,11 +21,15 @@ CHANNELS = {0: 1, 2: 3, 6: 4}
 
 
 def read_png(path: str | Path, shape: tuple[int, int, int], dtype: np.dtype) -> np.ndarray:
-    """Read a PNG file, ``(H, W)`` or ``(H, W, 3)`` RGB; ``shape`` is (H, W, channels) and must match.
+    """Read a PNG file, ``(H, W)`` or ``(H, W, 3)`` RGB; ``shape`` is (H, W, channels) and must match."""
+    return decode_png(path, read_bytes(path, MAX_PNG_BYTES), shape, dtype)
+
+
+def decode_png(path: str | Path, data: bytes, shape: tuple[int, int, int], dtype: np.dtype) -> np.ndarray:
+    """Decode the bytes of a PNG file, as ``read_png`` does; ``path`` names their source.
 
     The decoder silently fills what a damaged file lacks with zeros, so check sums are verified first.
     """
-    data = read_bytes(path, MAX_PNG_BYTES)
     found = _png_shape(path, data)
     if found != (shape, np.dtype(dtype).itemsize * 8):
         expected = f"{shape[1]} x {shape[0]}, {shape[2]} channels of {np.dtype(dtype).itemsize * 8} bits"
@@ -40,10 +44,15 @@ def read_png(path: str | Path, shape: tuple[int, int, int], dtype: np.dtype) -> 
 
 def write_png(path: str | Path, pixels: np.ndarray) -> None:
     """Write ``(H, W)``, ``(H, W, 3)`` RGB or ``(H, W, 4)`` RGBA pixels as PNG, whole or not at all."""
+    with atomic_write(path) as file:
+        file.write(encode_png(pixels).tobytes())
+
+
+def encode_png(pixels: np.ndarray) -> np.ndarray:
+    """Return the bytes ``(N,)`` uint8 of a PNG file with these pixels, as ``write_png`` takes them."""
     if pixels.ndim == 3:
         pixels = pixels[..., [2, 1, 0, 3][: pixels.shape[2]]]
-    with atomic_write(path) as file:
-        file.write(cv2.imencode(".png", np.ascontiguousarray(pixels))[1].tobytes())
+    return cv2.imencode(".png", np.ascontiguousarray(pixels))[1]
 
 
 def _png_shape(path: str | Path, data: bytes) -> tuple[tuple[int, int, int], int]:

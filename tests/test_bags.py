@@ -1,0 +1,511 @@
+"""ROS bags, written by the library in every format: what is read equals the direct route, and oddities are named."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bag_files import (
+    FORMATS,
+    LATER,
+    LEVEL,
+    SCAN,
+    UPSIDE_DOWN,
+    Messages,
+    nanoseconds,
+    rows_of,
+    write_bag,
+)
+from box_recording import ROOM, START, box_recording, room_ranges, true_pose
+
+import pfslam
+from pfslam.__main__ import main
+from pfslam.errors import DataError
+from pfslam.events import Drive
+from pfslam.io.bags import BagOptions, list_topics
+from pfslam.io.headings import with_better_headings
+from pfslam.motion import dead_reckoning
+from pfslam.poses import Trajectory, between, transform_points
+from pfslam.recording import Imu, LidarScans
+from pfslam.sensors import STANDARD_GRAVITY, LidarModel, RobotModel, scan_points
+
+BOX = box_recording(images=0)
+NEW = Messages()
+MOUNT = ("base_link", "laser", BOX.robot.lidar.position_b, LEVEL)
+
+
+def poses_and_scans(recording):
+    """The same drive as a robot with poses and scans records it: the direct route."""
+    return replace(recording, encoders=None, imu=None, odometry=dead_reckoning(recording), truth=None)
+
+
+def loaded(tmp_path, rows, form="mcap", **options):
+    return pfslam.load(write_bag(tmp_path / "drive", form, rows), bag=BagOptions(**options))
+
+
+def without(rows, topic):
+    return [row for row in rows if row[0] != topic]
+
+
+def changed(rows, topic, k, change):
+    """Rows with the message number ``k`` of a topic replaced by ``change(arrival, message)``: a list of rows."""
+    at = [i for i, row in enumerate(rows) if row[0] == topic][k]
+    return [*rows[:at], *((topic, *new) for new in change(*rows[at][1:])), *rows[at + 1 :]]
+
+
+def restamped(message, t):
+    message.header = NEW.header(t, message.header.frame_id)
+    return message
+
+
+def assert_equal_to_what_messages_carry(found, wanted):
+    """Stamps and ranges exactly, poses to rounding, angles and limits to float32."""
+    np.testing.assert_array_equal(found.lidar.t, wanted.lidar.t)
+    np.testing.assert_array_equal(found.lidar.ranges, wanted.lidar.ranges.astype(np.float32))
+    np.testing.assert_array_equal(found.odometry.t, wanted.odometry.t)
+    np.testing.assert_allclose(between(wanted.odometry.poses, found.odometry.poses), 0.0, atol=1e-9)
+    a, b = found.robot.lidar, wanted.robot.lidar
+    assert (a.beams, a.sweep) == (b.beams, b.sweep)
+    np.testing.assert_allclose(a.position_b, b.position_b, atol=1e-12)
+    for name in ("angle_min", "angle_max", "range_min", "range_max"):
+        assert getattr(a, name) == pytest.approx(getattr(b, name), rel=1e-6, abs=1e-6)
+
+
+# ---- the direct route --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_bag_holds_what_was_written(tmp_path, form):
+    found = loaded(tmp_path, rows_of(BOX, form == "ros1"), form)
+    assert_equal_to_what_messages_carry(found, poses_and_scans(BOX))
+    assert (found.dropped, found.notes, found.name) == ({}, (), "drive")
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_the_filter_says_the_same(tmp_path, form):
+    config = replace(pfslam.SlamConfig.refined(), particles=20)
+    found = pfslam.run_slam(loaded(tmp_path, rows_of(BOX, form == "ros1"), form), config)
+    direct = pfslam.run_slam(poses_and_scans(BOX), config)
+    np.testing.assert_allclose(found.trajectory.poses, direct.trajectory.poses, atol=1e-3)
+    error = pfslam.trajectory_error(found.trajectory, BOX.truth)
+    assert error.ate_max_m < 0.05
+
+
+@pytest.mark.parametrize("dataset", ["corridor20", "intel/intel.log"])
+def test_real_drives_come_back(tmp_path, real_data, dataset):
+    direct = pfslam.load(real_data / dataset)
+    if direct.odometry is None:
+        keep = slice(None, 1000)
+        direct = poses_and_scans(
+            replace(direct, lidar=LidarScans(direct.lidar.t[keep], direct.lidar.ranges[keep]))
+        )
+    rows = rows_of(direct, odometry=direct.odometry)
+    assert_equal_to_what_messages_carry(loaded(tmp_path, rows), direct)
+
+
+def test_the_sweep_is_stamped_at_its_first_beam(tmp_path):
+    """This package stamps the middle beam: with the sweep known, the direct stamps come back."""
+    found = loaded(tmp_path, rows_of(BOX, sweep=0.09))
+    assert found.robot.lidar.sweep == pytest.approx(0.09, rel=1e-6)
+    np.testing.assert_allclose(found.lidar.t, BOX.lidar.t, atol=1e-6)
+
+
+def test_a_sweep_longer_than_a_scan_is_not_believed(tmp_path):
+    found = loaded(tmp_path, rows_of(BOX, sweep=0.5))
+    assert found.robot.lidar.sweep == 0.0
+    assert any("a sweep of 0.5 s on /scan is longer" in note for note in found.notes)
+
+
+# ---- where the LiDAR is ------------------------------------------------------------------------
+
+
+def test_a_chain_of_frames_is_followed_up_and_down(tmp_path):
+    """odom moves base_footprint; base_link stands on it; the plate is a child of base_link, and so on."""
+    half = np.sqrt(0.5)
+    mount = [
+        ("base_footprint", "base_link", (0.0, 0.0, 0.1), LEVEL),
+        ("plate", "base_link", (-0.2, 0.0, 0.0), LEVEL),
+        ("plate", "mast", (0.0, 0.3, 0.2), (0.0, 0.0, half, half)),
+        ("mast", "laser", (0.05, 0.0, 0.0), LEVEL),
+    ]
+    rows = rows_of(BOX, mount=mount, child="base_footprint")
+    lidar = loaded(tmp_path, rows).robot.lidar
+    # plate is 0.2 m before base_link; the mast, 0.3 m to its left, looks left, and the laser 0.05 m further that way.
+    np.testing.assert_allclose(lidar.position_b, (0.2, 0.35, 0.3), atol=1e-12)
+    assert lidar.angle_min == pytest.approx(BOX.robot.lidar.angle_min + np.pi / 2, abs=1e-6)
+
+
+def test_upside_down_gives_the_same_points(tmp_path):
+    """A LiDAR that hangs upside down measures the same room in the other order."""
+    x, y, z = BOX.robot.lidar.position_b
+    hanging = replace(BOX, lidar=replace(BOX.lidar, ranges=BOX.lidar.ranges[:, ::-1]))
+    rows = rows_of(hanging, mount=[("base_link", "laser", (x, y, z), UPSIDE_DOWN)], sweep=0.05)
+    found = loaded(tmp_path, rows)
+    wanted = scan_points(BOX.lidar.ranges[7], BOX.robot.lidar)
+    np.testing.assert_allclose(scan_points(found.lidar.ranges[7], found.robot.lidar), wanted, atol=1e-6)
+    assert found.robot.lidar.sweep == pytest.approx(-0.05, rel=1e-6)
+    assert "laser hangs upside down: the beams of /scan are put in the other order" in found.notes
+
+
+def test_a_clockwise_scanner_gives_the_same_points(tmp_path):
+    rows = rows_of(BOX)
+    for topic, _, message in rows:
+        if topic == "/scan":
+            message.angle_min, message.angle_max = message.angle_max, message.angle_min
+            message.angle_increment, message.ranges = -message.angle_increment, message.ranges[::-1].copy()
+    found = loaded(tmp_path, rows)
+    wanted = scan_points(BOX.lidar.ranges[7], BOX.robot.lidar)
+    np.testing.assert_allclose(scan_points(found.lidar.ranges[7], found.robot.lidar), wanted, atol=1e-6)
+
+
+def test_a_clockwise_sweep_is_straightened():
+    """Each beam is cast from where the robot is at its moment; with the sweep's sign, all end on the walls."""
+    lidar = LidarModel(-2.0, 2.0, 61, position_b=(0.1, 0.0, 0.3))
+    t, x = BOX.lidar.t[25], np.arange(61)
+    at = t + (0.5 - x / 60) * 0.2  # the last beam first
+    poses = true_pose(at - BOX.imu.t[0])
+    ranges = np.array([room_ranges(pose, lidar)[k] for k, pose in enumerate(poses)])
+    off = {}
+    for sweep in (-0.2, 0.0, 0.2):
+        scans = LidarScans(np.array([t]), ranges[None])
+        drive = replace(BOX, robot=RobotModel(lidar=replace(lidar, sweep=sweep)), lidar=scans)
+        (event,) = Drive.of(drive, pfslam.SlamConfig.refined()).events()
+        px, py = transform_points(true_pose(t - BOX.imu.t[0]), event.points_b).T
+        walls = np.abs([px - ROOM[0], px - ROOM[1], py - ROOM[2], py - ROOM[3]])
+        off[sweep] = walls.min(axis=0).max()
+    assert off[-0.2] < 0.005
+    assert off[0.0] > 0.04
+    assert off[0.2] > 0.08
+
+
+def test_the_place_can_be_said(tmp_path):
+    rows = without(rows_of(BOX), "/tf_static")
+    found = loaded(tmp_path, rows, lidar_at=(0.5, -0.1, 0.3))
+    np.testing.assert_allclose(found.robot.lidar.position_b[:2], (0.5, -0.1))
+    assert found.robot.lidar.angle_min == pytest.approx(BOX.robot.lidar.angle_min + 0.3, abs=1e-6)
+    assert "the LiDAR is taken to be at x 0.5 m, y -0.1 m, yaw 0.3 rad, as asked for" in found.notes
+
+
+@pytest.mark.parametrize(
+    ("mount", "words"),
+    [
+        ([("base_link", "camera", (0, 0, 0), LEVEL)], "no fixed chain of frames from base_link to laser"),
+        ([("base_link", "laser", (0, 0, 1), (0.0, np.sin(0.2), 0.0, np.cos(0.2)))], "a lean of 23 deg"),
+        ([("base_link", "laser", (0, 0, 1), (0, 0, 0, 0))], "a quaternion of length 0"),
+        ([("base_link", "laser", (0, 0, np.nan), LEVEL)], "position .* nan"),
+    ],
+)
+def test_a_place_that_is_no_place_is_refused(tmp_path, mount, words):
+    with pytest.raises(DataError, match=words):
+        loaded(tmp_path, rows_of(BOX, mount=mount))
+
+
+def test_a_lidar_that_moves_on_the_robot_is_refused(tmp_path):
+    rows = without(rows_of(BOX), "/tf_static")
+    for k in range(3):
+        moving = NEW.transforms(START + k, ("base_link", "laser", (0.1 * k, 0.0, 0.3), LEVEL))
+        rows.append(("/tf", nanoseconds(START + k), moving))
+    with pytest.raises(DataError, match="/scan, place of the LiDAR: found no fixed chain"):
+        loaded(tmp_path, sorted(rows, key=lambda row: row[1]))
+
+
+# ---- odometry ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("form", ["ros1", "sqlite3"])
+def test_odometry_from_the_tree_of_frames(tmp_path, form):
+    messages, wanted = Messages(form == "ros1"), dead_reckoning(BOX)
+    rows = without(rows_of(BOX, form == "ros1"), "/odom")
+    for t, (x, y, theta) in zip(wanted.t, wanted.poses, strict=True):
+        turn = (0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2))
+        edges = [("map", "odom", (9.0, 0.0, 0.0), LEVEL), ("odom", "base_link", (x, y, 0.0), turn)]
+        rows.append(("/tf", nanoseconds(t), messages.transforms(t, *edges)))
+    found = loaded(tmp_path, sorted(rows, key=lambda row: row[1]), form)
+    np.testing.assert_array_equal(found.odometry.t, wanted.t)
+    np.testing.assert_allclose(found.odometry.poses, wanted.poses, atol=1e-9)
+    assert found.notes == ("odometry is read from /tf: odom -> base_link",)
+
+
+def test_without_any_odometry_it_says_what_would_do(tmp_path):
+    with pytest.raises(
+        DataError, match="odometry: found none, expected nav_msgs/Odometry, or odom -> base_link"
+    ):
+        loaded(tmp_path, without(rows_of(BOX), "/odom"))
+
+
+def test_without_scans_there_is_dead_reckoning(tmp_path, capsys):
+    path = write_bag(tmp_path / "drive", "mcap", without(rows_of(BOX), "/scan"))
+    assert pfslam.load(path).lidar is None
+    assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 0
+    assert "no LiDAR" in capsys.readouterr().out
+
+
+# ---- the gyro ----------------------------------------------------------------------------------
+
+
+def slalom(seconds=60.0):
+    """Wheels that turn 1.8 times as far as the robot does, a gyro with a bias, and the truth."""
+    t = START + np.arange(round(seconds * 20)) / 20
+    rate = np.where(t - START < 8, 0.0, 0.5 * np.sin(0.4 * (t - START)))
+    speed = np.where(t - START < 8, 0.0, 0.4)
+
+    def path(factor):
+        heading = factor * np.concatenate([[0.0], np.cumsum(rate[1:] / 20)])
+        middle = 0.5 * (heading[1:] + heading[:-1])
+        steps = speed[1:, None] / 20 * np.column_stack([np.cos(middle), np.sin(middle)])
+        return Trajectory(t, np.column_stack([np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)]), heading]))
+
+    gyro = np.zeros((len(t), 3))
+    gyro[:, 2] = rate + 0.01
+    return path(1.8), path(1.0), Imu(t, gyro, np.tile([0.0, 0.0, 1.0], (len(t), 1)))
+
+
+def test_poor_turns_are_taken_from_the_gyro():
+    wheels, truth, imu = slalom()
+    better, note = with_better_headings(wheels, imu)
+    assert note.startswith("the turns of odometry and gyro differ by 80 %: headings are taken from the gyro")
+    np.testing.assert_allclose(better.poses, truth.poses, atol=1e-3)
+
+
+def test_good_turns_are_left_alone_and_a_flipped_gyro_is_not_believed():
+    _, truth, imu = slalom()
+    assert with_better_headings(truth, imu) == (truth, None)
+    flipped = replace(imu, angular_velocity=-imu.angular_velocity)
+    kept, note = with_better_headings(truth, flipped)
+    assert kept is truth
+    assert "not alike (correlation -1.00): the gyro is not used" in note
+
+
+def test_the_imu_is_turned_into_the_axes_of_the_body(tmp_path):
+    """It hangs upside down and shows -0.4 rad/s for the box's turn to the left, and gravity pointing down."""
+    mount = [MOUNT, ("base_link", "imu_link", (0, 0, 0.1), UPSIDE_DOWN)]
+    rows = rows_of(BOX, mount=mount)
+    for t, rates, pushes in zip(BOX.imu.t, BOX.imu.angular_velocity, BOX.imu.acceleration_g, strict=True):
+        rows.append(("/imu/data", nanoseconds(t), NEW.imu(t, -rates, -STANDARD_GRAVITY * pushes)))
+    rows.append(
+        ("/imu/data", nanoseconds(START + 3) + 1, NEW.imu(START + 3.001, (0, 0, np.nan), (0, 0, 9.8)))
+    )
+    found = loaded(tmp_path, sorted(rows, key=lambda row: row[1]))
+    np.testing.assert_array_equal(found.imu.t, BOX.imu.t)
+    np.testing.assert_allclose(found.imu.angular_velocity[:, 2], 0.4, atol=1e-12)
+    np.testing.assert_allclose(found.imu.acceleration_g[:, 2], 1.0, atol=1e-12)
+    assert found.dropped == {"messages on /imu/data that are not numbers": 1}
+    assert found.notes == ()
+
+
+# ---- time --------------------------------------------------------------------------------------
+
+
+def test_zero_stamps_give_way_to_the_clock_of_the_bag(tmp_path):
+    rows = rows_of(BOX)
+    for topic, _, message in rows:
+        if topic == "/scan":
+            restamped(message, 0.0)
+    found = loaded(tmp_path, rows)
+    np.testing.assert_allclose(found.lidar.t, BOX.lidar.t + LATER * 1e-9, atol=1e-6)
+    assert found.notes == ("the stamps on /scan are zero: the bag's own time is used",)
+
+
+def test_a_few_zero_stamps_are_counted(tmp_path):
+    rows = changed(rows_of(BOX), "/scan", 9, lambda at, m: [(at, restamped(m, 0.0))])
+    found = loaded(tmp_path, rows)
+    assert found.dropped == {"messages on /scan without a stamp": 1}
+    assert len(found.lidar.t) == len(BOX.lidar.t) - 1
+
+
+def test_doubled_messages_count_once(tmp_path):
+    rows = changed(rows_of(BOX), "/odom", 30, lambda at, m: [(at, m), (at + 5, m), (at + 9, m)])
+    found = loaded(tmp_path, rows)
+    assert found.dropped == {"messages on /odom with the stamp of another": 2}
+    np.testing.assert_array_equal(found.odometry.t, dead_reckoning(BOX).t)
+
+
+def test_messages_out_of_order_are_put_in_order(tmp_path):
+    rows = rows_of(BOX)
+    at = [i for i, row in enumerate(rows) if row[0] == "/scan"]
+    i, j = at[11], at[12]
+    rows[i], rows[j] = (*rows[i][:2], rows[j][2]), (*rows[j][:2], rows[i][2])
+    found = loaded(tmp_path, rows)
+    np.testing.assert_array_equal(found.lidar.ranges, BOX.lidar.ranges)
+    when = f"{START + 1.5 + LATER * 1e-9:.3f}"
+    assert found.notes == (f"1 messages on /scan are out of order, put in order, the first at {when} s",)
+
+
+def test_late_messages_and_gaps_are_spoken_of(tmp_path):
+    rows = changed(rows_of(BOX), "/scan", 3, lambda at, m: [(at + 3 * 10**9, m)])
+    for _ in range(9):
+        rows = changed(rows, "/odom", 200, lambda at, m: [])
+    rows = changed(rows, "/scan", 20, lambda at, m: [])
+    for _ in range(6):
+        rows = changed(rows, "/scan", 20, lambda at, m: [])
+    found = loaded(tmp_path, sorted(rows, key=lambda row: row[1]))
+    late = START + 0.6 + 3 + LATER * 1e-9
+    assert f"1 messages on /scan are late, the first at {late:.3f} s" in found.notes
+    assert any(note.startswith("/scan is silent for 0.80 s after") for note in found.notes)
+    assert not any("/odom is silent" in note for note in found.notes)
+
+
+def test_clocks_that_do_not_meet_are_refused(tmp_path):
+    rows = rows_of(BOX)
+    for topic, _, message in rows:
+        if topic == "/scan":
+            restamped(message, message.header.stamp.sec - START + 5.0)
+    with pytest.raises(DataError, match=r"stamps on /scan: found 5.000 to .* the odometry's, 1300000000.200"):
+        loaded(tmp_path, rows)
+
+
+# ---- scans -------------------------------------------------------------------------------------
+
+
+def test_ranges_that_say_nothing_are_counted(tmp_path):
+    rows = rows_of(BOX)
+    scans = [message for topic, _, message in rows if topic == "/scan"]
+    scans[4].ranges[:6] = [np.nan, np.nan, np.inf, -np.inf, 0.0, 31.0]
+    found = loaded(tmp_path, rows)
+    assert found.dropped == {
+        "ranges on /scan that are not a number": 2,
+        "ranges on /scan that are infinite": 2,
+        "ranges on /scan that are zero": 1,
+    }
+    assert not found.robot.lidar.valid(found.lidar.ranges[4])[:6].any()
+
+
+def test_scans_unlike_the_others_are_counted(tmp_path):
+    rows = rows_of(BOX)
+    scans = [message for topic, _, message in rows if topic == "/scan"]
+    scans[4].ranges = scans[4].ranges[:-2]
+    scans[6].angle_min = -1.0
+    found = loaded(tmp_path, rows)
+    assert found.dropped == {"scans on /scan unlike the others in beams, angles or limits": 2}
+    assert len(found.lidar.t) == len(BOX.lidar.t) - 2
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("angle_increment", 0.1, "beams over at most one turn"),
+        ("range_max", 0.05, "range_min, range_max"),
+        ("range_max", np.inf, "range_max: found inf"),
+        ("angle_min", np.nan, "beams over at most one turn"),
+    ],
+)
+def test_a_scanner_that_cannot_be_is_refused_by_topic(tmp_path, field, value, words):
+    rows = rows_of(BOX)
+    for topic, _, message in rows:
+        if topic == "/scan":
+            setattr(message, field, value)
+    with pytest.raises(DataError, match=words) as caught:
+        loaded(tmp_path, rows)
+    assert "/scan" in str(caught.value)
+
+
+# ---- which topics ------------------------------------------------------------------------------
+
+
+def renamed(rows, **names):
+    return [("/" + names.get(topic[1:], topic[1:]), at, message) for topic, at, message in rows]
+
+
+def test_of_two_lidars_the_usual_name_or_the_one_named(tmp_path):
+    rows = rows_of(BOX)
+    rear = [("/rear", at, message) for topic, at, message in rows if topic == "/scan"][:30]
+    both = sorted([*rows, *rear], key=lambda row: row[1])
+    path = write_bag(tmp_path / "drive", "mcap", both)
+    found = pfslam.load(path)
+    assert (len(found.lidar.t), found.dropped) == (55, {"messages on /rear, since /scan is used": 30})
+    assert len(pfslam.load(path, bag=BagOptions(scan="rear")).lidar.t) == 30
+    with pytest.raises(DataError, match="--scan /odom: found /rear, /scan, expected a topic of LaserScan"):
+        pfslam.load(path, bag=BagOptions(scan="/odom"))
+
+
+def test_two_lidars_without_a_usual_name_are_refused(tmp_path, capsys):
+    rows = rows_of(BOX)
+    rear = [("/rear", at, message) for topic, at, message in rows if topic == "/scan"]
+    rows = sorted([*renamed(rows, scan="front"), *rear], key=lambda row: row[1])
+    path = write_bag(tmp_path / "drive", "mcap", rows)
+    assert main(["info", str(path)]) == 2
+    said = capsys.readouterr()
+    assert "/front" in said.out
+    assert "topics of LaserScan: found /front, /rear, expected one, named with --scan" in said.err
+    assert main(["info", str(path), "--scan", "/front"]) == 0
+
+
+def test_images_are_counted(tmp_path):
+    rows = rows_of(BOX)
+    rows += [("/camera/rgb", nanoseconds(START + k), NEW.image(START + k)) for k in range(1, 4)]
+    found = loaded(tmp_path, sorted(rows, key=lambda row: row[1]))
+    assert found.dropped == {"images on /camera/rgb, which are not read": 3}
+
+
+# ---- bags that are none ------------------------------------------------------------------------
+
+
+def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
+    path = write_bag(tmp_path / "drive", "ros1", rows_of(BOX, True))
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    with pytest.raises(
+        DataError, match=r"package: found no rosbags, expected the extra: pip install pfslam\[ros\]"
+    ):
+        pfslam.load(path)
+
+
+def test_importing_the_package_does_not_import_the_library():
+    code = "import sys, pfslam.datasets, pfslam.cli.commands; print('rosbags' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False"]
+
+
+def test_a_folder_without_metadata_and_files_that_are_no_bags(tmp_path):
+    path = write_bag(tmp_path / "drive", "sqlite3", rows_of(BOX))
+    (path / "metadata.yaml").unlink()
+    with pytest.raises(DataError, match=r"drive: folder: found no metadata.yaml"):
+        pfslam.load(path)
+    for name in ("a.bag", "a.mcap", "a.db3"):
+        (tmp_path / name).write_bytes(b"not a bag")
+        with pytest.raises(DataError, match=rf"{name}: bag: .* expected a whole ROS bag"):
+            pfslam.load(tmp_path / name)
+
+
+# ---- the commands ------------------------------------------------------------------------------
+
+
+def test_two_commands_from_a_bag_to_a_map(tmp_path, capsys):
+    path = str(write_bag(tmp_path / "drive", "sqlite3", rows_of(BOX)))
+    assert main(["info", path]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].split() == [
+        "topic",
+        "type",
+        "messages",
+        "seconds",
+        "per",
+        "second",
+        "longest",
+        "gap",
+        "used",
+    ]
+    assert said[2].split() == ["/scan", "sensor_msgs/LaserScan", "55", "5.4", "10.0", "0.10", "s", "yes"]
+    assert main(["run", path, "--out", str(tmp_path / "out"), "--particles", "9"]) == 0
+    assert (tmp_path / "out" / "map.pgm").exists()
+
+
+def test_a_converted_bag_loads_without_ros(tmp_path, monkeypatch, capsys):
+    path = write_bag(tmp_path / "drive", "mcap", without(rows_of(BOX), "/tf_static"))
+    line = ["convert", str(path), str(tmp_path / "drive.npz")]
+    assert main(line) == 2
+    assert "--lidar-at X Y YAW" in capsys.readouterr().err
+    assert main([*line, "--lidar-at", "-0.1", "0", "3.1"]) == 0
+    assert "note: the LiDAR is taken to be at x -0.1 m" in capsys.readouterr().out
+    direct = pfslam.load(path, bag=BagOptions(lidar_at=(-0.1, 0.0, 3.1)))
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    found = pfslam.load(tmp_path / "drive.npz")
+    assert_equal_to_what_messages_carry(found, direct)
+    assert found.notes == direct.notes
+
+
+def test_topics_are_listed_with_their_times(tmp_path):
+    topics = list_topics(write_bag(tmp_path / "drive", "ros1", rows_of(BOX, True)))
+    assert list(topics) == ["/odom", "/scan", "/tf_static"]
+    assert topics["/scan"].kind == SCAN
+    np.testing.assert_allclose(topics["/scan"].t, BOX.lidar.t + LATER * 1e-9, atol=1e-6)

@@ -1,0 +1,265 @@
+"""A drive in one file: what is saved comes back bit for bit, and the commands take it."""
+
+import json
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+from box_recording import box_recording
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import pfslam
+from pfslam.__main__ import main
+from pfslam.errors import DataError
+from pfslam.io.recordings import FORMAT
+from pfslam.motion import dead_reckoning
+from pfslam.poses import Trajectory
+from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream
+from pfslam.sensors import LidarModel, RgbdModel, RobotModel
+
+
+def assert_same(a, b):
+    """Equal in every field, arrays in type and bits; images by their pixels."""
+    assert type(a) is type(b)
+    for field in fields(a):
+        x, y = getattr(a, field.name), getattr(b, field.name)
+        if field.name.startswith("read_"):
+            for k in getattr(a, field.name.removeprefix("read_") + "_index"):
+                np.testing.assert_array_equal(x(int(k)), y(int(k)))
+        elif isinstance(x, np.ndarray):
+            assert (x.dtype, x.shape, x.tobytes()) == (y.dtype, y.shape, y.tobytes()), field.name
+        elif is_dataclass(x) and not isinstance(x, RobotModel):
+            assert_same(x, y)
+        else:
+            assert x == y, field.name
+
+
+# ---- random recordings -------------------------------------------------------------------------
+
+
+def random_recording(rng, parts):
+    """A recording with the named parts, full of numbers that mean nothing."""
+    beams = int(rng.integers(1, 9))
+    robot = RobotModel(
+        lidar=LidarModel(
+            *np.sort(rng.uniform(-3, 3, 2)),
+            beams,
+            *np.sort(rng.uniform(0, 90, 2)),
+            position_b=tuple(rng.normal(size=3)),
+            sweep=rng.normal(),
+        ),
+        camera=RgbdModel(width=3, height=2, pitch=rng.normal()),
+    )
+    t = {name: rng.normal() * 1e9 + np.cumsum(rng.uniform(1e-3, 9, rng.integers(1, 6))) for name in parts}
+    rows = {name: len(stamps) for name, stamps in t.items()}
+    made = {}
+    if "wheels" in parts:
+        gyro = np.cumsum(rng.uniform(1e-3, 1, 4))
+        made["encoders"] = Encoders(t["wheels"], rng.integers(-99, 99, (rows["wheels"], 4)).astype(np.int16))
+        made["imu"] = Imu(gyro, rng.normal(size=(4, 3)), rng.normal(size=(4, 3)))
+    if "gyro alone" in parts:
+        n = rows["gyro alone"]
+        made["imu"] = Imu(t["gyro alone"], rng.normal(size=(n, 3)), rng.normal(size=(n, 3)))
+    for name in {"odometry", "truth"} & set(parts):
+        made[name] = Trajectory(t[name], rng.normal(size=(rows[name], 3)) * 9)
+    if "lidar" in parts:
+        ranges = rng.choice([np.nan, np.inf, -np.inf, 0.0, -0.0, 1.5], (rows["lidar"], beams))
+        made["lidar"] = LidarScans(t["lidar"], ranges.astype(rng.choice(["f4", "f8"])))
+    if "camera" in parts:
+        n = rows["camera"]
+        depth = rng.integers(0, 2**16, (n, 2, 3), dtype=np.uint16)
+        colour = rng.integers(0, 256, (n, 2, 3, 3), dtype=np.uint8)
+        index = np.flatnonzero(rng.random(n) < 0.7)
+        made["camera"] = RgbdStream(
+            t["camera"], t["camera"] + 0.5, depth.__getitem__, colour.__getitem__, index, index
+        )
+    dropped = {"ranges that are zero": int(rng.integers(1, 99))} if rng.random() < 0.5 else {}
+    notes = ("one", "two: näher") if rng.random() < 0.5 else ()
+    return Recording("a name, ü", robot, dropped=dropped, notes=notes, **made)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    motion=st.sampled_from([("wheels",), ("odometry",), ("odometry", "gyro alone"), ("wheels", "odometry")]),
+    others=st.sets(st.sampled_from(["lidar", "camera", "truth"])),
+)
+def test_load_gives_what_was_saved(tmp_path_factory, seed, motion, others):
+    recording = random_recording(np.random.default_rng(seed), (*motion, *sorted(others)))
+    path = tmp_path_factory.mktemp("drive") / "other name.npz"
+    pfslam.save(recording, path)
+    assert_same(pfslam.load(path), recording)
+
+
+def test_saving_twice_gives_the_same_bytes(tmp_path):
+    for name in ("a.npz", "b.npz"):
+        pfslam.save(box_recording(), tmp_path / name)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+# ---- the layout --------------------------------------------------------------------------------
+
+
+def test_numpy_alone_reads_it(tmp_path):
+    recording = box_recording()
+    pfslam.save(recording, tmp_path / "box.npz")
+    with np.load(tmp_path / "box.npz", allow_pickle=False) as data:
+        assert data["format"] == FORMAT
+        assert data["name"].tobytes().decode() == "box"
+        np.testing.assert_array_equal(data["lidar.ranges"], recording.lidar.ranges)
+        np.testing.assert_array_equal(data["truth.poses"], recording.truth.poses)
+        assert data["robot.lidar.angle_min"] == recording.robot.lidar.angle_min
+        assert tuple(data["robot.lidar.position_b"]) == recording.robot.lidar.position_b
+        assert data["camera.rgb.2"].tobytes()[1:4] == b"PNG"
+        assert {values.dtype.kind for values in data.values()} <= set("fiu")
+
+
+def test_without_images_their_stamps_stay(tmp_path):
+    pfslam.save(box_recording(), tmp_path / "box.npz", images=False)
+    camera = pfslam.load(tmp_path / "box.npz").camera
+    assert (len(camera.rgb_t), len(camera.rgb_index), len(camera.disparity_index)) == (4, 0, 0)
+
+
+def rewrite(path, **changes):
+    """Write an archive again with some arrays changed (or removed, if None); ``__`` in a name is a dot."""
+    with np.load(path) as data:
+        arrays = {**data} | {name.replace("__", "."): values for name, values in changes.items()}
+    np.savez(path, **{name: values for name, values in arrays.items() if values is not None})
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"format": None}, "a key named format"),
+        ({"format": np.array(2)}, "format: found 2, expected the number 1"),
+        ({"lidar__t": None}, "an array named lidar.t as well"),
+        ({"lidar__ranges": np.zeros((3, 2))}, r"lidar.ranges: found shape \(3, 2\)"),
+        ({"lidar__ranges": np.zeros((55, 2))}, "lidar ranges: found 2 beams, expected 1081"),
+        ({"encoders__counts": np.zeros((241, 3))}, "encoders.counts: found float64 of shape"),
+        ({"encoders__counts": np.full((241, 4), 1e9)}, "encoders.counts: found 1e.09, expected counts"),
+        ({"imu__t": None, "imu__angular_velocity": None, "imu__acceleration_g": None}, "neither encoders"),
+        ({"truth__poses": np.zeros((55, 2))}, "truth.poses: found float64 of shape"),
+        ({"robot__lidar__beams": np.array(2.5)}, "robot.lidar.beams: found 2.5, expected a whole number"),
+        ({"robot__lidar__angle_min": np.array(9.0)}, "robot.lidar.angle_min, angle_max"),
+        ({"camera__rgb_index": np.array([0, 7])}, "whole numbers from 0 to 3"),
+        ({"camera__rgb_index": np.array([2, 1])}, "increasing"),
+        ({"camera__rgb_t": None}, "an array named camera.rgb_t as well"),
+        ({"name": np.array([255, 255], dtype=np.uint8)}, "name: found uint8"),
+        ({"dropped": np.frombuffer(b"many scans", dtype=np.uint8)}, "lines of a count and its reason"),
+        ({"lidar__t": np.array([{}] * 55, dtype=object)}, "never objects"),
+    ],
+)
+def test_damage_is_named(tmp_path, changes, words):
+    path = tmp_path / "box.npz"
+    pfslam.save(box_recording(), path)
+    rewrite(path, **changes)
+    with pytest.raises(DataError, match=words) as caught:
+        pfslam.load(path)
+    assert "box.npz: " in str(caught.value)
+
+
+def test_a_damaged_image_is_named_when_it_is_read(tmp_path):
+    path = tmp_path / "box.npz"
+    pfslam.save(box_recording(), path)
+    rewrite(path, camera__rgb__1=None, camera__disparity__2=np.zeros(40, dtype=np.uint8))
+    camera = pfslam.load(path).camera
+    with pytest.raises(DataError, match=r"a key named camera\.rgb\.1"):
+        camera.read_rgb(1)
+    with pytest.raises(DataError, match=r"camera\.disparity\.2: image: found no PNG header"):
+        camera.read_disparity(2)
+
+
+def test_another_ending_is_refused_before_anything_is_written(tmp_path):
+    with pytest.raises(DataError, match=r"a name that ends in \.npz"):
+        pfslam.save(box_recording(), tmp_path / "box.zip")
+    assert list(tmp_path.iterdir()) == []
+
+
+# ---- the commands ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def odometry_only(tmp_path_factory):
+    """The box drive as a robot with poses and scans would record it, in one file."""
+    box = box_recording(images=0)
+    path = tmp_path_factory.mktemp("drives") / "my robot.npz"
+    pfslam.save(replace(box, encoders=None, imu=None, odometry=dead_reckoning(box)), path)
+    return path
+
+
+def test_poses_and_scans_run_and_report_what_they_hold(odometry_only, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["run", str(odometry_only), "--out", str(out), "--particles", "9"]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["slam"]["ate_max_m"] < 0.05
+    assert summary["notes"] == []
+    assert "calibration" not in summary
+
+
+def test_the_same_filter_on_the_file_and_on_the_recording(odometry_only):
+    box = box_recording(images=0)
+    direct = replace(box, encoders=None, imu=None, odometry=dead_reckoning(box))
+    a, b = (pfslam.run_slam(recording) for recording in (direct, pfslam.load(odometry_only)))
+    assert a.trajectory.poses.tobytes() == b.trajectory.poses.tobytes()
+
+
+def test_convert_then_info(odometry_only, tmp_path, capsys):
+    pfslam.save_course(box_recording(), 7, tmp_path / "set", image_every=2)
+    out = tmp_path / "seven.npz"
+    assert main(["convert", "7", str(out), "--data", str(tmp_path / "set")]) == 0
+    assert_same(pfslam.load(out), pfslam.load(7, tmp_path / "set"))
+    assert_same(pfslam.load(tmp_path / "set"), pfslam.load(7, tmp_path / "set"))
+    capsys.readouterr()
+    assert main(["info", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert [line.split()[0] for line in said.splitlines()[1:6]] == [
+        "encoders",
+        "imu",
+        "lidar",
+        "truth",
+        "depth",
+    ]
+    assert "1081 beams from -135.0 to 135.0 deg" in said
+    assert main(["info", str(odometry_only)]) == 0
+    assert "motion: from the odometry's poses" in capsys.readouterr().out
+
+
+def test_convert_can_leave_images_out_and_refuses_other_endings(tmp_path, capsys):
+    pfslam.save_course(box_recording(), 7, tmp_path / "set", image_every=2)
+    start = ["convert", str(tmp_path / "set")]
+    assert main([*start, str(tmp_path / "a.npz"), "--no-images"]) == 0
+    assert len(pfslam.load(tmp_path / "a.npz").camera.rgb_index) == 0
+    assert main([*start, str(tmp_path / "a.mat")]) == 2
+    assert "ends in .npz" in capsys.readouterr().err
+
+
+def test_check_answers_with_its_exit_code(tmp_path, capsys):
+    """Two counts more on the right are a turn of 0.4 rad/s over a track of 0.44 m; swapped, they are a fault."""
+    box = replace(box_recording(images=0), lidar=None)
+    for name, counts in (("good.npz", [6, 4, 6, 4]), ("bad.npz", [4, 6, 4, 6])):
+        wheels = np.tile(np.array(counts, dtype=np.int16), (len(box.encoders.t), 1))
+        pfslam.save(replace(box, encoders=replace(box.encoders, counts=wheels)), tmp_path / name)
+    assert main(["check", str(tmp_path / "good.npz")]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].split() == ["verdict", "question", "found", "expected"]
+    assert len(said) == 11
+    assert said[-1] == "no check failed"
+    assert main(["check", str(tmp_path / "bad.npz")]) == 1
+    said = capsys.readouterr().out.splitlines()
+    (failed,) = [line for line in said if line.startswith("FAILED")]
+    assert "effective track -0.4" in failed
+    assert said[-1] == "1 of 9 checks failed"
+    assert main(["check", str(tmp_path / "absent.npz")]) == 2
+
+
+def test_a_folder_of_several_sets_wants_a_number(tmp_path, capsys):
+    for number in (7, 8):
+        pfslam.save_course(box_recording(images=0), number, tmp_path)
+    assert main(["info", str(tmp_path)]) == 2
+    assert "the number of a set" in capsys.readouterr().err
+
+
+def test_options_of_bags_are_refused_for_other_data(odometry_only, capsys):
+    assert main(["info", str(odometry_only), "--scan", "/scan"]) == 2
+    assert "no ROS bag" in capsys.readouterr().err
