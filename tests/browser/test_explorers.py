@@ -35,9 +35,9 @@ def at(slider) -> int:
     return int(slider.get_attribute("data-stop"))
 
 
-def last(slider) -> int:
-    """The last stop of a slider."""
-    return slider.evaluate("s => s.list.options.length") - 1
+def last(control) -> int:
+    """The last stop of a slider, or of a choice between words."""
+    return control.evaluate("c => c.list ? c.list.options.length : c.querySelectorAll('input').length") - 1
 
 
 def move_to(slider, position: int) -> None:
@@ -150,8 +150,7 @@ def test_play_starts_stops_and_ends(explorers):
             "f => JSON.parse(f.querySelector('script[type=\"application/json\"]').textContent)"
         )
         player = explorer.locator("input[type=range], fieldset").nth(data["play"])
-        player.focus()
-        player.press("Home")
+        go_to(player, 0)
         assert button.text_content() == "Play"
         button.click()
         assert button.text_content() == "Pause"
@@ -161,21 +160,24 @@ def test_play_starts_stops_and_ends(explorers):
         halted = at(player)
         player.page.wait_for_timeout(2 * data["pause"])
         assert at(player) == halted, "it plays on after Pause"
-        player.focus()
-        player.press("End")
-        player.press("ArrowLeft")
+        go_to(player, last(player) - 1)
         button.click()
         wait_for_stop(player, last(player))
         button.page.wait_for_timeout(2 * data["pause"])
         assert button.text_content() == "Play", "it does not stop at the end"
 
 
-def wait_for_stop(slider, stop: int) -> None:
-    slider.evaluate(
-        "(s, stop) => new Promise(done => { const t = setInterval(() => {"
-        " if (Number(s.dataset.stop) >= stop) { clearInterval(t); done(); } }, 10); })",
-        stop,
-    )
+def go_to(control, stop: int) -> None:
+    """Move a slider by keys, or choose a word."""
+    if control.evaluate("c => c.matches('fieldset')"):
+        control.locator("label").nth(stop).click()
+    else:
+        move_to(control, stop)
+
+
+def wait_for_stop(control, stop: int) -> None:
+    reached = "([c, stop]) => Number(c.dataset.stop) >= stop"
+    control.page.wait_for_function(reached, arg=[control.element_handle(), stop])
 
 
 def test_the_first_explorer_is_ready_soon(visit, site, explorer_page):

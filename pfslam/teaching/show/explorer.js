@@ -38,6 +38,7 @@
     var self = {at: data.start[k], last: radios.length - 1, set: function (stop) {
       self.at = Math.max(0, Math.min(self.last, stop));
       radios[self.at].checked = true;
+      fieldset.dataset.stop = self.at;
     }};
     radios.forEach(function (radio, stop) {
       radio.addEventListener("change", function () { moved(k, stop); });
