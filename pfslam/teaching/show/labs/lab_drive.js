@@ -95,7 +95,7 @@
       if (v || omega) {
         const [x0, y0, x1, y1] = SLIPPERY, [x, y] = this.truth;
         const slips = this.settings.slip && x > x0 && x < x1 && y > y0 && y < y1;
-        const next = Array.from(core.motionModel(this.truth, slips ? 0.5 * v : v, slips ? omega + 0.25 * v : omega, dt));
+        const next = Array.from(core.motionModel(this.truth, slips ? 0.75 * v : v, slips ? omega + 0.3 * v : omega, dt));
         const bumped = touches(next) && touches(next) >= touches(this.truth);
         this.truth = bumped ? [x, y, next[2]] : next;
         const noise = this.worldDice.normals(2);
