@@ -3,6 +3,7 @@
 from pfslam.evaluation.faults import first_seconds
 from pfslam.teaching.ch05.cells import slam_explorer, success
 from pfslam.teaching.ch05.checks import check_mean_pose, check_resample, check_update
+from pfslam.teaching.ch05.live import drive_lab
 from pfslam.teaching.ch05.measurements import (
     GENTLE,
     LATTICE_TABLE,
@@ -59,6 +60,7 @@ __all__ = [
     "cost_at",
     "dead_reckoned_maps_picture",
     "drive",
+    "drive_lab",
     "driven_picture",
     "erosion",
     "erosion_picture",

@@ -1,0 +1,34 @@
+"""Chapter 05: drive a robot in the page, and watch its filter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pfslam.teaching.show.lab import Laboratory, show_lab
+
+TITLE = "Drive: the robot, its particles and the map that they make"
+ALT = """Plan of a small building. Black walls and white floor have been drawn as far as the robot has seen; what it has not seen
+is grey. The robot stands in a doorway between a room and the corridor. Thin green beams run from it to the walls and end in
+purple points that lie on the black cells. Two hundred blue dots, the particles, fill the circle that stands for the robot."""
+
+
+def drive_lab(
+    update: Callable | None = None,
+    resample: Callable | None = None,
+    *,
+    rng: np.random.Generator | None = None,
+) -> Laboratory:
+    """Make the laboratory in which the reader drives; in JupyterLab the exercises' functions may replace ours.
+
+    ``update(weights, likelihood)`` and ``resample(poses, weights, rng)`` are those of the exercises of this chapter.
+    ``rng=None`` is seed 0.
+    """
+    dice = np.random.default_rng(0) if rng is None else rng
+    parts: dict[str, Callable] = {}
+    if update is not None:
+        parts["update"] = update
+    if resample is not None:
+        parts["resample"] = lambda poses, weights: resample(poses.reshape(-1, 3), weights, dice)
+    return show_lab("drive", TITLE, ALT, parts=parts)
