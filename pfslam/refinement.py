@@ -110,10 +110,10 @@ def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig
     enough = n >= config.min_hits
     n = np.where(enough, n, 1.0)
     mean = np.column_stack([x, y]) / n[:, None]
-    cxx, cxy, cyy = xx / n - mean[:, 0] ** 2, xy / n - mean[:, 0] * mean[:, 1], yy / n - mean[:, 1] ** 2
+    vxx, vxy, vyy = xx / n - mean[:, 0] ** 2, xy / n - mean[:, 0] * mean[:, 1], yy / n - mean[:, 1] ** 2
     # Eigenvalues of a symmetric 2 x 2 matrix: half trace plus and minus a radius; the long axis lies at `angle`.
-    half_trace, radius = 0.5 * (cxx + cyy), np.hypot(0.5 * (cxx - cyy), cxy)
-    angle = 0.5 * np.arctan2(2.0 * cxy, cxx - cyy)
+    half_trace, radius = 0.5 * (vxx + vyy), np.hypot(0.5 * (vxx - vyy), vxy)
+    angle = 0.5 * np.arctan2(2.0 * vxy, vxx - vyy)
     elongation = (half_trace + radius) / (np.maximum(half_trace - radius, 0.0) + config.floor)
     found = enough & (elongation > config.elongation)
     # Rough or half-seen pieces show other faces as the robot moves on, and pull the pose along: trust straight ones.

@@ -143,6 +143,11 @@ WRONG_POINTS = [
     (lambda u, v, d: 1000 * point(u, v, depth(d)), "millimetres"),
     (lambda u, v, d: depth(d), "(3,)"),
     (lambda u, v, d: {}[u], "KeyError"),
+    (mixed([0, 1, 2], (-1, -1, 1)), "X and Y have the wrong sign"),
+    (lambda u, v, d: np.append(point(u, v, 1.0)[:2], depth(d)), "one metre of depth"),
+    (lambda u, v, d: point(u - 320 + U0, v - 240 + V0, depth(d)), "middle of the image"),
+    (lambda u, v, d: point(u, v, 1 / (3.31 - 0.00304 * d)), "1.03 is missing"),
+    (lambda u, v, d: point(u, v, depth(d)) * (FOCAL / 526.37, FOCAL / 526.37, 1), "colour camera"),
 ]
 WRONG_LINES = [
     (lambda x, u: line_by_sums(x, u)[::-1], "other order"),
@@ -154,6 +159,11 @@ WRONG_LINES = [
     (lambda x, u: (line_by_sums(x, u)[0], np.mean(u)), "column of X = 0"),
     (lambda x, u: line_by_sums(x, u)[0], "shape"),
     (lambda x, u: None, "returns nothing"),
+    (lambda x, u: np.polyfit(x[:2], u[:2], 1), "two of the crosses"),
+    (lambda x, u: np.polyfit(x[[x.argmin(), x.argmax()]], u[[x.argmin(), x.argmax()]], 1), "outermost"),
+    (lambda x, u: np.array(line_by_sums(x, u)) * (1, -1), "with a plus"),
+    (lambda x, u: (line_by_sums(x, u)[0], np.median(u)), "middle one"),
+    (lambda x, u: str(line_by_sums(x, u)), "asked for"),
 ]
 WRONG_BODIES = [
     (lambda p, t, a: body_in_a_loop(p, t, -a), "looks up"),
@@ -168,6 +178,12 @@ WRONG_BODIES = [
     (lambda p, t, a: (p @ AXES.T + t) @ ch06_tilt(a).T, "turn first"),
     (lambda p, t, a: np.array(body_in_a_loop(p * (-1, 1, 1), t, a)), "Left and right"),
     (lambda p, t, a: np.array(body_in_a_loop(p, t, a)).T, "shape"),
+    (lambda p, t, a: body_in_a_loop(p, t, np.rad2deg(a)), "into degrees"),
+    (lambda p, t, a: body_in_a_loop(p, t, np.pi / 2 - a), "exchanged"),
+    (lambda p, t, a: body_in_a_loop(p, (0, 0, t[2]), a), "height of the camera only"),
+    (lambda p, t, a: body_in_a_loop(p + t, 0 * t, a), "before the axes"),
+    (lambda p, t, a: (p - t) @ (ch06_tilt(a) @ AXES), "the inverse"),
+    (lambda p, t, a: p[:, [2, 0, 1]] @ ch06_tilt(a).T + t, "minus signs"),
 ]
 AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
@@ -196,6 +212,12 @@ WRONG_RINGS = [
     (ringed(lambda p, r, c, f: np.deg2rad(p) + np.arctan((r - 0.5 - c) / f)), "radians already"),
     (ringed(lambda p, r, c, f: p + (r - 0.5 - c) / f), "arctan"),
     (ringed(lambda p, r, c, f: p + np.arctan(r / f)), "half of the image"),
+    (ringed(lambda p, r, c, f: np.rad2deg(p) + np.arctan((r - 0.5 - c) / f)), "into degrees"),
+    (ringed(lambda p, r, c, f: np.arctan(np.tan(p) + (r - 0.5 - c) / f)), "added two tangents"),
+    (ringed(lambda p, r, c, f: p + 2 * np.arctan((r - 0.5 - c) / f)), "whole field"),
+    (ringed(lambda p, r, c, f: p + np.arctan(c / f)), "*first* row"),
+    (ringed(lambda p, r, c, f: p + np.arctan2(f, r - 0.5 - c)), "other way round"),
+    (ringed(right_angle, lambda h, angle: h / np.cos(angle)), "not a cosine"),
 ]
 
 
@@ -238,6 +260,15 @@ WRONG_VIEWS = [
     (lambda *given: np.maximum(views_by_buffer(*given), 0), "Unseen is not black"),
     (in_bytes, "cannot hold -1"),
     (lambda cells, z, r, colours, n: colours, "shape"),
+    (painted(keyed(lambda z, r, c: r, lambda z, r, c: np.rint(10 * z))), "nearest tenth"),
+    (painted(keyed(lambda z, r, c: -np.arange(len(z)), lambda z, r, c: np.floor(10 * z))), "keep the last"),
+    (painted(keyed(lambda z, r, c: r, lambda z, r, c: np.floor(z))), "whole metres"),
+    (lambda cells, z, r, c, n: np.array(views_by_buffer(cells, z, r, z, n)), "Those are depths"),
+    (
+        lambda cells, z, r, c, n: views_by_buffer(cells, z, r, np.arange(len(z)), n),
+        "numbers of the best views",
+    ),
+    (lambda *given: np.array(views_by_buffer(*given)).astype(np.uint8), "becomes 255"),
 ]
 WRONG = [
     *((ch06.check_optical_point, *pair) for pair in WRONG_POINTS),

@@ -122,6 +122,20 @@ def bell(values, rng):
     return np.median(values) - reach, np.median(values) + reach
 
 
+def medians_of(values, rng):
+    return np.median(rng.choice(values, (2000, len(values))), axis=1)
+
+
+def bell_of_medians(values, rng):
+    return np.median(values) + np.array([-1.96, 1.96]) * medians_of(values, rng).std()
+
+
+def by_bell(before, after, rng):
+    reach = 1.96 * np.hypot(*(v.std(ddof=1) / len(v) ** 0.5 for v in (before, after)))
+    change = np.median(after) - np.median(before)
+    return change, change - reach, change + reach
+
+
 DRIFT = iter(range(1000))
 
 
@@ -161,7 +175,7 @@ WRONG = [
     (ch07.check_median_interval, bootstrap(level=0.99), "99%"),
     (ch07.check_median_interval, bootstrap(draws=20), "two thousand resamples"),
     (ch07.check_median_interval, bootstrap(replace=False), "*with* replacement"),
-    (ch07.check_median_interval, bootstrap(np.mean), "expected about"),
+    (ch07.check_median_interval, bootstrap(np.mean), "means of the resamples"),
     (ch07.check_median_interval, lambda v, rng: np.quantile(v, [0.025, 0.975]), "single runs"),
     (ch07.check_median_interval, lambda v, rng: (v.min(), v.max()), "range of all runs"),
     (ch07.check_median_interval, bell, "long tail"),
@@ -203,9 +217,36 @@ WRONG = [
         "does *not*",
     ),
     (ch07.check_sharpness, lambda s, share: beta_by_sections(s, share**2), "square"),
-    (ch07.check_sharpness, lambda s, share: 30.0, "falls as beta grows"),
+    (ch07.check_sharpness, lambda s, share: 30.0, "falls as B grows"),
     (ch07.check_sharpness, lambda s, share: s, "One number"),
     (ch07.check_sharpness, lambda s, share: np.nan, "finite"),
+    (ch07.check_wrong_pairs, lambda b, w: np.less.outer(w, b).sum() / len(b), "runs of one setting"),
+    (ch07.check_wrong_pairs, lambda b, w: float(min(w) < min(b)), "best runs"),
+    (ch07.check_wrong_pairs, lambda b, w: np.mean(w < np.mean(b)), "mean of the better"),
+    (ch07.check_median_interval, lambda v, rng: bootstrap()(v, np.random.default_rng(0)), "of its own"),
+    (ch07.check_median_interval, bell_of_medians, "lopsided"),
+    (ch07.check_median_interval, lambda v, rng: np.percentile(medians_of(v, rng), [0.025, 0.975]), "to 100"),
+    (
+        ch07.check_median_interval,
+        lambda v, rng: np.quantile(medians_of(v, rng), [0, 1]),
+        "smallest and the largest",
+    ),
+    (
+        ch07.check_difference,
+        lambda b, a, rng: difference_in_a_loop(b, a, np.random.default_rng(0)),
+        "of its own",
+    ),
+    (ch07.check_difference, by_bell, "bell curve"),
+    (
+        ch07.check_difference,
+        lambda b, a, rng: [
+            np.median(a) - np.median(b),
+            *np.quantile(np.subtract.outer(a, b), [0.025, 0.975]),
+        ],
+        "two single runs",
+    ),
+    (ch07.check_sigma_from_sheet, lambda w, r: np.deg2rad(w) * (r / 60) ** 0.5, "not 60"),
+    (ch07.check_sigma_from_sheet, lambda w, r: np.deg2rad(w) / 3600, "*root* hour"),
 ]
 
 

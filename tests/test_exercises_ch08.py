@@ -124,6 +124,9 @@ WRONG_SHIFTS = {
     "number of cells": lambda cells: min(cells(s) for s in np.arange(-0.3, 0.3001, 0.01)),
     "milliseconds": lambda cells: 1000 * grid_search(0.001)(cells),
     "One number": lambda cells: "late",
+    "lost the sign": lambda cells: abs(grid_search(0.001)(cells)),
+    "-0.25 to 0.25": grid_search(0.01, low=-0.25, high=0.25),
+    "function returns '": lambda cells: str(grid_search(0.01)(cells)),
     "returns -0.25": lambda cells: -0.25,
 }
 

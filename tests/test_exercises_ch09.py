@@ -151,12 +151,20 @@ def wrong_line_step(turning=None, residual=None, keep=3):
     return step
 
 
+def gradient(arms, position, centres, normals):
+    turning = normals[:, 1] * arms[:, 0] - normals[:, 0] * arms[:, 1]
+    return -np.column_stack([normals, turning]).T @ (normals * (arms + position - centres)).sum(axis=1)
+
+
 def any_of(first, last):
     return lambda o, c: bool(o[c[first:last, 1], c[first:last, 0]].any())
 
 
 WRONG = {
     "sub_cell": {
+        "lost the sign": lambda a, b, c: abs(top_of_polyfit(a, b, c)),
+        "Upside down": lambda a, b, c: 1 / top_of_polyfit(a, b, c),
+        "at a quarter": lambda a, b, c: np.clip(top_of_polyfit(a, b, c), -0.25, 0.25),
         "Twice": lambda a, b, c: (a - c) / (a - 2 * b + c),
         "sign": lambda a, b, c: (c - a) / (a - 2 * b + c) / 2,
         "between": lambda a, b, c: np.argmax([a, b, c]) - 1,
@@ -167,6 +175,12 @@ WRONG = {
         "returns nothing": lambda a, b, c: None,
     },
     "first_pose_error": {
+        "last pose": lambda p, q: rms(away(p[::-1], q[::-1])),
+        "error at the end": lambda p, q: np.hypot(*away(p, q)[-1]),
+        "first pose out": lambda p, q: rms(away(p, q)[1:]),
+        "x alone": lambda p, q: np.sqrt((away(p, q)[:, 0] ** 2).mean()),
+        "standard deviation": lambda p, q: np.sqrt(away(p, q).var(axis=0).sum()),
+        "into degrees": lambda p, q: rms(away(p, q, 180 / np.pi)),
         "absorbs the heading": lambda p, q: best_fit_rmse(*trajectories(p, q)),
         "must be turned": lambda p, q: rms(away(p, q, 0.0)),
         "wrong way": lambda p, q: rms(away(p, q, -1.0)),
@@ -180,6 +194,12 @@ WRONG = {
         "One number": lambda p, q: p,
     },
     "line_step": {
+        "along the walls": lambda a, p, c, n: by_lstsq(a, p, c, np.column_stack([n[:, 1], -n[:, 0]])),
+        "lost the signs": wrong_line_step(residual=lambda a, p, c, n: abs((n * (a + p - c)).sum(axis=1))),
+        "gradient": gradient,
+        "in degrees": lambda *case: by_lstsq(*case) * (1, 1, 180 / np.pi),
+        "comes last": lambda *case: by_lstsq(*case)[[2, 0, 1]],
+        "lacks the arms": wrong_line_step(lambda a, p, n: n[:, 1] - n[:, 0]),
         "sign of the last": wrong_line_step(lambda a, p, n: n[:, 0] * a[:, 1] - n[:, 1] * a[:, 0]),
         "right angle": wrong_line_step(lambda a, p, n: (n * a).sum(axis=1)),
         "origin of the world": wrong_line_step(
@@ -193,6 +213,14 @@ WRONG = {
         "changes what it is given": lambda a, p, c, n: [a.sort(axis=0), by_lstsq(a, p, c, n)][1],
     },
     "blocked": {
+        "too many cells": any_of(None, -5),
+        "first cells": any_of(3, -3),
+        "every second": lambda o, c: bool(o[c[:-3:2, 1], c[:-3:2, 0]].any()),
+        "two cells": lambda o, c: o[c[:-3, 1], c[:-3, 0]].sum() > 1,
+        "count the cells": lambda o, c: o[c[:-3, 1], c[:-3, 0]].sum(),
+        "one truth value": lambda o, c: o[c[:-3, 1], c[:-3, 0]],
+        "every beam is blocked": lambda o, c: True,
+        "whether any cell on the way is free": lambda o, c: not o[c[:-3, 1], c[:-3, 0]].all(),
         "Leave the end": any_of(None, None),
         "two* cells": any_of(None, -1),
         "one cell before": any_of(None, -2),

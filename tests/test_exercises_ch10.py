@@ -110,6 +110,10 @@ def spoiling(maps, ancestors, hits):
 
 WRONG = {
     "proposal": {
+        "No exp": lambda li, p: np.exp(li * p) / np.exp(li * p).sum(),
+        "turns the motion round": lambda li, p: (li / p) / (li / p).sum(),
+        "number of poses": lambda li, p: li * p / len(li),
+        "as a draw would": lambda li, p: np.cumsum(product(li, p)),
         "do not sum to 1": lambda li, p: li * p,
         "The scan alone": lambda li, p: li / li.sum(),
         "motion alone": lambda li, p: p,
@@ -120,6 +124,9 @@ WRONG = {
         "opposite order": lambda li, p: product(li, p)[::-1],
     },
     "log_weight": {
+        "not the largest": lambda a, b: (a + b).min() + np.log(np.exp(a + b - (a + b).min()).sum()),
+        "base 10": lambda a, b: summed(a, b) / np.log(10),
+        "average logarithms": lambda a, b: np.exp(b) @ a,
         "Subtract the largest": lambda a, b: np.log(np.exp(a + b).sum()),
         "best pose alone": lambda a, b: (a + b).max(),
         "motion is missing": lambda a, b: np.logaddexp.reduce(a),
@@ -132,6 +139,9 @@ WRONG = {
         "sign": lambda a, b: -summed(a, b),
     },
     "draw_all": {
+        "hits of the ancestors": lambda m, a, h: draw(m, a, [h[k] for k in a]),
+        "added 1 to cell 0": lambda m, a, h: draw(m, a, [x or 0 for x in h]),
+        "subtract 1": lambda m, a, h: draw_copies(m, a, h, add=lambda g, x: g.__setitem__(x, g[x] - 1)),
         "one and the same array": lambda m, a, h: draw_copies(m, a, h, copy=lambda x: x),
         "more memory": lambda m, a, h: [x.copy() for x in draw(m, a, h)],
         "use its map": lambda m, a, h: draw(m, range(5), h),

@@ -135,6 +135,23 @@ WRONG = [
     (ch11.check_classify, lambda r, a, b: 1, "words"),
     (ch11.check_classify, lambda r, a, b: "wall", "words"),
     (ch11.check_classify, lambda r, a, b: None, "returns nothing"),
+    (ch11.check_increments, lambda r: plain(r) + 256 * (plain(r) < -128), "255 to 0 only"),
+    (ch11.check_increments, lambda r: plain(r) - 256 * (plain(r) > 127), "0 to 255 only"),
+    (ch11.check_increments, lambda r: (plain(r) + 127) % 255 - 127, "256 values"),
+    (ch11.check_increments, lambda r: np.clip(plain(r), -127, 127), "cut large"),
+    (ch11.check_increments, lambda r: plain(r) % 256 - 128, "Add 128 before"),
+    (ch11.check_track, lambda r, left, t: np.linalg.norm(r - left) / np.linalg.norm(t), "one length"),
+    (ch11.check_track, lambda r, left, t: (r - left).std() / t.std(), "two spreads"),
+    (ch11.check_track, lambda r, left, t: 1 / (t @ (r - left) / (r - left).dot(r - left)), "turned the line"),
+    (ch11.check_track, lambda r, left, t: np.median((r - left)[t != 0] / t[t != 0]), "median of ratios"),
+    (
+        ch11.check_classify,
+        lambda r, a, b: "unknown" if not np.isfinite(r) else classify(r, a, b),
+        "that way is free",
+    ),
+    (ch11.check_classify, lambda r, a, b: "unknown" if r == b else classify(r, a, b), "greatest range"),
+    (ch11.check_classify, lambda r, a, b: "free" if r == 0 else classify(r, a, b), "not for a free way"),
+    (ch11.check_classify, lambda r, a, b: "hit" if np.isnan(r) else classify(r, a, b), "NaN is no wall"),
 ]
 
 

@@ -57,6 +57,19 @@ POINT_MISTAKES = [
     (lambda u, v, d: point_of(u, v, d)[[1, 0, 2]], "X and Y are exchanged."),
     (lambda u, v, d: point_of(u + CAMERA.centre_u, v + CAMERA.centre_v, d), "You did not subtract the centre: the axis "
      "goes through pixel (315.84, 242.94), not (0, 0)."),
+    (lambda u, v, d: point_of(u, v, d) * (-1, -1, 1), "X and Y have the wrong sign. A column to the right of the "
+     "centre is a point to the right of the axis."),
+    (lambda u, v, d: np.append(_ray(u, v, d)[:2], point_of(u, v, d)[2]), "X and Y are those of one metre of depth. "
+     "Multiply them by Z as well."),
+    (lambda u, v, d: point_of(u - 320 + CAMERA.centre_u, v - 240 + CAMERA.centre_v, d), "You took the middle of the "
+     "image for the centre. The axis goes through pixel (315.84, 242.94)."),
+    (lambda u, v, d: point_of(u, v - CAMERA.centre_u + CAMERA.centre_v, d), "You subtracted c_u from both. Rows have a "
+     "centre of their own, 242.94."),
+    (lambda u, v, d: _ray(u, v, d) / (3.31 - 0.00304 * d), "Z = 1.03 / dd: the 1.03 is missing."),
+    (lambda u, v, d: _ray(u, v, d) * 1.03 / (3.31 + 0.00304 * d), "dd = -0.00304 d + 3.31: the disparity counts with "
+     "a minus."),
+    (lambda u, v, d: point_of(u, v, d) * (CAMERA.focal_u / 526.37, CAMERA.focal_v / 526.37, 1), "526.37 is the focal "
+     "length of the colour camera. The depth camera has 585.05."),
     (lambda u, v, d: point_of(u, v, d) * (CAMERA.focal_u, CAMERA.focal_v, 1), "X and Y are still in pixel metres: "
      "divide by the focal length."),
 ]  # fmt: skip
@@ -112,9 +125,18 @@ CALIBRATION_MISTAKES = [
      "ratio says nothing."),
     (lambda x, u: ((u[-1] - u[0]) / (x[-1] - x[0]), u[0] - x[0] * (u[-1] - u[0]) / (x[-1] - x[0])),
      "You used two of the crosses. Each click is off by half a pixel or so: fit all of them."),
+    (lambda x, u: np.polyfit(x[:2], u[:2], 1), "You used two of the crosses. Each click is off by half a pixel or so: "
+     "fit all of them."),
+    (lambda x, u: np.polyfit(x[[x.argmin(), x.argmax()]], u[[x.argmin(), x.argmax()]], 1), "You used the two outermost "
+     "crosses. Each click is off by half a pixel or so: fit all of them."),
+    (lambda x, u: calibrated(x, u) * (1, -1), "The centre has the wrong sign: u = f X / Z + c, with a plus."),
+    (lambda x, u: calibrated(x, u) / (1, calibrated(x, u)[0]), "The centre is asked for in pixels; yours is divided by "
+     "the focal length."),
     (lambda x, u: np.polyfit(u, x, 1), "You fitted X / Z against u. The focal length is the slope of u over X / Z."),
     (lambda x, u: (1 / np.polyfit(u, x, 1)[0], -np.polyfit(u, x, 1)[1] / np.polyfit(u, x, 1)[0]),
      "You fitted X / Z against u and turned the line round. The errors are in u, so fit u against X / Z."),
+    (lambda x, u: (calibrated(x, u)[0], np.median(u)), "The slope is right. The centre is the column of X = 0, not the "
+     "middle one of the columns."),
     (lambda x, u: (calibrated(x, u)[0], u.mean()), "The slope is right. The centre is the column of X = 0, not the "
      "mean of the columns."),
 ]  # fmt: skip
@@ -146,6 +168,11 @@ AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 def _nose_down(pitch: float) -> np.ndarray:
     c, s = np.cos(pitch), np.sin(pitch)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def _turned(yaw: float) -> np.ndarray:
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def in_body(points_o: np.ndarray, position_b: np.ndarray, pitch: float) -> np.ndarray:
@@ -183,6 +210,18 @@ BODY_MISTAKES = [
     (lambda p, t, a: (p @ AXES.T + t) @ _nose_down(a).T, "You moved the points and turned them then, about the robot's "
      "centre. The camera tilts about itself: turn first."),
     (lambda p, t, a: in_body(p, t, np.deg2rad(a)), "The pitch is in radians already."),
+    (lambda p, t, a: in_body(p, t, np.rad2deg(a)), "You turned the pitch into degrees. cos and sin take radians."),
+    (lambda p, t, a: in_body(p, t, np.pi / 2 - a), "cos and sin of the pitch are exchanged."),
+    (lambda p, t, a: in_body(p, 0 * t, a) + (0, 0, t[2]), "You added the height of the camera only. It also stands "
+     "ahead of the centre."),
+    (lambda p, t, a: in_body(p + t, 0 * t, a), "You added the place of the camera before the axes were changed. It is "
+     "given in the body frame: turn first."),
+    (lambda p, t, a: (p - t) @ _nose_down(a) @ AXES, "That leads from the body to the camera: the inverse."),
+    (lambda p, t, a: p @ (_nose_down(a) @ np.abs(AXES)).T + t, "The minus signs of T_co are missing: right is -y, down "
+     "is -z."),
+    (lambda p, t, a: p @ (_turned(a) @ AXES).T + t, "You turned about z, which is a yaw. A pitch turns about y."),
+    (lambda p, t, a: p @ (_turned(a)[[2, 0, 1]][:, [2, 0, 1]] @ AXES).T + t, "You turned about x, which is a roll. A "
+     "pitch turns about y."),
 ]  # fmt: skip
 
 
@@ -233,6 +272,20 @@ RING_MISTAKES = [
     (lambda h, a, p, r, c, f: ring(h, a, np.deg2rad(p), r, c, f), "The pitch is in radians already."),
     (lambda h, a, p, r, c, f: a + h / np.tan(p + (r - 0.5 - c) / f), "Nearly: rows over focal length is a tangent, not "
      "an angle. Take its arctan."),
+    (lambda h, a, p, r, c, f: ring(h, a, np.rad2deg(p), r, c, f), "You turned the pitch into degrees. Tangents take "
+     "radians."),
+    (lambda h, a, p, r, c, f: a + h / (np.tan(p) + (r - 0.5 - c) / f), "You added two tangents. Add the angles, then "
+     "take the tangent."),
+    (lambda h, a, p, r, c, f: a + h / np.tan(p + 2 * np.arctan((r - 0.5 - c) / f)), "You took the whole field of view. "
+     "From the axis to the lowest row it is one half."),
+    (lambda h, a, p, r, c, f: a + h / np.tan(p + np.arctan(c / f)), "You went from the axis to the *first* row. The "
+     "last one looks at the nearest floor."),
+    (lambda h, a, p, r, c, f: a + h / np.tan(p + np.arctan(f / (r - 0.5 - c))), "The tangent of the half view is rows "
+     "over focal length, not the other way round."),
+    (lambda h, a, p, r, c, f: np.hypot(a, ring(h, 0, p, r, c, f)), "Both distances lie along one line, ahead of the "
+     "robot: add them."),
+    (lambda h, a, p, r, c, f: a + h / np.cos(p + np.arctan((r - 0.5 - c) / f)), "Height over distance is a tangent, "
+     "not a cosine."),
     (lambda h, a, p, r, c, f: ring(h, a, p, r, -0.5, f), "You took all rows for half of the image: count from "
      "`centre_v` down."),
 ]  # fmt: skip
@@ -271,7 +324,7 @@ def kept(rank: Callable) -> Callable:
     """A painter that keeps in each cell the view with the smallest ``rank(depths, off_centre, colours)``."""
 
     def paint(cells, depths, off_centre, colours, n):
-        canvas = np.full(n, -1)
+        canvas = np.full(n, -1.0)
         ranks = rank(depths, off_centre, colours)
         for k in sorted(range(len(cells)), key=lambda k: ranks[k], reverse=True):
             canvas[cells[k]] = colours[k]
@@ -304,12 +357,29 @@ VIEW_MISTAKES = [
      "round."),
     (kept(lambda z, r, c: list(zip(np.floor(10 * z), -r, strict=True))), "Within a tenth of a metre you keep the pixel "
      "farthest from the cell's centre."),
+    (kept(lambda z, r, c: list(zip(np.rint(10 * z), r, strict=True))), "You round to the nearest tenth. A step of "
+     "depth begins at its lower end: np.floor(10 * depths)."),
+    (kept(lambda z, r, c: list(zip(np.floor(10 * z), -np.arange(len(z)), strict=True))), "Within a tenth of a metre "
+     "you keep the last view. The one nearest to the cell's centre is asked for."),
+    (kept(lambda z, r, c: list(zip(np.floor(10 * z), np.arange(len(z)), strict=True))), "Within a tenth of a metre you "
+     "keep the first view. The one nearest to the cell's centre is asked for."),
+    (kept(lambda z, r, c: list(zip(np.floor(10 * z), -c.astype(int), strict=True))), "Within a tenth of a metre you "
+     "keep the brightest view. The one nearest to the cell's centre is asked for."),
+    (kept(lambda z, r, c: list(zip(np.floor(z), r, strict=True))), "Your steps of depth are whole metres; tenths are "
+     "asked for."),
     (kept(lambda z, r, c: list(zip(np.rint(z), r, strict=True))), "Your steps of depth are whole metres; tenths are "
      "asked for."),
     (kept(lambda z, r, c: -c.astype(int)), "The brightest colour wins. Brightness says nothing about how good a view "
      "is."),
     (kept(lambda z, r, c: c), "The darkest colour wins. Brightness says nothing about how good a view is."),
     (_average, "That is the average of all views: the blurred ones are mixed into the sharp ones."),
+    (lambda cells, z, r, c, n: best(cells, z, r, z, n), "Those are depths. The colour of the best view is asked for."),
+    (lambda cells, z, r, c, n: best(cells, z, r, np.arange(len(z)), n), "Those are the numbers of the best views. "
+     "Their colours are asked for."),
+    (lambda *given: np.where(best(*given) < 0, 255, best(*given)), "The colours are bytes, in which -1 becomes 255: "
+     "white. Make the canvas of whole numbers."),
+    (lambda *given: np.where(best(*given) < 0, np.nan, best(*given)), "Nobody saw cell 3, so it should be -1, not "
+     "NaN."),
     (lambda *given: np.maximum(best(*given), 0), "Nobody saw cell 3, so it should be -1. Unseen is not black."),
     (OverflowError, "The colours are bytes, which cannot hold -1. Make the canvas of whole numbers: np.full(n, -1)."),
 ]  # fmt: skip

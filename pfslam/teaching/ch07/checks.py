@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from math import comb
 
@@ -22,6 +23,10 @@ def _two_settings(seed: int) -> tuple[np.ndarray, np.ndarray]:
 SETTINGS = [
     (np.array([0.10, 0.21, 0.25, 0.30, 0.62]), np.array([0.15, 0.28, 0.35, 0.41, 0.22])),
     *(_two_settings(seed) for seed in (1, 2)),
+    (
+        np.array([0.5, 0.2, 0.7, 0.6]),
+        np.array([2.0, 0.3, 0.45, 0.4, 0.48]),
+    ),  # medians, means and bests disagree
 ]
 
 
@@ -47,6 +52,18 @@ PAIR_MISTAKES = [
      "have said."),
     (lambda b, w: float(np.mean(w < np.median(b))), "You compare every run of the worse with the median of the better. "
      "One run of each meets one run of the other."),
+    (lambda b, w: float(np.less.outer(w, b).sum()) / len(b), "You divide by the runs of one setting. There are "
+     "len(better) * len(worse) pairs."),
+    (lambda b, w: float(np.less.outer(w, b).sum()) / len(w), "You divide by the runs of one setting. There are "
+     "len(better) * len(worse) pairs."),
+    (lambda b, w: _same_numbers_only(np.sort(b), np.sort(w)), "You sort both and compare rank by rank. Any run of the "
+     "one may meet any run of the other: all pairs count."),
+    (lambda b, w: float(w.min() < b.min()), "You compare the best runs. The question is what one run of each would "
+     "have said."),
+    (lambda b, w: float(np.mean(w < np.mean(b))), "You compare every run of the worse with the mean of the better. One "
+     "run of each meets one run of the other."),
+    (lambda b, w: float(np.mean(w < b.min())), "You count the worse runs that beat *all* of the better. One run of "
+     "each meets one run of the other."),
     (ValueError, "The two settings need not have equally many runs: compare every run of the one with every run of the "
      "other, as worse[:, None] < better[None, :] does."),
 ]  # fmt: skip
@@ -63,6 +80,21 @@ def check_wrong_pairs(theirs: Callable) -> Check:
 
 LEVEL = 0.95
 SEEDS = range(5)
+
+
+def _told(function: Callable, drew: list[bool]) -> Callable:
+    """The same function of data and an rng; ``drew`` notes whether it took its random numbers from that rng."""
+
+    def watched(*arguments):
+        before = copy.deepcopy(arguments[-1].bit_generator.state)
+        answer = function(*arguments)
+        drew.append(arguments[-1].bit_generator.state != before)
+        return answer
+
+    return watched
+
+
+OWN_RNG = "Your function draws from an rng of its own. Draw from the one that is given."
 
 
 def _errors(n: int, seed: int) -> np.ndarray:
@@ -86,10 +118,12 @@ def exact_ends(values: np.ndarray, level: float) -> np.ndarray:
 
 def check_median_interval(median_interval: Callable) -> Check:
     """Check that ``median_interval(values, rng)`` is a 95 % bootstrap interval ``(low, high)`` of the median."""
-    found = []
+    found, drew = [], []
     for values in SAMPLES:
         answers = [
-            answer_to(median_interval, (values, np.random.default_rng(seed)), exact_ends(values, LEVEL))
+            answer_to(
+                _told(median_interval, drew), (values, np.random.default_rng(seed)), exact_ends(values, LEVEL)
+            )
             for seed in (*SEEDS, 0)
         ]
         for answer in answers:
@@ -103,6 +137,8 @@ def check_median_interval(median_interval: Callable) -> Check:
     words = _about_intervals(found)
     if words:
         return hint(words)
+    if not all(drew):
+        return hint(OWN_RNG)
     low, high = exact_ends(SAMPLES[0], LEVEL)
     return passed(
         f"The median lies between {low:.3f} and {high:.3f} m, says the first sample, of {len(SAMPLES[0])} runs."
@@ -123,6 +159,10 @@ def _about_intervals(found: list[np.ndarray]) -> str:
     for ends_of, words in _interval_mistakes():
         if all(_mostly(ends, ends_of(values)) for ends, values in zip(found, SAMPLES, strict=True)):
             return words
+    for rule, words in DRAWN_MISTAKES:
+        if all(np.abs(ends.mean(axis=0) - _on_average(rule, values)).max() < 0.006
+               for ends, values in zip(found, SAMPLES, strict=True)):  # fmt: skip
+            return words
     level = _other_level(found)
     if level is not None:
         return (
@@ -137,6 +177,37 @@ def _about_intervals(found: list[np.ndarray]) -> str:
         f"For {len(SAMPLES[wrong])} runs your interval is {low:.5f} to {high:.5f}; expected about {right_low:.5f} to "
         f"{right_high:.5f}."
     )
+
+
+def _medians(values, rng, size=None, statistic=np.median) -> np.ndarray:
+    return statistic(rng.choice(values, (2000, size or len(values))), axis=1)
+
+
+DRAWN_MISTAKES = [
+    (lambda v, rng: np.percentile(_medians(v, rng), [0.025, 0.975]), "np.percentile counts to 100: give it 2.5 and "
+     "97.5, or take np.quantile."),
+    (lambda v, rng: np.quantile(_medians(v, rng, statistic=np.mean), [0.025, 0.975]), "Those are means of the "
+     "resamples. The medians are asked for."),
+    (lambda v, rng: np.median(v) + np.array([-1.96, 1.96]) * _medians(v, rng).std(), "You take 1.96 standard "
+     "deviations of the medians to each side, as for a bell curve. Their distribution is lopsided: take its "
+     "quantiles."),
+    (lambda v, rng: np.quantile(_medians(v, rng, len(v) // 2), [0.025, 0.975]), "Your resamples are smaller than the "
+     "data. Draw as many runs as there are: fewer runs make a less certain median."),
+    (lambda v, rng: 2 * np.median(v) - np.quantile(_medians(v, rng), [0.975, 0.025]), "Your interval is mirrored about "
+     "the median. The quantiles of the resampled medians are asked for as they are."),
+    (lambda v, rng: np.quantile(_medians(v, rng), [0.05, 1.0]), "You leave out 5 % at one end. Leave out 2.5 % at "
+     "each."),
+    (lambda v, rng: np.quantile(_medians(v, rng), [0.0, 1.0]), "Those are the smallest and the largest of all medians. "
+     "For 95 % leave out 2.5 % at each end."),
+    (lambda v, rng: np.quantile(np.median(rng.choice(v, (2000, len(v))), axis=0), [0.025, 0.975]), "You take medians "
+     "across the resamples. Take the median of each: axis=1."),
+    (lambda v, rng: np.quantile(_medians(v, rng, 2000)[: len(v)], [0.025, 0.975]), "Much too narrow. Draw two thousand "
+     "resamples of n runs each, not n of two thousand, and take the median of each: axis=1."),
+]  # fmt: skip
+
+
+def _on_average(rule: Callable, values: np.ndarray) -> np.ndarray:
+    return np.mean([rule(values, np.random.default_rng(seed)) for seed in SEEDS], axis=0)
 
 
 def _mostly(found: np.ndarray, ends: np.ndarray, off: float = 5e-4) -> bool:
@@ -155,7 +226,7 @@ def _other_level(found: list[np.ndarray]) -> float | None:
             return None
         ranks.append(low)
     steps = {level: int(np.searchsorted(np.sort(SAMPLES[1]), exact_ends(SAMPLES[1], level)[0])) + 1
-             for level in (0.8, 0.9, 0.95, 0.99)}  # fmt: skip
+             for level in (0.5, 0.8, 0.9, 0.95, 0.99)}  # fmt: skip
     nearest = min(steps, key=lambda level: abs(steps[level] - ranks[1]))
     return None if nearest == LEVEL else nearest
 
@@ -221,6 +292,15 @@ def _ends_apart(before, after, rng) -> np.ndarray:
     return np.array([np.median(after) - np.median(before), b[0] - a[1], b[1] - a[0]])
 
 
+def _error(values) -> float:
+    return values.std(ddof=1) / np.sqrt(len(values))
+
+
+def _on_both_sides(before, after, rng, cut: float) -> np.ndarray:
+    a, b = (np.median(rng.choice(v, (2000, len(v))), axis=1) for v in (before, after))
+    return np.array([np.median(after) - np.median(before), *np.quantile(b - a, [cut, 1 - cut])])
+
+
 DIFFERENCE_MISTAKES = [
     (_paired, "You take differences run by run and then their median. Run 3 of the one has nothing to do with run 3 of "
      "the other; in another order the answer changes. Resample each setting by itself."),
@@ -231,6 +311,22 @@ DIFFERENCE_MISTAKES = [
      "The medians were asked for."),
     (_ends_apart, "You subtract the ends of two intervals. Both medians are hardly ever off in the worst way together: "
      "subtract medians draw by draw, and take the ends of these differences."),
+    (lambda b, a, rng: _on_both_sides(b, a, rng, 0.05), "That is an interval of 90 %. For 95 % leave out 2.5 % at each "
+     "end."),
+    (lambda b, a, rng: _on_both_sides(b, a, rng, 0.005), "That is an interval of 99 %. For 95 % leave out 2.5 % at "
+     "each end."),
+    (lambda b, a, rng: difference_ends(b, a, rng) - np.array([0, 1, 1]) * (np.median(a) - np.median(b)), "Your ends "
+     "are counted from the difference. The interval *contains* it: do not subtract it."),
+    (lambda b, a, rng: np.append(np.median(a) - np.median(b), np.quantile(np.subtract.outer(a, b), [0.025, 0.975])),
+     "That is where the difference of two single runs lies, not that of the medians. Take medians of resamples."),
+    (lambda b, a, rng: difference_ends(b, a, rng) / np.median(b), "That is relative to the setting before. The "
+     "difference is asked for in metres."),
+    (lambda b, a, rng: _paired(np.sort(b), np.sort(a), rng), "You sort both and pair rank by rank. No run belongs to "
+     "another: resample each setting by itself."),
+    (lambda b, a, rng: np.repeat(np.median(a) - np.median(b), 3), "The interval has no width: draw *with* "
+     "replacement."),
+    (lambda b, a, rng: np.median(a) - np.median(b) + np.array([0, -1.96, 1.96]) * np.hypot(_error(a), _error(b)), "You "
+     "take 1.96 standard errors to each side: the bell curve's formula for means. Let the resamples say it."),
     (lambda b, a, rng: difference_ends(b, a, rng)[[0, 2, 1]], "Low comes before high."),
     (lambda b, a, rng: difference_ends(b, a, rng)[[1, 2, 0]], "The difference comes first, then low and high."),
 ]  # fmt: skip
@@ -238,13 +334,14 @@ DIFFERENCE_MISTAKES = [
 
 def check_difference(difference: Callable) -> Check:
     """Check that ``difference(before, after, rng)`` returns (difference of medians, low, high)."""
-    found, right = [], []
+    found, right, drew = [], [], []
     for before, after in EXPERIMENTS:
         expected = np.mean(
             [difference_ends(before, after, np.random.default_rng(s)) for s in range(20)], axis=0
         )
         answers = [
-            answer_to(difference, (before, after, np.random.default_rng(s)), expected) for s in (*SEEDS, 0)
+            answer_to(_told(difference, drew), (before, after, np.random.default_rng(s)), expected)
+            for s in (*SEEDS, 0)
         ]
         for answer in answers:
             if isinstance(answer, Check):
@@ -253,18 +350,34 @@ def check_difference(difference: Callable) -> Check:
             return hint("Twice the same rng, two intervals: draw from the rng that is given.")
         found.append(np.mean(answers[:-1], axis=0))
         right.append(expected)
+    if not any(drew) and _apart(found, right) < 0.03:
+        return hint(OWN_RNG)
     if all(_near(a, b) for a, b in zip(found, right, strict=True)):
         return passed("Resampled apart, because nothing ties run 3 of the one to run 3 of the other.")
-    for wrong, words in DIFFERENCE_MISTAKES:
-        others = [
-            np.mean([wrong(*case, np.random.default_rng(s)) for s in range(10)], axis=0)
-            for case in EXPERIMENTS
-        ]
-        if all(np.abs(a - b).max() < 0.012 for a, b in zip(found, others, strict=True)):
-            return hint(words)
+    words = _nearest_mistake(found, right)
+    if words:
+        return hint(words)
     k = next(k for k in range(len(found)) if not _near(found[k], right[k]))
     shown = (", ".join(f"{x:+.4f}" for x in numbers) for numbers in (found[k], right[k]))
     return hint("For one pair of settings your numbers are {}; expected about {}.".format(*shown))
+
+
+def _apart(found: list[np.ndarray], others: list[np.ndarray]) -> float:
+    """How far numbers lie from others, at most."""
+    return float(np.abs(np.subtract(found, others)).max())
+
+
+def _nearest_mistake(found: list[np.ndarray], right: list[np.ndarray]) -> str:
+    """The words for the mistake whose numbers lie nearest, unless the right ones lie nearer."""
+    nearest, words = min(0.012, _apart(found, right)), ""
+    for wrong, about in DIFFERENCE_MISTAKES:
+        others = [
+            np.mean([wrong(*case, np.random.default_rng(s)) for s in range(6)], axis=0)
+            for case in EXPERIMENTS
+        ]
+        if _apart(found, others) < nearest:
+            nearest, words = _apart(found, others), about
+    return words
 
 
 def _near(found: np.ndarray, right: np.ndarray) -> bool:
@@ -296,6 +409,16 @@ SHEET_MISTAKES = [
      "sqrt(tau * T): a shorter tau needs a *larger* sigma for the same spread."),
     (lambda w, r: np.deg2rad(w) / 60.0 * r, "Variances scale with the rate, standard deviations with its root."),
     (lambda w, r: sigma_from_sheet(w, r) ** 2, "That is the variance. Fields called sigma take a standard deviation."),
+    (lambda w, r: w / 60.0 / np.sqrt(r), "That is in degrees, and the wrong way round: a shorter tau needs a *larger* "
+     "sigma for the same spread."),
+    (lambda w, r: np.deg2rad(w) / np.sqrt(60.0) * np.sqrt(r), "An hour has 3600 s, not 60: a root hour has 60 root "
+     "seconds."),
+    (lambda w, r: np.deg2rad(w) * 60.0 * np.sqrt(r), "Divide by the 60 root seconds of a root hour. In one second the "
+     "heading spreads less than in an hour."),
+    (lambda w, r: np.deg2rad(w) / 3600.0, "That takes the walk for a drift in degrees per hour. It is per *root* hour, "
+     "and the rate counts."),
+    (lambda w, r: np.sqrt(np.deg2rad(w)) / 60.0 * np.sqrt(r), "The walk is a standard deviation already. Take no root "
+     "of it."),
     (lambda w, r: np.deg2rad(w) / 60.0 * 10.0, "You built in 100 Hz. The rate is an argument."),
     (lambda w, r: sigma_from_sheet(np.rad2deg(np.rad2deg(w)), r), "You turned degrees into degrees once more: radians "
      "are degrees times pi / 180."),
@@ -319,39 +442,48 @@ def _scores(seed: int, n: int) -> np.ndarray:
 CLOUDS = [(_scores(7, 200), 0.5), (_scores(7, 200), 0.2), (_scores(8, 90), 0.35)]
 
 
-def share_at(beta: float, scores: np.ndarray) -> float:
-    """Give N_eff / N of weights proportional to exp(beta * score)."""
-    joint = np.exp(beta * (scores - scores.max()))
+def share_at(B: float, scores: np.ndarray) -> float:
+    """Give N_eff / N of weights proportional to exp(B * score)."""
+    joint = np.exp(B * (scores - scores.max()))
     return effective_sample_size(joint / joint.sum()) / len(scores)
 
 
+def _entropy_share(B: float, scores: np.ndarray) -> float:
+    joint = np.exp(B * (scores - scores.max()))
+    weights = joint / joint.sum()
+    return float(np.exp(-np.sum(weights * np.log(weights + 1e-300)))) / len(scores)
+
+
 def check_sharpness(sharpness: Callable) -> Check:
-    """Check that ``sharpness(scores, share)`` gives the beta at which N_eff of exp(beta score) is that share of N."""
+    """Check that ``sharpness(scores, share)`` gives the B at which N_eff of exp(B score) is that share of N."""
     for scores, share in CLOUDS:
-        beta = answer_to(sharpness, (scores, share), 0.0)
-        if isinstance(beta, Check):
-            return beta
-        if not is_number(beta):
-            return hint(f"A finite number is asked for; your function returns {beta}.")
-        found = share_at(float(beta), scores)
+        B = answer_to(sharpness, (scores, share), 0.0)
+        if isinstance(B, Check):
+            return B
+        if not is_number(B):
+            return hint(f"A finite number is asked for; your function returns {B}.")
+        found = share_at(float(B), scores)
         if abs(found - share) > 0.01:
-            return hint(_off(float(beta), found, share, len(scores)))
+            return hint(_off(float(B), found, share, scores))
     return passed("The sharper the likelihood, the fewer particles count; you can set how many.")
 
 
-def _off(beta: float, found: float, share: float, n: int) -> str:
-    """Say what is wrong with a beta that gives another share than asked."""
-    if beta <= 0:
-        return "With beta at zero or below, a good score earns nothing. Search among positive numbers."
+def _off(B: float, found: float, share: float, scores: np.ndarray) -> str:
+    """Say what is wrong with a B that gives another share than asked."""
+    if B <= 0:
+        return "With B at zero or below, a good score earns nothing. Search among positive numbers."
+    n = len(scores)
     if found * n < 2.5:
         return (
             f"N_eff is about one particle. The share is a part of N: at {share:g} so many of {n} particles should "
-            "count. (Or do you multiply by the number of beams? Then beta = 1 is already softmax of the count.)"
+            "count. (Or do you multiply by the number of beams? Then B = 1 is already softmax of the count.)"
         )
     if found > 0.98:
-        return f"At your beta = {beta:.3g} N_eff is {found:.2f} N: the weights are flat, like raw counts."
+        return f"At your B = {B:.3g} N_eff is {found:.2f} N: the weights are flat, like raw counts."
     if abs(found - (1 - share)) < 0.02 < abs(2 * share - 1):
-        return f"At your beta N_eff is {found:.2f} N: that is the share that does *not* count."
+        return f"At your B N_eff is {found:.2f} N: that is the share that does *not* count."
+    if abs(_entropy_share(B, scores) - share) < 0.01:
+        return "You count by the entropy of the weights. N_eff here is one over the sum of their squares."
     if abs(found - share**2) < 0.02:
-        return f"At your beta N_eff is {found:.2f} N, the square of what was asked: the sum of squares is 1 / N_eff."
-    return f"At your beta = {beta:.3g} N_eff is {found:.3f} N, asked was {share:.2f} N. N_eff falls as beta grows."
+        return f"At your B N_eff is {found:.2f} N, the square of what was asked: the sum of squares is 1 / N_eff."
+    return f"At your B = {B:.3g} N_eff is {found:.3f} N, asked was {share:.2f} N. N_eff falls as B grows."

@@ -118,7 +118,13 @@ SHIFT_MISTAKES = [
     (_least(np.arange(-0.3, 0.0001, 0.01)), "You never try positive shifts. A clock may be late or early."),
     (_least(np.arange(-0.1, 0.1001, 0.01)), "You look from -0.1 to 0.1 s only. The best shift may be as far as 0.3 s."),
     (_least(np.arange(-0.2, 0.2001, 0.01)), "You look from -0.2 to 0.2 s only. The best shift may be as far as 0.3 s."),
+    (_least(np.arange(-0.25, 0.2501, 0.01)), "You look from -0.25 to 0.25 s only. The best shift may be as far as 0.3 "
+     "s."),
+    (lambda cells: abs(cells.best), "You lost the sign. A clock may be late or early."),
+    (lambda cells: -1000 * cells.best, "That is in milliseconds, and by how much the clock is wrong: the other sign."),
     (_least(np.arange(-0.3, 0.3001, 0.1)), "The right valley, but your steps are too coarse: 10 ms at 1 rad/s is half "
+     "a degree."),
+    (_least(np.arange(-0.3, 0.3001, 0.03)), "The right valley, but your steps are too coarse: 10 ms at 1 rad/s is half "
      "a degree."),
     (_least(np.arange(-0.3, 0.3001, 0.05)), "The right valley, but your steps are too coarse: 10 ms at 1 rad/s is half "
      "a degree."),

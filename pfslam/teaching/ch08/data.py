@@ -123,7 +123,7 @@ def correction_fit(turn, rate_change, dt, heading) -> tuple[float, float]:
 def lever_fit(step, turn, shift) -> np.ndarray:
     """Return lever error ``(2,)`` m that explains corrections of the position ``(K, 2)`` best, beside a wheel scale.
 
-    A robot that turns by ``turn`` about a LiDAR thought to be ``e`` off seems to move by (R(turn) - I) e.
+    If the LiDAR sits ``error`` away from where it is thought to be, a turn seems to move it by (R(turn) - I) error.
     """
     c, s = np.cos(turn) - 1.0, np.sin(turn)
     causes = np.concatenate([np.column_stack([step[:, 0], c, -s]), np.column_stack([step[:, 1], s, c])])

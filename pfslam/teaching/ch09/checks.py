@@ -27,6 +27,14 @@ SUB_CELL_MISTAKES = [
     (lambda a, b, c: 0.5 * (c - a) / (a - b + c), "The second derivative is left - 2 middle + right."),
     (lambda a, b, c: b - 0.25 * (a - c) * sub_cell(a, b, c), "That is the height of the top. Its place is asked for."),
     (lambda a, b, c: 0.5 * (c - a), "That is the slope in the middle. Divide it by the curvature."),
+    (lambda a, b, c: abs(sub_cell(a, b, c)), "You lost the sign: the top may lie to the left."),
+    (lambda a, b, c: 1 / sub_cell(a, b, c), "Upside down: the slope is divided by the curvature."),
+    (lambda a, b, c: 0.5 * (c - a) / b, "You divide by the middle value. Divide by the curvature, left - 2 middle + "
+     "right."),
+    (lambda a, b, c: np.clip(sub_cell(a, b, c), -0.25, 0.25), "You cut the step at a quarter. The top may lie up to "
+     "half a step away."),
+    (lambda a, b, c: (np.exp(c) - np.exp(a)) / (np.exp(a) + np.exp(b) + np.exp(c)), "That is the centre of mass of the "
+     "exponentials. Fit a parabola to the three values."),
     (lambda a, b, c: 1 + sub_cell(a, b, c), "Counted from the left value. Count from the middle one."),
 ]  # fmt: skip
 
@@ -40,17 +48,16 @@ def check_sub_cell(theirs) -> Check:
 # ---- 2: the error by first pose
 
 
-def _paths(seed: int, start: tuple, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return an estimate that begins elsewhere and drifts, and the truth."""
+def _paths(seed: int, start: tuple, length: int, back: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return an estimate that begins elsewhere and drifts, part of it ``back`` again, and the truth."""
     rng, arc = np.random.default_rng(seed), np.linspace(0.0, 2.7, length)
     truth = np.column_stack([2.0 + 3.0 * np.sin(arc), 1.0 - 2.0 * np.cos(arc), arc + 0.4])
-    drift = np.column_stack([0.02 * arc**2, -0.03 * arc, 0.04 * arc]) + 0.004 * rng.standard_normal(
-        (length, 3)
-    )
+    drift = np.column_stack([0.02 * arc**2, -0.03 * arc, 0.04 * arc])
+    drift = drift * (1.0 - back * arc[:, None]) + 0.004 * rng.standard_normal((length, 3))
     return compose(np.array(start), compose(truth, drift)), truth
 
 
-PATHS = [_paths(0, (5.0, -3.0, 0.63), 40), _paths(1, (-2.2, 0.7, -1.9), 55)]
+PATHS = [_paths(0, (5.0, -3.0, 0.63), 40), _paths(1, (-2.2, 0.7, -1.9), 55, back=0.3)]
 
 
 def _errors(poses, true_poses) -> np.ndarray:
@@ -85,6 +92,12 @@ def _turned_back(p, q):
     return (p[:, :2] - p[0, :2]) @ np.array([[c, -s], [s, c]]) + q[0, :2] - q[:, :2]
 
 
+def _about_the_origin(p, q):
+    turn = q[0, 2] - p[0, 2]
+    c, s = np.cos(turn), np.sin(turn)
+    return p[:, :2] @ np.array([[c, s], [-s, c]]) - p[0, :2] + q[0, :2] - q[:, :2]
+
+
 FIRST_POSE_MISTAKES = [
     (lambda p, q: best_fit_rmse(*_trajectories(p, q)), "You fitted the whole path to the truth. A fit absorbs the "
      "heading error: SLAM is given its first pose and nothing else."),
@@ -102,6 +115,22 @@ FIRST_POSE_MISTAKES = [
      "Take the root."),
     (lambda p, q: float(np.sqrt(np.mean(_errors(p, q) ** 2))), "You average over coordinates. Average the squared "
      "*distances*: x and y of a pose belong together."),
+    (lambda p, q: float(np.hypot(*_errors(p, q)[-1])), "That is the error at the end. All poses count."),
+    (lambda p, q: float(np.median(np.hypot(*_errors(p, q).T))), "That is the median distance. Root mean square: "
+     "square, mean, root."),
+    (lambda p, q: float(np.sqrt(np.mean(_errors(p, q)[:, 0] ** 2))), "You count x alone. A distance has two "
+     "coordinates."),
+    (lambda p, q: float(np.sqrt(np.sum(_errors(p, q) ** 2))), "You add the squares up. Take their mean over the "
+     "poses."),
+    (lambda p, q: _rms(_errors(p, q)[1:]), "You leave the first pose out. Its error is 0 by definition, and it "
+     "counts."),
+    (lambda p, q: float(np.sqrt(np.sum(_errors(p, q).var(axis=0)))), "That is a standard deviation: it subtracts the "
+     "mean error, which is half of a best fit."),
+    (lambda p, q: _rms(_errors(p[::-1], q[::-1])), "You aligned at the last pose. SLAM is given the first one."),
+    (lambda p, q: _rms(_about_the_origin(p, q)), "You turned about the origin. The path has to be turned about its own "
+     "first position: subtract that before, and add the true one after."),
+    (lambda p, q: _rms(_errors(p + (0, 0, np.rad2deg(p[0, 2] - q[0, 2]) + q[0, 2] - p[0, 2]), q)), "You turned the "
+     "angle into degrees. cos and sin take radians."),
     (lambda p, q: float(np.hypot(*_errors(p, q).T).max()), "That is the largest error; the root mean square is asked "
      "for."),
 ]  # fmt: skip
@@ -147,6 +176,11 @@ def _solved(arms, position, centres, normals, *, turning=None, difference=None):
     return -np.linalg.lstsq(columns, residual, rcond=None)[0]
 
 
+def _gradient(arms, position, centres, normals):
+    turning = normals[:, 1] * arms[:, 0] - normals[:, 0] * arms[:, 1]
+    return -np.column_stack([normals, turning]).T @ np.sum(normals * (arms + position - centres), axis=1)
+
+
 def _points_to_points(arms, position, centres, normals):
     ones, zeros = np.ones(len(arms)), np.zeros(len(arms))
     rows = np.concatenate(
@@ -172,6 +206,27 @@ LINE_MISTAKES = [
      "about the origin of the world. The robot turns about itself: use the arms without the position."),
     (lambda a, p, c, n: _solved(a, p, c, n, difference=a - c), "Your answer contains the position. The residual is "
      "taken at position + arm, and the step alone is returned."),
+    (lambda a, p, c, n: line_step(a, p, c, n) * (1, 1, 180 / np.pi), "The turn is in degrees; radians are asked for."),
+    (lambda a, p, c, n: line_step(a, p, c, n)[[2, 0, 1]], "The turn comes last: dx, dy, dtheta."),
+    (lambda a, p, c, n: line_step(a, p, c, np.column_stack([n[:, 1], -n[:, 0]])), "You measure along the walls. Take "
+     "the distance along the normals."),
+    (lambda a, p, c, n: _solved(a, p, c, n, difference=n * np.linalg.norm(a + p - c, axis=1)[:, None]), "You take the "
+     "distance to the centre of each line. Only its part along the normal counts: n . (p + a - c)."),
+    (lambda a, p, c, n: _solved(a, p, c, n, difference=n * np.abs(np.sum(n * (a + p - c), axis=1))[:, None]), "You "
+     "lost the signs of the residuals: a point may lie on either side of its line."),
+    (lambda a, p, c, n: _solved(a, p, c, n, difference=a), "Your residuals leave out the position and the lines."),
+    (lambda a, p, c, n: _solved(a, p, c, n, turning=n[:, 1] * c[:, 0] - n[:, 0] * c[:, 1]), "You turn the lines about "
+     "the origin of the world. The robot turns about itself: use the arms."),
+    (lambda a, p, c, n: _solved(a, p, c, n, turning=n[:, 1] - n[:, 0]), "The last column lacks the arms: a turn moves "
+     "far points further."),
+    (lambda a, p, c, n: _solved(a, p, c, n, turning=n[:, 1] * a[:, 0] + n[:, 0] * a[:, 1]), "One sign in the last "
+     "column: a turn moves an arm (a_x, a_y) along (-a_y, a_x)."),
+    (lambda a, p, c, n: _gradient(a, p, c, n), "That is the gradient. Solve the normal equations with it: J^T J step = "
+     "-J^T r."),
+    (lambda a, p, c, n: _gradient(a, p, c, n) / len(a), "That is the gradient. Solve the normal equations with it: "
+     "J^T J step = -J^T r."),
+    (lambda a, p, c, n: np.append((c - a - p).mean(axis=0), 0.0), "That is the mean shift from points to points. Only "
+     "the distance along the normal counts, and the heading may turn."),
     (_without_turning, "The heading never changes: the Jacobian has a third column."),
 ]  # fmt: skip
 
@@ -212,6 +267,9 @@ def _beam_cases() -> list[tuple[np.ndarray, np.ndarray]]:
         ((17, 20), 20),
         ((16, 20), 20),
         ((10, 20), 20),
+        ((9, 20), 20),
+        ((2, 20), 20),
+        ((), 6),
     ]
     return [
         (place(*columns), beam(end))
@@ -239,6 +297,20 @@ BLOCKED_MISTAKES = [
      "occupied[iy, ix]; the cells are (ix, iy)."),
     (lambda o, c: bool(o[c[:-3, 1], c[:-3, 0]].all()), "You ask whether *all* cells on the way are occupied. One is "
      "enough."),
+    (_looking(None, -5), "You leave out too many cells: the end and the two before it do not count, the next does."),
+    (_looking(3, -3), "You leave out the first cells as well. A wall anywhere on the way blocks the beam."),
+    (_looking(0, 1), "You look only where the robot stands. A wall anywhere on the way blocks the beam."),
+    (lambda o, c: bool(o[c[:-3:2, 1], c[:-3:2, 0]].any()), "You look at every second cell only."),
+    (lambda o, c: bool(o[c[: len(c) // 2, 1], c[: len(c) // 2, 0]].any()), "You look at the first half of the beam "
+     "only."),
+    (lambda o, c: blocked(o, c[::-1]), "You leave out the cells near the robot. The robot comes first, the end last."),
+    (lambda o, c: bool(o[c[:-3, 1], c[:-3, 0]].sum() > 1), "One wall is enough; you ask for two cells."),
+    (lambda o, c: int(o[c[:-3, 1], c[:-3, 0]].sum()), "You count the cells. Return whether there is any."),
+    (lambda o, c: o[c[:-3, 1], c[:-3, 0]], "That says it of every cell. Return one truth value: is there any?"),
+    (lambda o, c: bool((~o[c[:-3, 1], c[:-3, 0]]).any()), "You ask whether any cell on the way is free. Ask whether "
+     "any is occupied."),
+    (lambda o, c: True, "For you every beam is blocked, also one that meets no wall. Index the map as occupied[iy, "
+     "ix]: occupied[cells] takes whole rows of it."),
     (lambda o, c: not blocked(o, c), "The other way round: True where the beam had to pass through a wall."),
     (lambda o, c: False, "No beam is ever blocked."),
 ]  # fmt: skip

@@ -34,6 +34,21 @@ PROPOSAL_MISTAKES = [
     (lambda li, p: (li + p) / (li + p).sum(), "Two sources of evidence about one pose are multiplied, not added."),
     (lambda li, p: li * p / (li * p).max(), "You divide by the greatest product. Divide by their sum."),
     (lambda li, p: li * p / li.sum(), "You divide by the sum of the likelihoods. Divide by the sum of the products."),
+    (lambda li, p: li * p / np.linalg.norm(li * p), "You divide by the root of the sum of squares. Probabilities sum "
+     "to 1 as they are."),
+    (lambda li, p: li * p / len(li), "You divide by the number of poses. Divide by the sum of the products."),
+    (lambda li, p: li * p / (li * p).mean(), "You divide by the mean. Divide by the sum of the products."),
+    (lambda li, p: np.exp(li * p) / np.exp(li * p).sum(), "No exp is needed: these are probabilities, not logarithms."),
+    (lambda li, p: np.exp(li + p) / np.exp(li + p).sum(), "exp of a sum is for logarithms. These are probabilities: "
+     "multiply them."),
+    (lambda li, p: np.sqrt(li * p) / np.sqrt(li * p).sum(), "You take the root of the products. Bayes' rule takes them "
+     "as they are."),
+    (lambda li, p: (li / p) / (li / p).sum(), "Likelihood over prior turns the motion round. Multiply the two."),
+    (lambda li, p: (li / li.sum() + p / p.sum()) / 2, "The mean of two distributions lets either one decide. "
+     "Multiply."),
+    (lambda li, p: np.cumsum(li * p) / (li * p).sum(), "Those are sums of probabilities, as a draw would use them. "
+     "Return the probabilities."),
+    (lambda li, p: np.sort(li * p / (li * p).sum()), "Right numbers, sorted. Entry i belongs to pose i."),
     (lambda li, p: np.eye(len(li))[np.argmax(li * p)], "That is its mode. A proposal gives every pose its chance."),
 ]  # fmt: skip
 
@@ -45,15 +60,23 @@ def check_proposal(theirs) -> Check:
 
 
 def _log_cases() -> list[tuple]:
-    """Return logarithms: moderate ones, random ones, and a scan so unlikely that its likelihood is 0 in a computer."""
+    """Return logarithms: moderate, random, and two scans so unlikely that their likelihood is 0 in a computer."""
     rng = np.random.default_rng(1)
     cases = [(np.log([0.2, 0.9, 0.4, 0.05]), np.log([0.1, 0.3, 0.4, 0.2]))]
     cases += [(rng.uniform(-40.0, 0.0, 7), np.log(rng.dirichlet(np.ones(7))))]
-    return [*cases, (rng.uniform(-1260.0, -1240.0, 6), np.log(rng.dirichlet(np.ones(6))))]
+    cases += [(rng.uniform(-1260.0, -1240.0, 6), np.log(rng.dirichlet(np.ones(6))))]
+    return [
+        *cases,
+        (np.linspace(-1300.0, -4300.0, 7), np.log(rng.dirichlet(np.ones(7)))),
+    ]  # poses in walls, too
 
 
 def _joint(li, p):
     return np.asarray(li) + np.asarray(p)
+
+
+def _shifted(sums, shift):
+    return shift + np.log(np.exp(sums - shift).sum())
 
 
 def _naive(li, p):
@@ -74,6 +97,16 @@ LOG_MISTAKES = [
     (lambda li, p: float(np.exp(log_weight(li, p))), "That is the weight itself. Return its logarithm."),
     (lambda li, p: float(_joint(li, p).sum()), "A sum of logarithms is a product of probabilities. The poses exclude "
      "each other: their probabilities add up."),
+    (lambda li, p: float(_shifted(_joint(li, p), _joint(li, p).min())), "What you subtract is not the largest sum, and "
+     "exp of the largest grows beyond all numbers. Subtract the largest."),
+    (lambda li, p: log_weight(li, p) / np.log(2), "That is to the base 2. np.log is the natural logarithm."),
+    (lambda li, p: log_weight(li, p) / np.log(10), "That is to the base 10. np.log is the natural logarithm."),
+    (lambda li, p: float(np.max(li)), "That is the greatest likelihood. The motion is missing, and the other poses."),
+    (lambda li, p: float(np.exp(p) @ li), "You average logarithms. Average the likelihoods themselves, then take log."),
+    (lambda li, p: float(np.logaddexp(li, p).sum()), "You add likelihood and prior of each pose. They are multiplied: "
+     "add their *logarithms*, then sum over the poses."),
+    (lambda li, p: log_weight(li, p) - 2 * _joint(li, p).max(), "You subtracted the largest sum once more instead of "
+     "adding it again."),
     (lambda li, p: float(_joint(li, p).mean()), "The mean of logarithms is not the logarithm of a sum."),
     (lambda li, p: float(np.log(np.exp(_joint(li, p) - _joint(li, p).max()).sum())), "You subtracted the largest sum "
      "and did not add it again. Particles could no longer be compared."),
@@ -113,9 +146,9 @@ def check_draw_all(theirs) -> Check:
     return _judged(answer, maps, before)
 
 
-def _expected(before: list[np.ndarray], draw, ancestors=ANCESTORS) -> list[np.ndarray]:
+def _expected(before: list[np.ndarray], draw, ancestors=ANCESTORS, hits=HITS) -> list[np.ndarray]:
     new = [before[a].copy() for a in ancestors]
-    for m, h in zip(new, HITS, strict=True):
+    for m, h in zip(new, hits, strict=True):
         if h is not None:
             draw(m, h)
     return new
@@ -123,6 +156,10 @@ def _expected(before: list[np.ndarray], draw, ancestors=ANCESTORS) -> list[np.nd
 
 def _add(m, h):
     m[h] += 1.0
+
+
+def _subtract(m, h):
+    m[h] -= 1.0
 
 
 def _set(m, h):
@@ -142,6 +179,16 @@ def _judged(answer, maps: list[np.ndarray], before: list[np.ndarray]) -> Check:
 
     if are(_expected(before, lambda m, h: None)):
         return hint("Nobody has drawn anything: the hits are missing.")
+    if are(_expected(before, _add, hits=[HITS[a] for a in ANCESTORS])):
+        return hint(
+            "You draw the hits of the ancestors, as if the scan came before the resampling. Particle k draws hits[k]."
+        )
+    if are(_expected(before, _add, hits=[0 if h is None else h for h in HITS])):
+        return hint("Where hits[k] is None, particle k draws nothing; you added 1 to cell 0.")
+    if are(_expected(before, _add, hits=[-1 if h is None else h for h in HITS])):
+        return hint("Where hits[k] is None, particle k draws nothing; you added 1 to the last cell.")
+    if are(_expected(before, _subtract)):
+        return hint("You subtract 1 where a beam hit. A hit is evidence for a wall: add.")
     if answer[0] is answer[1] or np.array_equal(answer[0], answer[1]):
         return hint(
             "Particles 0 and 1 drew into one and the same array: each now sees the other's wall. Copies of a particle "

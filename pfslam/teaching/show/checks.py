@@ -162,7 +162,7 @@ def answer_to(theirs: Callable, case: tuple, wanted: Any, errors: dict[type, str
 def same_numbers(found: Any, expected: Any) -> bool:
     """Whether two answers agree to about four digits; NaN and infinity only with themselves."""
     if isinstance(expected, str | bool | None):
-        return bool(found == expected)
+        return np.ndim(found) == 0 and bool(found == expected)
     found, expected = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
     if found.shape != expected.shape:
         return False
@@ -212,6 +212,8 @@ def _as_wanted(answer: Any, wanted: Any) -> Any:
     shape, asked = np.shape(wanted), _in_words(np.shape(wanted))
     try:
         numbers = np.asarray(answer)
+        if numbers.dtype.kind in "US":
+            raise TypeError("text")
         if numbers.dtype.kind not in "biuf":
             numbers = numbers.astype(float)
     except (TypeError, ValueError):
