@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from pfslam.teaching.show.checks import Check, answer_to, compare, hint, passed
@@ -171,39 +173,38 @@ def _unless_zero(m, h):
         m[h] += 1.0
 
 
+SHARED = (
+    "Particles 0 and 1 drew into one and the same array: each now sees the other's wall. Copies of a particle may "
+    "share a map only until one of them draws."
+)
+DRAW_MISTAKES: list[tuple[dict[str, Any], str]] = [
+    ({"draw": lambda m, h: None}, "Nobody has drawn anything: the hits are missing."),
+    ({"draw": _add, "hits": [HITS[a] for a in ANCESTORS]}, "You draw the hits of the ancestors, as if the scan came "
+     "before the resampling. Particle k draws hits[k]."),
+    ({"draw": _add, "hits": [h or 0 for h in HITS]}, "Where hits[k] is None, particle k draws nothing; you added 1 to "
+     "cell 0."),
+    ({"draw": _add, "hits": [-1 if h is None else h for h in HITS]}, "Where hits[k] is None, particle k draws nothing; "
+     "you added 1 to the last cell."),
+    ({"draw": _subtract}, "You subtract 1 where a beam hit. A hit is evidence for a wall: add."),
+    ({"draw": _unless_zero}, "A hit in cell 0 was not drawn: `if hit` takes 0 for nothing. Ask whether it `is not "
+     "None`."),
+    ({"draw": _set}, "You set the cell to 1. Add 1 to what it had: it keeps its earlier evidence."),
+    ({"draw": _add, "ancestors": range(5)}, "Every particle goes on from its own old map. It descends from "
+     "ancestors[k]: use its map."),
+]  # fmt: skip
+
+
 def _judged(answer, maps: list[np.ndarray], before: list[np.ndarray]) -> Check:
     """Return the verdict on a list of maps of the right size."""
 
     def are(expected) -> bool:
         return all(np.allclose(m, e) for m, e in zip(answer, expected, strict=True))
 
-    if are(_expected(before, lambda m, h: None)):
-        return hint("Nobody has drawn anything: the hits are missing.")
-    if are(_expected(before, _add, hits=[HITS[a] for a in ANCESTORS])):
-        return hint(
-            "You draw the hits of the ancestors, as if the scan came before the resampling. Particle k draws hits[k]."
-        )
-    if are(_expected(before, _add, hits=[0 if h is None else h for h in HITS])):
-        return hint("Where hits[k] is None, particle k draws nothing; you added 1 to cell 0.")
-    if are(_expected(before, _add, hits=[-1 if h is None else h for h in HITS])):
-        return hint("Where hits[k] is None, particle k draws nothing; you added 1 to the last cell.")
-    if are(_expected(before, _subtract)):
-        return hint("You subtract 1 where a beam hit. A hit is evidence for a wall: add.")
+    for mistake, words in DRAW_MISTAKES:
+        if are(_expected(before, **mistake)):
+            return hint(words)
     if answer[0] is answer[1] or np.array_equal(answer[0], answer[1]):
-        return hint(
-            "Particles 0 and 1 drew into one and the same array: each now sees the other's wall. Copies of a particle "
-            "may share a map only until one of them draws."
-        )
-    if are(_expected(before, _unless_zero)):
-        return hint(
-            "A hit in cell 0 was not drawn: `if hit` takes 0 for nothing. Ask whether it `is not None`."
-        )
-    if are(_expected(before, _set)):
-        return hint("You set the cell to 1. Add 1 to what it had: it keeps its earlier evidence.")
-    if are(_expected(before, _add, range(5))):
-        return hint(
-            "Every particle goes on from its own old map. It descends from ancestors[k]: use its map."
-        )
+        return hint(SHARED)
     if not are(_expected(before, _add)):
         return hint(
             "Particle k starts from the map of ancestors[k] and adds 1 at hits[k]; some map is not that."
