@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -50,6 +51,11 @@ SCAN_MISTAKES = [
         "point behind the gap is turned. Mask ranges and angles together.",
     ),
     (
+        lambda r, a, arm: polar(r[measured(r)], np.linspace(a[0], a[-1], measured(r).sum())) + arm,
+        "The ranges are right and their bearings are not: the beams that are left do not stand at equal angles. Mask "
+        "ranges and angles together.",
+    ),
+    (
         _scan_mistake(lambda r, a, arm: polar(r, a)),
         "The lever arm is missing: these points are in the LiDAR's frame, and the LiDAR does not sit at the robot's "
         "centre.",
@@ -67,8 +73,32 @@ SCAN_MISTAKES = [
         "The lever arm has two coordinates; you use the first one only.",
     ),
     (
+        _scan_mistake(lambda r, a, arm: polar(r, a) + [0.0, arm[1]]),
+        "The lever arm has two coordinates; you use the second one only.",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: polar(r, a) + 2.0 * arm),
+        "You add the lever arm twice.",
+    ),
+    (
         _scan_mistake(lambda r, a, arm: polar(r + np.hypot(*arm), a)),
         "The lever arm is a position, not a length: it shifts all points alike and makes no beam longer.",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: polar(r + arm[0], a)),
+        "The lever arm is a position, not a length: it shifts all points alike and makes no beam longer.",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: np.column_stack([r, a])),
+        "Those are ranges and bearings still. A point has the coordinates r cos(angle) and r sin(angle).",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: np.column_stack([r * np.cos(a), r * np.cos(a)]) + arm),
+        "Both coordinates have the cosine: x is r cos(angle), y is r sin(angle).",
+    ),
+    (
+        _scan_mistake(lambda r, a, arm: polar(r, a + np.pi / 2) + arm),
+        "Your points are turned by 90 degrees: the angle 0 is ahead, along x.",
     ),
     (
         _scan_mistake(lambda r, a, arm: polar(r, a)[:, ::-1] + arm),
@@ -123,11 +153,14 @@ def check_scan_points(theirs: Callable) -> Check:
 
 
 def _stamp_case(seed: int) -> tuple:
-    """Return jittering stamps with a pause, queries between them, in the pause, before the first and after the last."""
+    """Return stamps that jitter and pause, queries between them, in the pause, before and after all, and the gap."""
     rng = np.random.default_rng(seed)
-    t = 10.0 + np.cumsum(rng.uniform(0.02, 0.05, 12)) + np.where(np.arange(12) > 6, 0.5, 0.0)
+    t = 10.0 + np.cumsum(rng.uniform(0.02, 0.05, 14)) + np.where(np.arange(14) > 6, 0.5, 0.0)
     between = t[[0, 2, 4, 8, 9]] + np.diff(t)[[0, 2, 4, 8, 9]] * np.array([0.3, 0.7, 0.4, 0.8, 0.2])
-    return t, np.array([9.0, t[0] - 0.04, *between, t[6] + 0.25, t[7] - 0.05, t[-1] + 0.03, t[-1] + 3.0]), 0.1
+    gap = (0.1, 0.08, 0.12, 0.1)[seed]
+    in_the_pause = [t[6] + 1.6 * gap, t[6] + 0.25, t[7] - 0.7 * gap]
+    at_the_end = [t[-1] + 0.03, t[-1] + 1.15 * gap, t[-1] + 3.0]
+    return t, np.array([9.0, t[0] - 0.04, *between, *in_the_pause, *at_the_end]), gap
 
 
 def _apart(t, query) -> np.ndarray:
@@ -146,6 +179,18 @@ def _neighbour(t, query, back: int) -> np.ndarray:
 
 def _if_near(index: np.ndarray, t, query, max_gap) -> np.ndarray:
     return np.where(np.abs(t[index] - query) <= max_gap, index, -1)
+
+
+def _within(t, query, max_gap, near: Callable, none: int = -1) -> np.ndarray:
+    """Return the nearest index where ``near(apart, max_gap)`` holds."""
+    apart = _apart(t, query)
+    return np.where(near(apart.min(axis=1), max_gap), apart.argmin(axis=1), none)
+
+
+def _within_signed(t, query, max_gap, sign: int) -> np.ndarray:
+    """Return the nearest index where the signed difference is below the gap."""
+    nearest = _apart(t, query).argmin(axis=1)
+    return np.where(sign * (t[nearest] - query) <= max_gap, nearest, -1)
 
 
 STAMP_MISTAKES = [
@@ -204,6 +249,41 @@ STAMP_MISTAKES = [
         lambda t, q, gap: _if_near(_apart(t, q).argmin(axis=1), t, q, 1e-3 * gap),
         "max_gap is in seconds, as the stamps are: there is nothing to convert.",
     ),
+    *(
+        (
+            partial(_within, near=near),
+            "You find the nearest stamp and test it against another limit: compare |t - query| itself with max_gap.",
+        )
+        for near in (
+            lambda apart, gap: apart <= 2.0 * gap,
+            lambda apart, gap: apart <= 0.5 * gap,
+            lambda apart, gap: apart**2 <= gap,
+            lambda apart, gap: apart <= 0.1,
+        )
+    ),
+    *(
+        (
+            partial(_within, near=lambda apart, gap: apart <= gap, none=none),
+            "Where no stamp is near enough you answer another number than -1.",
+        )
+        for none in (-2, 14, 99, -99, 999, -999)
+    ),
+    (
+        lambda t, q, gap: np.where(nearest_within(t, q, gap) < 0, -1, nearest_within(t, q, gap) + 1),
+        "Your indices are too large by one: the first stamp has the index 0.",
+    ),
+    (
+        lambda t, q, gap: np.subtract.outer(-q, -t).argmin(axis=1),
+        "The least signed difference is not the nearest stamp: take absolute values first.",
+    ),
+    *(
+        (
+            partial(_within_signed, sign=sign),
+            "You compare a signed difference with max_gap, so a stamp on the other side is never too far. Take its "
+            "absolute value.",
+        )
+        for sign in (1, -1)
+    ),
 ]
 
 
@@ -216,7 +296,7 @@ def check_nearest_within(theirs: Callable) -> Check:
         return hint(
             "Where no stamp is near enough the answer is -1, a whole number like the others; yours is None."
         )
-    praise = "Each query has its nearest stamp, from either side, or -1 where none lies within 0.1 s."
+    praise = "Each query has its nearest stamp, from either side, or -1 where none lies within max_gap."
     return compare(theirs, nearest_within, cases, mistakes=STAMP_MISTAKES, praise=praise)
 
 
@@ -244,6 +324,18 @@ def _turned_by(matrix: Callable) -> Callable:
     return lambda pose, p: p @ np.asarray(matrix(np.cos(pose[2]), np.sin(pose[2]))).T + pose[:2]
 
 
+def _shift_by(pose, points, part) -> np.ndarray:
+    """Turn as is right, and shift by one coordinate of the position."""
+    return points @ rotation(pose[2]).T + np.multiply(pose[:2], part)
+
+
+def _x_overwritten(pose, points) -> np.ndarray:
+    """Write the new x over the old one before y has been computed."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    x = c * points[:, 0] - s * points[:, 1]
+    return np.column_stack([x, s * x + c * points[:, 1]]) + pose[:2]
+
+
 WORLD_MISTAKES = [
     (
         lambda pose, p: p + pose[:2],
@@ -267,6 +359,21 @@ WORLD_MISTAKES = [
         "You shift by the pose and then turn: the position gets turned too.",
     ),
     (
+        lambda pose, p: p @ rotation(pose[2]).T - pose[:2],
+        "The turn is right, the shift has the wrong sign: add the position.",
+    ),
+    (
+        lambda pose, p: p @ rotation(pose[2]).T + pose[1::-1],
+        "The turn is right, but the position's x and y have changed places.",
+    ),
+    *(
+        (
+            partial(_shift_by, part=part),
+            "The turn is right, but you shift along one axis only: the position has x and y.",
+        )
+        for part in ([1.0, 0.0], [0.0, 1.0])
+    ),
+    (
         _turned_by(lambda c, s: ((0.0, -1.0), (1.0, 0.0))),
         "You turn by 90 degrees whatever the heading is. The angle is the third number of the pose.",
     ),
@@ -286,6 +393,30 @@ WORLD_MISTAKES = [
     (
         _turned_by(lambda c, s: ((c, s), (s, c))),
         "One sign in the matrix is wrong: the first row is (cos, -sin).",
+    ),
+    (
+        _turned_by(lambda c, s: ((s, -c), (c, s))),
+        "Sine and cosine have changed places: at the heading 0 nothing is turned.",
+    ),
+    (
+        _turned_by(lambda c, s: ((c, 0.0), (0.0, s))),
+        "Each new coordinate needs both of the old ones: x' = x cos - y sin, y' = x sin + y cos.",
+    ),
+    (
+        _x_overwritten,
+        "Your new x goes into your new y. Compute both from the old point before you write either.",
+    ),
+    (
+        lambda pose, p: p @ rotation(abs(pose[2])).T + pose[:2],
+        "Left turns are right, right turns are not: the heading has a sign, and you dropped it.",
+    ),
+    (
+        lambda pose, p: (p * [1.0, -1.0]) @ rotation(pose[2]).T + pose[:2],
+        "Your points are mirrored: y is positive to the left.",
+    ),
+    (
+        lambda pose, p: (p @ rotation(pose[2]).T + pose[:2])[:, ::-1],
+        "x and y of your answer have changed places: the first column is x.",
     ),
     (
         lambda pose, p: p @ rotation(np.deg2rad(pose[2])).T + pose[:2],
@@ -317,7 +448,8 @@ def _count_case(seed: int) -> tuple:
     rng = np.random.default_rng(seed)
     t = 3.0 + np.cumsum(rng.uniform(0.05, 0.12, 14))
     counts = rng.integers(4, 30, 14)[:, None] + rng.integers(0, 9, (14, 4))
-    return np.sort(rng.uniform(t[1], t[-2], 5)), t, counts, (0.01, 0.0022, 0.003, 0.0022)[seed]
+    scans = np.sort([t[0] + 0.6 * (t[1] - t[0]), *rng.uniform(t[1], t[-2], 4)])
+    return scans, t, counts, (0.01, 0.0022, 0.003, 0.0022)[seed]
 
 
 def _sums(wheels: Callable, counts, metres: float) -> np.ndarray:
@@ -367,6 +499,24 @@ DISTANCE_MISTAKES = [
         "The sums are right, but they are read off at the reading before each scan: interpolate.",
     ),
     (
+        lambda s, t, c, m: _sums(mean_of_wheels, c, m)[np.searchsorted(t, s)],
+        "The sums are right, but they are read off at the reading after each scan: interpolate.",
+    ),
+    (
+        lambda s, t, c, m: np.interp(s, t[1:], np.cumsum(mean_of_wheels(c)[1:] * m)),
+        "A scan between the first two readings gets a wrong distance: the sum begins with 0 at the first stamp.",
+    ),
+    (
+        lambda s, t, c, m: (
+            np.interp(s, t, _sums(mean_of_wheels, c, m)) - np.interp(s[0], t, _sums(mean_of_wheels, c, m))
+        ),
+        "You count from the first scan. The distance is 0 at the first stamp of the encoders.",
+    ),
+    (
+        lambda s, t, c, m: np.cumsum(np.interp(s, t, mean_of_wheels(c) * m)),
+        "You interpolate the increments and then add up. The other way round: add them up first.",
+    ),
+    (
         lambda s, t, c, m: np.interp(s, t, mean_of_wheels(c) * m),
         "You interpolate the increments. A share of an increment means nothing: add them up first.",
     ),
@@ -378,7 +528,20 @@ DISTANCE_MISTAKES = [
         _with_wheels(lambda c: c[:, :2].mean(axis=1)),
         "You use the front wheels only; in a bend or on a bump the four differ. Take the mean of all four.",
     ),
-    (_with_wheels(lambda c: c[:, 0]), "You use one wheel only. Take the mean of all four."),
+    *(
+        (
+            _with_wheels(lambda c, pair=pair: c[:, pair].mean(axis=1)),
+            "You use two of the wheels only; in a bend or on a bump the four differ. Take the mean of all four.",
+        )
+        for pair in ([2, 3], [0, 2], [1, 3], [0, 3], [1, 2])
+    ),
+    *(
+        (
+            _with_wheels(lambda c, wheel=wheel: c[:, wheel]),
+            "You use one wheel only. Take the mean of all four.",
+        )
+        for wheel in range(4)
+    ),
     (
         _with_wheels(lambda c: np.median(c, axis=1)),
         "That is the median of the wheels. The chassis centre travels their mean.",

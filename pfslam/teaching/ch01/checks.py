@@ -59,15 +59,36 @@ LENGTH_MISTAKES = [
         _wheels(lambda c: c[:, :2].mean(axis=1)),
         "You use the front wheels only; the mean of all four is asked for.",
     ),
-    (
-        _wheels(lambda c: c[:, 2:].mean(axis=1)),
-        "You use the rear wheels only; the mean of all four is asked for.",
+    *(
+        (
+            _wheels(lambda c, pair=pair: c[:, pair].mean(axis=1)),
+            "You use two wheels only; the mean of all four is asked for.",
+        )
+        for pair in ([2, 3], [0, 2], [1, 3], [0, 3], [1, 2])
+    ),
+    *(
+        (
+            _wheels(lambda c, wheel=wheel: c[:, wheel]),
+            "You use one wheel only; the mean of all four is asked for.",
+        )
+        for wheel in range(4)
     ),
     (
-        _wheels(lambda c: c[:, ::3].mean(axis=1)),
-        "You use two wheels only; the mean of all four is asked for.",
+        _wheels(lambda c: c[:-1].mean(axis=1)),
+        "The last reading is left out, and it belongs to the drive too.",
     ),
-    (_wheels(lambda c: c[:, 0]), "You use one wheel only; the mean of all four is asked for."),
+    (
+        lambda c, m: path_length(c, 0.0022),
+        "You take 0.0022 m per count whatever you are given. Another robot has another metres_per_count.",
+    ),
+    (
+        lambda c, m: path_length(c, 1.0) / m,
+        "You divide by metres_per_count. Counts times metres per count are metres.",
+    ),
+    (
+        _wheels(lambda c: np.rint(c.mean(axis=1))),
+        "You round the mean of the wheels to whole counts. Up to half a count is lost in each reading.",
+    ),
     (
         _wheels(lambda c: np.median(c, axis=1)),
         "That is the median of the wheels. The chassis centre travels their mean.",
@@ -99,14 +120,14 @@ RESTS = ((0.0, 15.0), (35.0, 41.0), (58.0, 80.0))
 
 
 def _gyro_case(seed: int) -> tuple:
-    """Return stamps, yaw rate and speed of a drive of 70 s with three rests; a gyro with bias, noise and a warm-up."""
+    """Return stamps, yaw rate and speed of 70 s with three rests; the gyro has a bias, noise, and 2.3 s to warm up."""
     rng = np.random.default_rng(seed)
     t = 100.0 + np.cumsum(rng.uniform(0.008, 0.012, 7000))
     since = t - t[0]
     still = np.any([(since >= a) & (since < b) for a, b in RESTS], axis=0)
     bias = (0.004, -0.006, 0.005, 0.0045)[seed]
     turns = np.where(still, 0.0, 0.4 + 0.3 * np.sin(since / 3.0))
-    rate = bias + turns + 0.1 * np.exp(-since / 0.7) + rng.normal(0.0, 0.006, len(t))
+    rate = bias + turns + 0.1 * np.maximum(1.0 - since / 2.3, 0.0) + rng.normal(0.0, 0.006, len(t))
     return t, rate, np.where(still, 0.0, 0.9)
 
 
@@ -136,6 +157,22 @@ BIAS_MISTAKES = [
         "The first seconds, while the gyro warms up, are still in your mean. Leave them out.",
     ),
     (
+        lambda t, w, v: w[(v == 0) & (t > t[0] + 1.0)].mean(),
+        "You leave out one second, and the gyro needs two or three to warm up.",
+    ),
+    (
+        lambda t, w, v: np.median(w[v == 0]),
+        "The first seconds, while the gyro warms up, are still in your median. Leave them out.",
+    ),
+    (
+        lambda t, w, v: w[t < t[0] + RESTS[0][1]].mean(),
+        "You use the first rest with the seconds in which the gyro warms up. Leave them out.",
+    ),
+    (
+        lambda t, w, v: np.deg2rad(gyro_bias(t, w, v)),
+        "The rates are in rad/s already; there is nothing to convert.",
+    ),
+    (
         lambda t, w, v: w[t < t[0] + 1.0].mean(),
         "You trust the first second, while the gyro warms up. Use all the time at rest that comes later.",
     ),
@@ -163,6 +200,14 @@ BIAS_MISTAKES = [
     (
         lambda t, w, v: w[(v == 0) & (t > t[0] + WARM)].std(),
         "That is the spread of the readings at rest, not their mean.",
+    ),
+    (
+        lambda t, w, v: np.sqrt((w[(v == 0) & (t > t[0] + WARM)] ** 2).mean()),
+        "The root of the mean square counts the noise as well. Noise of both signs must be allowed to cancel.",
+    ),
+    (
+        lambda t, w, v: w.max(),
+        "That is the greatest single reading, in a turn. Take the mean of many at rest.",
     ),
     (
         lambda t, w, v: w[(v == 0) & (t > t[0] + WARM)].sum(),
@@ -234,6 +279,17 @@ def _small_steps(pose, v, omega, dt, n: int, model=motion_model) -> np.ndarray:
     return integrate(steps, start=pose, model=model).poses[-1]
 
 
+def _swapped(pose, v, omega, dt) -> np.ndarray:
+    """Return the exact step with sine and cosine exchanged."""
+    step = _arc(pose, v, omega, dt) - pose
+    return pose + step[[1, 0, 2]]
+
+
+def _only_in_bends(pose, v, omega, dt, straight: tuple) -> np.ndarray:
+    """Return the exact step in bends, and the pose moved by ``straight`` (in units of v dt) where there is no bend."""
+    return _arc(pose, v, omega, dt) if omega else pose + v * dt * np.array(straight)
+
+
 STRAIGHT = "In bends you may be right. But straight on, with omega = 0, you divide by zero."
 ARC_MISTAKES = [
     (ZeroDivisionError, STRAIGHT),
@@ -262,6 +318,50 @@ ARC_MISTAKES = [
         "The position is right, but the heading has turned by half of omega * dt only.",
     ),
     (_by_radius, STRAIGHT),
+    (
+        lambda *a: np.nan_to_num(_by_radius(*a)),
+        STRAIGHT,
+    ),
+    (
+        partial(_only_in_bends, straight=(1.0, 0.0, 0.0)),
+        "Right in bends. Straight on, with omega = 0, the robot drives along its heading; yours drives along x.",
+    ),
+    (
+        _chord(lambda half: np.sinc(2.0 * half / np.pi), 0.5),
+        "Too short: the chord needs the sine of half the turn, over half the turn.",
+    ),
+    (
+        _chord(lambda half: np.tan(half) / half if half else 1.0, 0.5),
+        "Too long: the chord needs the sine of half the turn, and not its tangent.",
+    ),
+    (
+        lambda p, v, w, dt: _arc(p, v, -w, dt),
+        "Your robot turns the wrong way: a positive omega is a left turn.",
+    ),
+    (
+        lambda p, v, w, dt: _arc(p, abs(v), w, dt),
+        "Right ahead, wrong backwards: the speed has a sign, and you dropped it.",
+    ),
+    (
+        lambda *a: _arc(*a) - a[0],
+        "That is the change of the pose. The new pose is asked for: add the old one.",
+    ),
+    (
+        lambda p, v, w, dt: _arc(p, v, w, 1.0),
+        "You take dt for one second. Multiply both speeds by dt.",
+    ),
+    (
+        _swapped,
+        "Sine and cosine have changed places: x goes with the cosine of the direction.",
+    ),
+    (
+        lambda *a: _arc(*a) * [1.0, 1.0, 180.0 / np.pi],
+        "The heading is in degrees; radians are asked for.",
+    ),
+    (
+        lambda p, v, w, dt: _arc(p, v, np.deg2rad(w), dt),
+        "omega is in rad/s already; there is nothing to convert.",
+    ),
     (
         lambda p, v, w, dt: _by_radius(p, v, w, dt) if w else np.array(p),
         "Right in bends. Straight on, with omega = 0, the "
@@ -352,6 +452,28 @@ def _per_interval(inputs: Controls, t_enc, counts, *rest) -> Controls:
     return Controls(inputs.t, speed[_nearest(t_enc[1:], inputs.t[1:])], inputs.omega)
 
 
+def _with_counts(change: Callable) -> Callable:
+    """Return a wrong path, made of other counts."""
+    return lambda te, c, tg, w, m: dead_reckon(te, change(np.asarray(c)), tg, w, m)
+
+
+def _read_off(t_enc, counts, t_gyro, yaw_rate, metres, side: str) -> np.ndarray:
+    """Return a wrong path: the sum at the reading nearest to, before or after each gyro sample, not in between."""
+    after = np.searchsorted(t_enc, t_gyro)
+    at = {"nearest": _nearest(t_enc, t_gyro), "before": after - 1, "after": after}[side]
+    v = np.diff(np.cumsum(counts.mean(axis=1) * metres)[at]) / np.diff(t_gyro)
+    return integrate(Controls(t_gyro, v, yaw_rate[1:])).poses
+
+
+def _turn_first(*case) -> np.ndarray:
+    """Return a wrong path: each step along the heading that it ends with."""
+    u = _controls(*case)
+    dt = np.diff(u.t)
+    theta = np.cumsum(u.omega * dt)
+    steps = np.column_stack([u.v * dt * np.cos(theta), u.v * dt * np.sin(theta)])
+    return np.vstack([np.zeros(3), np.column_stack([np.cumsum(steps, axis=0), theta])])
+
+
 PATH_MISTAKES = [
     (
         _otherwise(_per_interval),
@@ -373,6 +495,49 @@ PATH_MISTAKES = [
     (
         _otherwise(lambda u, *r: Controls(u.t, 4 * u.v, u.omega)),
         "Four times too long: the chassis centre travels the mean of its wheels.",
+    ),
+    *(
+        (
+            _with_counts(lambda c, some=some: c[:, some]),
+            "You use some of the wheels only; the mean of all four is asked for.",
+        )
+        for some in ([0, 1], [2, 3], [0], [1], [2], [3])
+    ),
+    *(
+        (
+            partial(_read_off, side=side),
+            "The sum is right, but you read it off at a reading near the gyro's stamp. Between two readings the robot "
+            "moves on: interpolate.",
+        )
+        for side in ("nearest", "before", "after")
+    ),
+    (
+        _otherwise(lambda u, *r: Controls(u.t, u.v / np.diff(u.t), u.omega)),
+        "The positions are out of all proportion: a speed must be multiplied by the time, and a distance must not.",
+    ),
+    (
+        _otherwise(lambda u, *r: Controls(u.t, u.v, u.omega / np.diff(u.t))),
+        "You add up yaw rates as if they were angles. Multiply each by the time of its interval.",
+    ),
+    (
+        _otherwise(lambda u, te, c, tg, w, m: Controls(u.t, u.v, 0.5 * (w[1:] + w[:-1]))),
+        "You take the mean of two rates. Here a rate belongs to the interval that ends at its stamp.",
+    ),
+    (
+        _turn_first,
+        "You turn before you drive. An Euler step drives along the old heading, and turns then.",
+    ),
+    (
+        lambda *case: dead_reckon(*case) * [1, -1, 1],
+        "y has the wrong sign: it is positive to the left.",
+    ),
+    (
+        lambda *case: dead_reckon(*case)[:, [1, 0, 2]],
+        "x and y have changed places: x goes with the cosine of the heading.",
+    ),
+    (
+        lambda *case: dead_reckon(*case)[:, [2, 0, 1]],
+        "The columns are x, y and heading, in this order.",
     ),
     (
         _otherwise(lambda u, *r: Controls(u.t, u.v / r[-1], u.omega)),
