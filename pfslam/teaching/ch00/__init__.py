@@ -10,7 +10,6 @@ from pfslam.teaching.ch00.frames import (
     STRETCHES,
     late_clock,
     late_clock_explorer,
-    pictures_of_inverse,
     turn_explorer,
 )
 from pfslam.teaching.ch00.readings import (
@@ -37,7 +36,6 @@ __all__ = [
     "keep",
     "late_clock",
     "late_clock_explorer",
-    "pictures_of_inverse",
     "raster_picture",
     "robot_picture",
     "scrub_explorer",

@@ -12,7 +12,6 @@ from pfslam.poses import invert, transform_points
 from pfslam.recording import Recording, nearest_stamp
 from pfslam.sensors import LidarModel, scan_points
 from pfslam.teaching.show.figures import draw_robot
-from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, metric_axes, new_figure
 from pfslam.teaching.show.widgets import Explorer, Slider
 
@@ -115,23 +114,6 @@ def turn_alt(way: str, turned: float) -> str:
     off = off_walls(turn_points(way, turned))
     return f"""A room with a post, drawn ({way}) by a robot that has turned on the spot by {turned:.0f} degrees. End
     points lie {100 * np.mean(off):.1f} cm from what they hit on average, {100 * off.max():.0f} cm at most."""
-
-
-def pictures_of_inverse() -> Picture:
-    """Make four drawings of one turn, A to D, for the self-test: which of them used the inverse pose?"""
-    figure, grid = new_figure(5.0, 4.6, 2, 2, sharex=True, sharey=True)
-    order = ("no lever arm", "inverse pose", "right", "lever arm on y")
-    words = []
-    for axes, way, name in zip(grid.ravel(), order, "ABCD", strict=True):
-        points = turn_points(way, 90.0)
-        axes.scatter(*points.T, s=4, color=COLOURS["hits"], linewidths=0)
-        axes.plot(*PLACE, marker="^", markersize=8, color=COLOURS["estimate"])
-        metric_axes(axes, name).set(xlim=(-3.2, 3.8), ylim=(-3.0, 2.8))
-        axes.label_outer()
-        words.append(f"{name} {np.ptp(points[:, 0]):.1f} m wide and {np.ptp(points[:, 1]):.1f} m high")
-    alt = f"""Four drawings of a room of 4 by 3 m, made while the robot turned by 90 degrees at the place of the
-    triangle: {"; ".join(words)}."""
-    return Picture(figure, alt)
 
 
 # ---- scans drawn from the pose of another moment

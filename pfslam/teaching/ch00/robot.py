@@ -13,6 +13,7 @@ from pfslam.teaching.show.style import COLOURS, new_figure
 WHEEL_RADIUS = 0.127  # m, half the diameter from which the report takes its metres per count
 AXLES = (-0.165, 0.165)  # m, drawn; no equation needs the distance between front and rear
 WHEEL_WIDTH = 0.06
+AXIS = 0.2  # m, the length of an axis that is drawn
 HALF_VIEW = np.deg2rad(22.3)  # the depth camera, up and down
 DARK = COLOURS["truth"]
 
@@ -53,10 +54,12 @@ def _draw_side(axes: Axes, robot: RobotModel) -> None:
     axes.fill(*zip((cx, cz), *edges, (1.15, 0.0), far, strict=True), color=COLOURS["highlight"], alpha=0.2)
     axes.plot(cx, cz, marker="D", markersize=9, color=COLOURS["highlight"])
     axes.text(0.6, 0.13, "camera's view")
-    _draw_axes(axes, (0.0, 0.0), 0.0, "b", ("x", "z"))
+    _draw_axes(
+        axes, (0.0, 0.0), 0.0, "b", ("x", "z"), words_at=((0.0, -0.1), (0.02, 0.02)), name_at=(-0.04, -0.08)
+    )
     _draw_axes(axes, (lx, lz), 0.0, "l", ("", "z"))
     _draw_axes(axes, (cx, cz), -robot.camera.pitch, "c", ("x", ""))
-    axes.set_ylim(-0.12, 0.85)
+    axes.set_ylim(-0.16, 0.85)
 
 
 def _draw_top(axes: Axes, robot: RobotModel) -> None:
@@ -79,20 +82,31 @@ def _draw_top(axes: Axes, robot: RobotModel) -> None:
     axes.plot(cx, 0.0, marker="D", markersize=9, color=COLOURS["highlight"])
     axes.plot(lx, 0.0, marker="s", markersize=9, color=COLOURS["hits"])
     axes.text(lx + 0.01, 0.04, "$l$, $c$")
-    _draw_axes(axes, (0.0, 0.0), 0.0, "b", ("", "y"))
+    _draw_axes(axes, (0.0, 0.0), 0.0, "b", ("", "y"), words_at=((0.0, 0.0), (-0.02, 0.04)))
     axes.set(ylim=(-0.62, 0.62), yticks=(-0.5, 0, 0.5))
 
 
 def _draw_axes(
-    axes: Axes, origin, tilt: float, name: str, labels: tuple[str, str], length: float = 0.2
+    axes: Axes,
+    origin,
+    tilt: float,
+    name: str,
+    labels: tuple[str, str],
+    words_at=((0.02, 0.02), (0.02, 0.02)),
+    name_at=(-0.04, 0.02),
 ) -> None:
-    """Draw two arrows from the origin of a frame, with its letter; an axis without a label is not drawn."""
-    for turn, label in zip((0.0, np.pi / 2), labels, strict=True):
+    """Draw two arrows from the origin of a frame, with its letter; an axis without a label is not drawn.
+
+    ``words_at`` (m) is where the label of each axis begins, seen from the tip of its arrow, and ``name_at`` where the
+    letter of the frame ends, seen from the origin.
+    """
+    for turn, label, at in zip((0.0, np.pi / 2), labels, words_at, strict=True):
         if not label:
             continue
-        tip = np.add(origin, length * np.array([np.cos(tilt + turn), np.sin(tilt + turn)]))
+        tip = np.add(origin, AXIS * np.array([np.cos(tilt + turn), np.sin(tilt + turn)]))
         arrow = {"arrowstyle": "-|>", "color": COLOURS["estimate"], "linewidth": 2}
         axes.annotate("", tip, origin, arrowprops=arrow, zorder=5)
-        axes.text(tip[0] + 0.02, tip[1] + 0.02, f"${label}$", color=COLOURS["estimate"], zorder=6)
-    place = origin[0] - 0.04, origin[1] + 0.02
-    axes.text(*place, f"${name}$", color=COLOURS["estimate"], ha="right", fontsize=15, zorder=6)
+        axes.text(*np.add(tip, at), f"${label}$", color=COLOURS["estimate"], zorder=6)
+    axes.text(
+        *np.add(origin, name_at), f"${name}$", color=COLOURS["estimate"], ha="right", fontsize=15, zorder=6
+    )

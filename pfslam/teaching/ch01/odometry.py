@@ -16,7 +16,7 @@ from pfslam.poses import Trajectory, wrap_angle
 from pfslam.recording import Recording
 from pfslam.teaching.show.drives import at_rate, length
 from pfslam.teaching.show.figures import draw_trajectory
-from pfslam.teaching.show.pictures import Picture, steady
+from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, LINE_STYLES, metric_axes, new_figure
 from pfslam.teaching.show.widgets import Explorer, Slider
 
@@ -66,8 +66,8 @@ def distance(inputs: Controls) -> float:
     return float(inputs.v @ np.diff(inputs.t))
 
 
-def opinion_picture(recording: Recording) -> Picture:
-    """Draw the robot's own idea of its drive, nothing else."""
+def path_picture(recording: Recording) -> Picture:
+    """Draw the path as the robot computes it from wheels and gyro, and nothing else."""
     odometry = dead_reckoning(recording)
     figure, axes = new_figure(5.0, 4.4)
     draw_trajectory(axes, odometry, "odometry", "wheels and gyro")
@@ -221,7 +221,7 @@ def heading_errors(recording: Recording, calibrations: dict[str, dict]) -> dict[
 
 def heading_error_picture(recording: Recording, calibrations: dict[str, dict]) -> Picture:
     """Draw the heading error over time: one curve for each calibration."""
-    figure, axes = new_figure(5.0, 3.6)
+    figure, axes = new_figure(5.0, 4.3)
     styles = zip(("odometry", "highlight", "estimate"), ("--", "-.", "-"), strict=True)
     words = []
     for (name, error), (colour, line) in zip(
@@ -231,14 +231,16 @@ def heading_error_picture(recording: Recording, calibrations: dict[str, dict]) -
         axes.plot(t, degrees, color=COLOURS[colour], linestyle=line, label=name)
         words.append(f"{name} between {error[:, 1].min():.1f} and {error[:, 1].max():.1f}")
     axes.set(xlabel="time [s]", ylabel="heading error [deg]")
-    axes.legend(fontsize=12)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.45, -0.18), ncols=1)
     return Picture(figure, f"Heading error over the drive in degrees: {'; '.join(words)}.")
 
 
 def draw_calibration(recording: Recording, bias: float, scale: float, diameter: float) -> Figure:
     """Draw the dead-reckoned path for a gyro bias (rad/s), a gyro scale and a wheel diameter (mm), over the truth."""
     odometry, truth = _sketch(recording, bias, scale, diameter), recording.true_path()
-    figure, axes = new_figure(4.8, 5.2)
+    figure, axes = new_figure(4.8, 5.4)
+    figure.set_layout_engine("none")
+    axes.set_position((0.14, 0.2, 0.83, 0.73))
     draw_trajectory(axes, Trajectory(truth.t[::4], truth.poses[::4]), "truth")
     draw_trajectory(axes, odometry, "odometry", "dead reckoning")
     low, high = truth.poses[:, :2].min(axis=0) - 4.0, truth.poses[:, :2].max(axis=0) + 4.0
@@ -267,7 +269,7 @@ def _sketch(recording: Recording, bias: float, scale: float, diameter: float) ->
 def calibration_explorer(recording: Recording) -> Explorer:
     """Make the explorer with three sliders that bend the trajectory."""
     return Explorer(
-        steady(partial(draw_calibration, recording)),
+        partial(draw_calibration, recording),
         [
             Slider(
                 "bias",
