@@ -42,6 +42,7 @@ def test_any_container_and_four_digits_will_do(answer):
         (lambda m, f: None, "Is a return missing"),
         (lambda m, f: np.multiply(m, f, out=m), "changes what it is given"),
         (lambda m, f: "seven", "asked for"),
+        (lambda m, f: (f * m).astype(str), "asked for"),
         (lambda m, f: [[1.0], [1.0, 2.0]], "asked for"),
         (lambda m, f: {"a": 1}, "asked for"),
         (lambda m, f: m[0], "shape (2,)"),

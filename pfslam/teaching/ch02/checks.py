@@ -23,6 +23,14 @@ def _cell_case(seed: int) -> tuple:
     return corner + (cells + inside) * resolution, corner, resolution
 
 
+EDGES = (
+    np.array([[3.0, 1.0], [-1.2, -2.0], [0.5, -0.5], [-1.5, 0.1], [2.3, -2.5], [0.9, 1.5], [-1.0, 0.0]]),
+    np.array([-1.0, -2.0]),
+    0.5,
+)
+"""The points of the check by hand and others, most of them on the lower edge of a cell."""
+
+
 def _cells(rule: Callable, points, corner, resolution) -> np.ndarray:
     """Return cells (row, column) of points by some rule of rounding."""
     return rule((np.asarray(points) - corner) / resolution).astype(int)[..., ::-1]
@@ -31,6 +39,17 @@ def _cells(rule: Callable, points, corner, resolution) -> np.ndarray:
 def cell_of(points, origin, resolution) -> np.ndarray:
     """Solve exercise 1."""
     return _cells(np.floor, points, origin, resolution)
+
+
+def _separately(rule: Callable) -> Callable:
+    """Make the mistake to round the point and the origin each by itself."""
+    return lambda p, o, r: (rule(p / r) - rule(np.asarray(o) / r)).astype(int)[:, ::-1]
+
+
+def _turned_over(p, o, r) -> np.ndarray:
+    """Count rows from the highest point downwards."""
+    rows, columns = cell_of(p, o, r).T
+    return np.column_stack([rows.max() - rows, columns])
 
 
 CELL_MISTAKES = [
@@ -62,9 +81,38 @@ CELL_MISTAKES = [
         lambda p, o, r: _cells(np.floor, p, o[::-1], r),
         "The two coordinates of the origin have changed places.",
     ),
+    *(
+        (
+            _separately(rule),
+            "You round the point and the origin separately. Subtract first, and round the difference once.",
+        )
+        for rule in (np.floor, np.rint, np.trunc)
+    ),
     (
-        lambda p, o, r: (np.floor(p / r) - np.floor(np.asarray(o) / r)).astype(int)[:, ::-1],
-        "You round the point and the origin separately. Subtract first, and round the difference once.",
+        lambda p, o, r: _cells(lambda cells: np.ceil(cells) - 1, p, o, r),
+        "A point on the lower edge of a cell belongs to that cell. With ceil - 1 it falls into the one before: floor.",
+    ),
+    (
+        lambda p, o, r: _cells(np.floor, np.asarray(p) - r / 2, o, r),
+        "Half a cell off: the origin is the outer corner of cell [0, 0], not its middle.",
+    ),
+    (
+        lambda p, o, r: _cells(np.trunc, p, o, r)[:, ::-1],
+        "Two things: row and column have changed places, and int() cuts towards zero. The row comes from y and "
+        "stands first; take the floor.",
+    ),
+    (
+        lambda p, o, r: _cells(np.rint, p, o, r)[:, ::-1],
+        "Two things: row and column have changed places, and you round to the nearest number. The row comes from y "
+        "and stands first; take the floor.",
+    ),
+    (
+        lambda p, o, r: ((p - np.asarray(o)) / r)[:, ::-1],
+        "Whole numbers are asked for: take the floor of these.",
+    ),
+    *(
+        (upside_down, "Upside down: row 0 holds the lowest y. Do not turn the rows over.")
+        for upside_down in (_turned_over, lambda p, o, r: cell_of(p, o, r) * [-1, 1])
     ),
     (
         lambda p, o, r: _cells(np.floor, p, o, 1.0 / r),
@@ -87,7 +135,7 @@ CELL_MISTAKES = [
 
 def check_cell_of(theirs: Callable) -> Check:
     """Check whether ``cell_of(points, origin, resolution)`` gives (row, column) by floor, outside the grid too."""
-    cases = [_cell_case(seed) for seed in range(4)]
+    cases = [EDGES, *(_cell_case(seed) for seed in range(4))]
     praise = "Floor, row first, and negative numbers for points outside the grid."
     return compare(theirs, cell_of, cases, mistakes=CELL_MISTAKES, praise=praise)
 
@@ -114,9 +162,9 @@ def _life(story, clamp, changes=(LOG_4, -LOG_4, 0.0), low=True, high=True, start
     return level
 
 
-def probability(level: float) -> float:
-    """Return the probability of log-odds."""
-    return float(1 / (1 + np.exp(-level)))
+def probability(level):
+    """Return the probability of log-odds, one or many."""
+    return 1 / (1 + np.exp(-level))
 
 
 def cell_story(story, clamp) -> float:
@@ -127,6 +175,12 @@ def cell_story(story, clamp) -> float:
 def _multiplied(story, clamp) -> float:
     """Return probabilities multiplied as if they were odds."""
     return float(np.prod([{"hit": 0.8, "free": 0.2, "none": 1.0}[word] for word in story]) * 0.5)
+
+
+def _forgetful(story, clamp) -> float:
+    """Start again after every scan that says nothing."""
+    last = max((k for k, word in enumerate(story) if word == "none"), default=-1)
+    return cell_story(story[last + 1 :], clamp)
 
 
 STORY_MISTAKES = [
@@ -181,6 +235,26 @@ STORY_MISTAKES = [
     (
         lambda s, c: probability(_life(s, c, (1.0, -1.0, 0.0))),
         "A hit adds log 4, not 1.",
+    ),
+    (
+        lambda s, c: probability(_life(s, c, start=0.5)),
+        "The cell starts unknown. That is a probability of 0.5, and log-odds of 0.",
+    ),
+    (
+        lambda s, c: probability(_life(s, c, (np.log(0.8), np.log(0.2), 0.0))),
+        "You add the logarithm of a probability. Log-odds take the logarithm of the odds, log(0.8 / 0.2) = log 4.",
+    ),
+    (
+        lambda s, c: probability(_life(s, c, (LOG_4, 0.0, 0.0))),
+        "A free scan takes log 4 away; in your story it changes nothing.",
+    ),
+    (
+        lambda s, c: probability(_life(s, c * LOG_4)),
+        "The clamp is given in log-odds. Do not multiply it by log 4.",
+    ),
+    (
+        _forgetful,
+        "A scan that did not touch the cell does not make it unknown again: leave the log-odds alone.",
     ),
     (
         _multiplied,
@@ -261,6 +335,28 @@ def _twice(log_odds, hits, free, hit_step, free_step, clamp) -> np.ndarray:
     return _written("sum")(log_odds, hits, free, 2 * hit_step, free_step, clamp)
 
 
+def _assigned(log_odds, hits, free, hit_step, free_step, clamp) -> np.ndarray:
+    """Set the cells to the steps."""
+    new = log_odds.copy()
+    new[tuple(np.asarray(free).T)] = -free_step
+    new[tuple(np.asarray(hits).T)] = hit_step
+    return np.clip(new, -clamp, clamp)
+
+
+def _as_block(log_odds, hits, free, hit_step, free_step, clamp) -> np.ndarray:
+    """Change every listed row in every listed column."""
+    change = np.zeros_like(log_odds)
+    change[np.ix_(free[:, 0], free[:, 1])] = -free_step
+    change[np.ix_(hits[:, 0], hits[:, 1])] = hit_step
+    return np.clip(log_odds + change, -clamp, clamp)
+
+
+def _in_array(log_odds, hits, free, hit_step, free_step, clamp) -> np.ndarray:
+    """Skip a free cell if its row or its column stands anywhere among the hits."""
+    left = np.array([cell for cell in free if cell not in hits]).reshape(-1, 2)
+    return update_log_odds(log_odds, hits, left, hit_step, free_step, clamp)
+
+
 WRITE_MISTAKES = [
     (_written(clip=_no_clip), "The clamp is missing, or its result was thrown away."),
     (_written(first=True), "You limit the map before the scan is added. Limit the result."),
@@ -322,9 +418,56 @@ WRITE_MISTAKES = [
         "You start from an empty map. The scan is added to what the map already says.",
     ),
     (lambda m, *rest: m, "The map is unchanged."),
+    (_assigned, "You set the cells to the steps. Add the steps to what the map already says."),
     (
-        lambda m, h, f, up, down, c: update_log_odds(m, h[:, ::-1], f[:, ::-1], up, down, c),
-        "Rows and columns are swapped: the lists hold (row, column).",
+        _as_block,
+        "np.ix_ takes every listed row with every listed column. Pair them: change[cells[:, 0], cells[:, 1]].",
+    ),
+    (
+        _in_array,
+        "`cell in hits` asks whether *any* number in the array agrees. Compare whole rows, or write the hits last.",
+    ),
+    (
+        lambda m, h, f, up, down, c: update_log_odds(m, h, f, up, 0.0, c),
+        "The crossed cells stay as they were: each loses free_step.",
+    ),
+    *(
+        (no_hits, "The hit cells do not rise: each gains hit_step.")
+        for no_hits in (
+            lambda m, h, f, up, down, c: update_log_odds(m, h[:0], f, up, down, c),
+            lambda m, h, f, up, down, c: update_log_odds(m, h, f, 0.0, down, c),
+        )
+    ),
+    (
+        lambda m, h, f, up, down, c: update_log_odds(m, h, f, down, down, c),
+        "You take free_step for the hits too; hit_step is what a hit cell gains.",
+    ),
+    (
+        lambda m, h, f, up, down, c: update_log_odds(m, h, f, -up, -down, c),
+        "The signs are exchanged: a hit raises the log-odds, a crossing lowers them.",
+    ),
+    *(
+        (fixed, "You take log 4 whatever the arguments say: use hit_step and free_step.")
+        for fixed in (
+            lambda m, h, f, up, down, c: update_log_odds(m, h, f, LOG_4, LOG_4, c),
+            lambda m, h, f, up, down, c: update_log_odds(m, h, f, LOG_4, LOG_4, CLAMP),
+        )
+    ),
+    (
+        lambda m, h, f, up, down, c: update_log_odds(m, h, f, up, down, CLAMP),
+        "You clamp to 2 log 4 whatever the argument says: use clamp.",
+    ),
+    (
+        lambda *arguments: probability(update_log_odds(*arguments)),
+        "Those are probabilities. A map keeps log-odds, and log-odds are asked for.",
+    ),
+    (
+        lambda m, h, f, up, down, c: update_log_odds(m[::-1], h, f, up, down, c)[::-1],
+        "Upside down: row 0 of the lists is row 0 of the array. Do not turn the rows over.",
+    ),
+    (
+        IndexError,
+        "IndexError: a cell outside the map. Are rows and columns swapped? The lists hold (row, column), row first.",
     ),
 ]
 
@@ -340,7 +483,7 @@ def check_update_log_odds(theirs: Callable) -> Check:
 
 WORDS = ("hit", "free", "nothing")
 RANGES = (0.1, 30.0), (0.25, 12.0)
-READINGS = (np.inf, 0.0, 0.05, 11.4, np.nan, 2.0, 60.0, -1.0, -np.inf, 0.2)
+READINGS = (np.inf, 0.0, 0.05, 11.4, np.nan, 2.0, 60.0, -1.0, -np.inf, 0.2, 20.0)
 
 
 def meaning(reading, range_min, range_max) -> str:
@@ -398,6 +541,39 @@ MEANING_MISTAKES = [
         "Infinity is beyond range_max, like every reading that is too long: all is free up to there.",
     ),
     (
+        lambda r, low, high: meaning(abs(r), low, high),
+        "A negative reading is below range_min, like every reading that is too short: it says nothing.",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: "free" if r == high else ""),
+        "A reading of exactly range_max does not reach further than range_max: it is a hit.",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: "nothing" if r == low else ""),
+        "A reading of exactly range_min is not below range_min: it is a hit.",
+    ),
+    (
+        _meaning_mistake(lambda r, low, high: {low: "nothing", high: "free"}.get(r, "")),
+        "Readings of exactly range_min and range_max are hits: neither is below the one or beyond the other.",
+    ),
+    *(
+        (
+            lambda r, low, high, limits=limits: meaning(
+                r, *(a or b for a, b in zip(limits, (low, high), strict=True))
+            ),
+            "Your limits are fixed. Another LiDAR has others: use range_min and range_max.",
+        )
+        for limits in (*RANGES, (None, 30.0), (None, 12.0), (0.1, None), (0.25, None))
+    ),
+    (
+        lambda r, low, high: meaning(r, high, low),
+        "range_min and range_max have changed places.",
+    ),
+    (
+        lambda r, low, high: {"hit": "free", "free": "hit"}.get(meaning(r, low, high), "nothing"),
+        "You have exchanged hit and free: a beam that comes back has hit something.",
+    ),
+    (
         _meaning_mistake(lambda r, low, high: "free" if r == -np.inf else ""),
         "Minus infinity is below range_min and says nothing; np.isinf is true for both signs.",
     ),
@@ -411,7 +587,7 @@ def _same_word(found, *words) -> bool:
 
 def check_meaning(theirs: Callable) -> Check:
     """Check whether ``meaning(reading, range_min, range_max)`` tells hit, free up to the maximum, and nothing apart."""
-    cases = [(reading, *limits) for limits in RANGES for reading in READINGS]
+    cases = [(reading, *limits) for limits in RANGES for reading in (*READINGS, *limits)]
     found = attempt(theirs, 2.0, 0.1, 30.0)
     if not (found is None or found is ... or isinstance(found, Check) or _same_word(found, *WORDS)):
         return hint(f"Each answer is 'hit', 'free' or 'nothing'; yours is {found!r}.")

@@ -11,12 +11,12 @@ from pfslam.teaching.ch04.scores import (
     surfaces_picture,
 )
 from pfslam.teaching.ch04.search import (
+    WINDOW,
     block_by_definition,
     block_from_volume,
     fine_scores_picture,
     first_index_walk,
-    search_times,
-    search_times_picture,
+    lattice_picture,
     trials,
 )
 from pfslam.teaching.ch04.weights import (
@@ -34,6 +34,7 @@ from pfslam.teaching.show.source import show_source
 
 __all__ = [
     "LATTICE",
+    "WINDOW",
     "best_shift",
     "block_by_definition",
     "block_from_volume",
@@ -49,12 +50,11 @@ __all__ = [
     "fit_explorer",
     "heading_picture",
     "keep",
+    "lattice_picture",
     "n_eff",
     "patches_picture",
     "place_at",
     "question_picture",
-    "search_times",
-    "search_times_picture",
     "sharpness_explorer",
     "show_source",
     "surfaces_picture",

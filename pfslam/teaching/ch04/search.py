@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.patches import Rectangle
 
 from pfslam.correlation import ScoreField, map_correlation, score_field, updated_field
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
@@ -22,7 +21,6 @@ from pfslam.teaching.show.style import COLOURS, new_figure
 
 WINDOW = Window(cells=4, yaws=4)
 """The report's 9 x 9 x 9 perturbations."""
-PARTICLES = 200
 
 
 def block_by_definition(place: Place, node: np.ndarray) -> np.ndarray:
@@ -40,59 +38,32 @@ def block_from_volume(place: Place, node: np.ndarray) -> np.ndarray:
     return score_volume(field, place.grid.spec, place.points_b, LATTICE, node - reach, node + reach)
 
 
-def cloud_around(pose: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
-    """A compact cloud ``(n, 3)``: 2 cm and 0.003 rad."""
-    return pose + rng.standard_normal((n, 3)) * [0.02, 0.02, 0.003]
-
-
-def search_times(place: Place, count_by_hand: Callable, rng: np.random.Generator) -> dict[str, float]:
-    """Seconds to score one scan for 200 particles with 729 poses each, in four ways.
-
-    The slow ones are timed on a few poses and multiplied.
-    """
-    grid, cloud = place.grid, cloud_around(place.pose, PARTICLES, rng)
-    field, poses = score_field(grid.occupied, "occupied"), PARTICLES * len(WINDOW.steps())
-    node = LATTICE.nearest(place.pose[None])[0]
-    by_pose = _seconds(lambda: map_correlation(grid.occupied, grid.spec, place.moved()), 50)
-    return {
-        "loop over points": poses
-        * _seconds(lambda: count_by_hand(grid.occupied, grid.spec, place.moved()), 2),
-        "arrays": poses * by_pose,
-        "lattice": PARTICLES * _seconds(lambda: block_from_volume(place, node), 5),
-        "shared volume": _seconds(
-            lambda: list(search(field, grid.spec, place.points_b, cloud, LATTICE, WINDOW)), 5
-        ),
-    }
-
-
-def _seconds(function: Callable, repeats: int) -> float:
-    """Best of several: the least disturbed."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - start)
-    return min(times)
-
-
-def search_times_picture(seconds: dict[str, float]) -> Picture:
-    """Bars on a logarithmic scale."""
-    figure, axes = new_figure(5.1, 2.7)
-    names, values = list(seconds), np.array(list(seconds.values()))
-    bars = axes.barh(names[::-1], values[::-1], color=COLOURS["estimate"])
-    shown = [_duration(v) for v in values]
-    axes.bar_label(bars, shown[::-1], padding=4)
-    axes.set_xscale("log")
-    axes.set(xlabel="seconds per scan, 200 particles", xlim=(values.min() / 3, values.max() * 20))
-    axes.set_xticks([1e-3, 1e-2, 1e-1, 1, 10, 100], ["1 ms", "", "0.1 s", "", "10 s", ""])
-    words = ", ".join(f"{name} {text}" for name, text in zip(names, shown, strict=True))
-    return Picture(figure, f"Time to score one scan for 200 particles: {words}.")
-
-
-def _duration(seconds: float) -> str:
-    """Two or three digits with a unit that fits."""
-    number, unit = (seconds, "s") if seconds >= 1.0 else (1000.0 * seconds, "ms")
-    return f"{number:.0f} {unit}" if number >= 10.0 else f"{number:.1f} {unit}"
+def lattice_picture(particles: int = 9, seed: int = 5) -> Picture:
+    """Particles, the lattice nodes nearest to them, and the windows of two of them, all at one heading."""
+    cloud = np.random.default_rng(seed).normal(scale=0.05, size=(particles, 2))
+    step, side = LATTICE.step_xy, (2 * WINDOW.cells + 1) * LATTICE.step_xy
+    nodes = step * np.rint(cloud / step)
+    figure, axes = new_figure(5.1, 4.4)
+    axes.scatter(
+        *np.meshgrid(step * np.arange(-9, 10), step * np.arange(-9, 10)), s=7, color=COLOURS["unknown"]
+    )
+    for pair in zip(cloud, nodes, strict=True):
+        axes.plot(*np.array(pair).T, color=COLOURS["particles"], linewidth=1.2)
+    axes.scatter(*nodes.T, s=45, facecolors="none", edgecolors=COLOURS["highlight"], label="nearest node")
+    axes.scatter(*cloud.T, s=16, color=COLOURS["particles"], label="particle", zorder=3)
+    ends = nodes[[np.argmin(nodes.sum(axis=1)), np.argmax(nodes.sum(axis=1))]]
+    for node, style in zip(ends, ("-", "--"), strict=True):
+        look = {"fill": False, "edgecolor": COLOURS["highlight"], "linestyle": style, "linewidth": 1.5}
+        axes.add_patch(Rectangle(node - side / 2, side, side, **look))
+    axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", xlim=(-0.36, 0.36), ylim=(-0.36, 0.36))
+    axes.set(xticks=(-0.2, 0, 0.2), yticks=(-0.2, 0, 0.2))
+    axes.grid(False)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    shared = np.prod(side - np.abs(ends[1] - ends[0])) / side**2
+    alt = f"""Lattice nodes 5 cm apart, {particles} particles between them, each joined to its nearest node, and for the
+    two outermost particles a square that holds the 9 by 9 nodes of their window. The squares share
+    {100 * shared:.0f} % of their nodes."""
+    return Picture(figure, alt)
 
 
 # ---- an empty map
