@@ -172,6 +172,7 @@ def patches_picture(place: Place, chosen: tuple[int, ...] = (150, 300, 900)) -> 
         axes.imshow(patch, origin="lower", cmap="Greys" if patch is not total else "cividis", vmin=0)
         axes.set(xticks=(), yticks=(), title=name)
         axes.plot(4, 4, "+", color=COLOURS["highlight"], markersize=9, markeredgewidth=2)
+        axes.spines[:].set_visible(True)
         axes.grid(False)
     row[0].set_ylabel("9 × 9 cells")
     iy, ix = np.unravel_index(int(np.argmax(total)), total.shape)
