@@ -5,7 +5,6 @@ moment in ``MOMENTS``, and its first canvas is written beside its script as ``NA
 """
 
 import base64
-import json
 import shutil
 import sys
 from collections.abc import Iterator
@@ -31,15 +30,14 @@ def page(name: str, options: dict | None = None, theme: str = "light") -> str:
     folder = Path(str(lab.FOLDER)).as_uri()
     style = (Path(__file__).parents[1] / "_static" / "pfslam.css").as_uri()
     tags = "".join(f'<script defer src="{folder}/{script}"></script>' for script in lab.scripts(name))
-    options_json = json.dumps(options or {}).replace("'", "&#39;")
+    figure = lab.page_fragment(lab.Laboratory(name, name, "The stored picture.", options or {}))
     return f"""<!doctype html><html lang="en" data-theme="{theme}"><head><meta charset="utf-8"><title>{name}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <link rel="stylesheet" href="{style}"><link rel="stylesheet" href="{folder}/lab.css">
 <style>html {{--pst-color-primary: #0f57bd}} body {{max-width: 688px; margin: 0 auto; font: 16px sans-serif}}
 html[data-theme=dark] {{background: #121212; color: #eee; --pst-color-text-base: #eee; --pst-color-primary: #7db2f7}}
 </style></head>
-<body><main><h1>{name}</h1><figure class="pfslam-lab" data-lab="{name}" data-options='{options_json}'>
-<figcaption>{name}</figcaption></figure></main>{tags}</body></html>"""
+<body><main><h1>{name}</h1>{figure}</main>{tags}</body></html>"""
 
 
 @contextmanager

@@ -59,8 +59,8 @@ def show_lab(
 def page_fragment(lab: Laboratory) -> str:
     """The laboratory as HTML: the stored picture, until the page's scripts put the stage in its place."""
     options = html.escape(json.dumps(dict(lab.options), sort_keys=True), quote=True)
-    alt = html.escape(" ".join(lab.alt.split()))
-    still = base64.b64encode(FOLDER.joinpath(f"{lab.name}.webp").read_bytes()).decode("ascii")
+    alt, picture = html.escape(" ".join(lab.alt.split())), FOLDER.joinpath(f"{lab.name}.webp")
+    still = base64.b64encode(picture.read_bytes()).decode("ascii") if picture.is_file() else ""
     return f"""<figure class="pfslam-lab" data-lab="{lab.name}" data-options="{options}">
 <figcaption>{html.escape(lab.title)}</figcaption>
 <div class="pfslam-still">

@@ -155,6 +155,7 @@
       const points_w = core.transformPoints(this.estimate, this.points_b), {free} = this.settings;
       const sensor = core.transformPoints(this.estimate, LIDAR.position);
       this.grid = core.integrateScan(this.grid, points_w, sensor, {hit: HIT, free, clamp: CLAMP});
+      this.note({free});
     }
 
     /** Draw the particles anew by their weights: heavy ones several times, light ones never; then all weigh the same. */
@@ -209,14 +210,14 @@
   }
 
   lab("drive", stage => {
-    const wide = stage.small ? {noise: 1.6, sharpness: 3} : {};  // a cloud that is seen in a small picture
+    const wide = stage.small ? {noise: 1.3, sharpness: 4} : {};  // a cloud that is seen in a small picture
     const drive = new Drive({...wide, ...stage.options}, stage.host), shown = {truth: false, near: false};
     const plan = stage.plan({
       name: "Plan of the building with the map so far, the robot, its beams and the particles",
-      help: "Arrow keys drive while the picture has the focus; or tap a place, and the robot goes there.",
+      help: "Drive: tap a place, and the robot goes there; or use the arrow keys.",
       window: WHOLE,
     });
-    const words = stage.words(
+    stage.words(
       '<span class="pfslam-dot" style="background:var(--lab-particles)"></span> <b>Each blue dot is a guess</b> of where the ' +
       'robot is; the larger the dot, the better its view fits the walls. ' +
       '<span class="pfslam-dot" style="background:var(--lab-hits)"></span> where a beam ended. ' +
@@ -236,7 +237,7 @@
     stage.button({name: "Start again", key: "n", press: () => { drive.reset(); auto.checked = true; }});
     stage.check({name: "Show the truth", key: "t", change: value => { shown.truth = value; }});
     stage.check({name: "Look closely", key: "z", change: value => { shown.near = value; }});
-    const auto = stage.check({name: "Autopilot", key: "a", value: true, change: value => { drive.auto = value; }});
+    const auto = stage.small ? {} : stage.check({name: "Autopilot", key: "a", value: true, change: value => { drive.auto = value; }});
     const byHand = () => { drive.auto = auto.checked = false; };
     if (!stage.small) controls(stage, drive);
 
@@ -252,7 +253,7 @@
 
     return {
       state: drive,
-      words,
+      constants: {SPEC, LIDAR, EVERY, HIT, CLAMP, START},
       draw() {
         paint(plan, stage.colours, drive, shown);
         if (strip) paintStrip(strip, stage.colours, drive);

@@ -192,7 +192,8 @@
       return box;
     }
 
-    /** Start and Pause of a clock that ticks `hertz` times a second, and Step. Who asked for less motion only steps. */
+    /** Start and Pause of a clock that ticks `hertz` times a second, and Step; in small one of the two. Who asked for less
+     * motion steps. */
     clock({hertz, tick, step}) {
       const clock = {running: false, hertz, tick, due: 0, last: 0, speed: 1};
       const stepped = () => { clock.pause(); step(); this.redraw(); };
@@ -201,7 +202,7 @@
       clock.pause = () => { clock.running = false; write(); this.redraw(); };
       const button = calm() ? null : this.button({name: "Start", press: toggle});
       const write = () => { if (button) button.textContent = clock.running ? "Pause" : "Start"; };
-      const one = this.button({name: "Step", key: ".", press: stepped});
+      const one = button && this.small ? null : this.button({name: "Step", key: ".", press: stepped});
       (button || one).classList.add("pfslam-main");
       this.shortcuts[" "] = toggle;
       this.beat = clock;

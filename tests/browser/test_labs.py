@@ -1,0 +1,311 @@
+"""The laboratories: driven by mouse, finger and key, each story ends where the package says; for everybody; quiet."""
+
+import re
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from lab_stills import page as lab_page
+
+from pfslam.correlation import score_field
+from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
+from pfslam.particles import (
+    ControlNoise,
+    Particles,
+    effective_sample_size,
+    predict,
+    reweight,
+    systematic_resample,
+)
+from pfslam.poses import average_pose, transform_points
+from pfslam.sensors import LidarModel, scan_points
+from pfslam.teaching.show.lab import FOLDER
+from pfslam.teaching.show.style import COLOURS
+
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("laboratories")]
+
+AXE = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
+FINDINGS = """async () => (await axe.run(document, {preload: false})).violations.flatMap(
+  v => v.nodes.map(n => v.id + ': ' + n.html.slice(0, 160)))"""
+LABS = sorted(path.name[4:-3] for path in FOLDER.iterdir() if path.name.startswith("lab_"))
+LAB = "document.querySelector('figure.pfslam-lab').lab"
+READY = f"() => {LAB}?.stage.fitted"
+# Everything that the state holds, with typed arrays as lists.
+RECORD = f"""() => {{
+  const plain = value => ArrayBuffer.isView(value) ? Array.from(value) : value;
+  const each = event => Object.fromEntries(Object.entries(event).map(([name, value]) => [name, plain(value)]));
+  const {{state, constants}} = {LAB};
+  return {{trace: state.trace.map(each), poses: plain(state.poses), weights: plain(state.weights), nEff: state.nEff,
+           estimate: state.estimate, logOdds: plain(state.grid.logOdds), particles: state.settings.particles,
+           constants}};
+}}"""
+
+
+@pytest.fixture
+def open_lab(chromium, opener, tmp_path):
+    """Open one laboratory on a page of its own: ``open_lab("drive", {"small": True}, width=390)``."""
+    visits, contexts = [], []
+
+    def go(name: str, options=None, theme: str = "light", width: int = 1280, below: str = "", **context):
+        place = tmp_path / f"{name}-{len(visits)}.html"
+        place.write_text(
+            lab_page(name, options, theme).replace("</main>", below + "</main>"), encoding="utf-8"
+        )
+        contexts.append(chromium.new_context(viewport={"width": width, "height": 900}, **context))
+        visits.append(opener(contexts[-1], place.as_uri(), "file:///"))
+        visits[-1].page.wait_for_function(READY)
+        return visits[-1].page
+
+    yield go
+    for seen in visits:
+        assert seen.complaints + seen.strangers == []
+    for context in contexts:
+        context.close()
+
+
+class Handed:
+    """Random numbers that the browser has drawn, in the place of a generator."""
+
+    def __init__(self, *numbers):
+        self.numbers = list(numbers)
+
+    def standard_normal(self, n):
+        return np.array(self.numbers.pop(0)[:n])
+
+    def random(self):
+        return self.numbers.pop(0)
+
+
+class Replay:
+    """The filter of ``lab_drive.js``, from the package's functions, along the record of a drive."""
+
+    def __init__(self, constants: dict, particles: int):
+        spec, lidar = constants["SPEC"], constants["LIDAR"]
+        self.spec = GridSpec(tuple(spec["origin"]), spec["resolution"], tuple(spec["shape"]))
+        self.lidar = LidarModel(
+            angle_min=lidar["angleMin"],
+            angle_max=lidar["angleMax"],
+            beams=lidar["beams"],
+            range_min=lidar["rangeMin"],
+            range_max=lidar["rangeMax"],
+            position_b=(*lidar["position"], 0.0),
+        )
+        self.constants, self.grid = constants, OccupancyGrid.empty(self.spec)
+        self.cloud, self.estimate = Particles.at(constants["START"], particles), np.array(constants["START"])
+        self.points_b = np.zeros((0, 2))
+
+    def take(self, event: dict) -> None:
+        if "normals" in event:
+            n, noise = len(self.cloud), event["sigmas"]
+            dice = Handed(event["normals"][:n], event["normals"][n:])
+            noise = ControlNoise(noise["sigmaV"], noise["sigmaOmega"], noise["perRootSecond"])
+            self.cloud = predict(self.cloud, event["v"], event["omega"], event["dt"], noise, dice)
+            self.estimate = average_pose(self.cloud.poses, self.cloud.weights)
+        elif "ranges" in event:
+            self.ranges = np.array(event["ranges"])
+            self.points_b = scan_points(self.ranges, self.lidar)
+        elif "sharpness" in event:
+            self.score(event["sharpness"])
+        elif "u" in event:
+            ancestors = systematic_resample(self.cloud.weights, Handed(event["u"]))
+            self.cloud = Particles(self.cloud.poses[ancestors], np.zeros(len(self.cloud)))
+        elif "free" in event:
+            self.draw(event["free"])
+        elif "particles" in event:
+            chosen = np.arange(event["particles"]) % len(self.cloud)
+            self.cloud = Particles(self.cloud.poses[chosen], self.cloud.log_weights[chosen])
+
+    def score(self, sharpness: float) -> None:
+        few = self.points_b[:: self.constants["EVERY"]]
+        field, scores = score_field(self.grid.occupied, "distance"), []
+        for points_w in transform_points(self.cloud.poses, few):
+            cells = self.spec.world_to_cell(points_w)
+            ix, iy = cells[self.spec.contains(cells)].T
+            scores.append(field.values[iy, ix].sum())
+        self.cloud, _ = reweight(self.cloud, sharpness * np.array(scores) / (len(few) * field.top))
+        self.estimate = average_pose(self.cloud.poses, self.cloud.weights)
+
+    def draw(self, free: float) -> None:
+        config = MapConfig(
+            self.spec.resolution, self.constants["HIT"], free, self.constants["CLAMP"], rays="bresenham"
+        )
+        sensor = transform_points(self.estimate, np.array([self.lidar.position_b[:2]]))[0]
+        points_w = transform_points(self.estimate, self.points_b)
+        beams = np.flatnonzero(self.lidar.valid(self.ranges))
+        self.grid, _ = integrate_scan(self.grid, points_w, beams, sensor, config)
+
+
+def assert_the_package_agrees(page) -> dict:
+    """What the browser shows is what the package computes from the same moves and the same random numbers."""
+    found = page.evaluate(RECORD)
+    replay = Replay(found["constants"], 200)
+    for event in found["trace"]:
+        replay.take(event)
+    np.testing.assert_allclose(found["estimate"], replay.estimate, atol=1e-9)
+    np.testing.assert_allclose(np.reshape(found["poses"], (-1, 3)), replay.cloud.poses, atol=1e-9)
+    assert found["nEff"] == pytest.approx(effective_sample_size(replay.cloud.weights))
+    np.testing.assert_array_equal(found["logOdds"], replay.grid.log_odds.ravel())
+    assert len(replay.cloud) == found["particles"]
+    return found
+
+
+def moved(found: dict) -> float:
+    """How far the estimate is from the start (m)."""
+    return float(np.hypot(*np.subtract(found["estimate"], found["constants"]["START"])[:2]))
+
+
+def wait_for_ticks(page, ticks: int) -> None:
+    page.wait_for_function(f"ticks => {LAB}.state.ticks >= ticks", arg=ticks)
+
+
+def test_drive_by_mouse(open_lab):
+    page = open_lab("drive", {"trace": True})
+    page.get_by_role("button", name="Start", exact=True).click()
+    wait_for_ticks(page, 60)
+    box = page.locator(".pfslam-plan canvas").bounding_box()
+    page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])  # a place in the corridor
+    wait_for_ticks(page, 120)
+    particles = page.get_by_role("slider", name="Particles")
+    particles.scroll_into_view_if_needed()
+    slider = particles.bounding_box()
+    page.mouse.click(slider["x"] + 0.2 * slider["width"], slider["y"] + 0.5 * slider["height"])
+    wait_for_ticks(page, 160)
+    page.get_by_role("button", name="Pause").click()
+    found = assert_the_package_agrees(page)
+    assert found["particles"] > 300
+    assert moved(found) > 0.8
+    assert not page.get_by_label("Autopilot").is_checked(), "who taps drives"
+
+
+def test_drive_by_finger(open_lab):
+    page = open_lab("drive", {"trace": True}, width=390, has_touch=True, is_mobile=True)
+    page.get_by_role("button", name="Start", exact=True).tap()
+    wait_for_ticks(page, 30)
+    plan = page.locator(".pfslam-plan canvas")
+    box = plan.bounding_box()
+    plan.tap(position={"x": 0.4 * box["width"], "y": 0.5 * box["height"]})
+    wait_for_ticks(page, 110)
+    page.get_by_role("button", name="Pause").tap()
+    for name in ("Predict", "Score", "Score", "Resample"):
+        page.get_by_role("button", name=name).tap()
+    found = assert_the_package_agrees(page)
+    assert moved(found) > 0.6
+    assert found["nEff"] == pytest.approx(200)
+
+
+def test_drive_by_key(open_lab):
+    page = open_lab("drive", {"trace": True})
+    page.locator(".pfslam-plan").focus()
+    page.keyboard.down("ArrowUp")
+    page.keyboard.press("Space")
+    wait_for_ticks(page, 60)
+    page.keyboard.down("ArrowLeft")
+    wait_for_ticks(page, 90)
+    page.keyboard.up("ArrowLeft")
+    page.keyboard.press("Space")
+    assert not page.evaluate(f"{LAB}.stage.beat.running")
+    for key in "pss":
+        page.keyboard.press(key)
+    found = assert_the_package_agrees(page)
+    assert moved(found) > 0.4
+    assert found["estimate"][2] > 0.3, "it turned left"
+    assert found["nEff"] < 190
+    page.keyboard.up("ArrowUp")
+    page.keyboard.press("n")
+    again = page.evaluate(RECORD)
+    assert (again["trace"], again["estimate"]) == ([], again["constants"]["START"])
+
+
+def test_the_same_moves_have_the_same_end(open_lab):
+    def end(seed):
+        page = open_lab("drive", {"seed": seed})
+        page.evaluate(f"() => {{ for (let k = 0; k < 300; k++) {LAB}.state.tick(); }}")
+        return page.evaluate(RECORD)["poses"]
+
+    assert end(1) == end(1)
+    assert end(1) != end(2)
+
+
+def test_the_truth_the_thieves_and_the_walkers_are_seen(open_lab):
+    page = open_lab("drive")
+    page.evaluate(f"() => {{ for (let k = 0; k < 300; k++) {LAB}.state.tick(); }}")
+    pictures = [page.locator(".pfslam-plan canvas").evaluate("c => c.toDataURL()")]
+    for name in ("Show the truth", "People", "Slippery patch", "Look closely"):
+        page.get_by_label(name).check()
+        page.wait_for_timeout(50)
+        pictures.append(page.locator(".pfslam-plan canvas").evaluate("c => c.toDataURL()"))
+    assert len(set(pictures)) == len(pictures)
+    before = page.evaluate(f"{LAB}.state.truth")
+    page.get_by_role("button", name="Kidnap").click()
+    assert page.evaluate(f"{LAB}.state.truth") != before
+    page.wait_for_function("() => /off by/.test(document.querySelector('[role=status]').textContent)")
+
+
+@pytest.mark.parametrize("name", LABS)
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_it_is_for_everybody(open_lab, name, theme):
+    page = open_lab(name, theme=theme, width=390)
+    page.evaluate(AXE)
+    assert page.evaluate(FINDINGS) == []
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    for control in page.locator(".pfslam-lab :is(button, input[type=range], label:has(input))").all():
+        assert control.bounding_box()["height"] >= 40, control.text_content()
+    for target in page.locator(".pfslam-plan, .pfslam-lab :is(button, input)").all():
+        if target.is_visible() and target.is_enabled():
+            target.focus()
+            assert target.evaluate("e => e === document.activeElement")
+
+
+@pytest.mark.parametrize("name", LABS)
+def test_who_asked_for_less_motion_steps(open_lab, name):
+    page = open_lab(name, reduced_motion="reduce")
+    if page.evaluate(f"{LAB}.stage.beat === undefined"):
+        return  # nothing in it moves by itself
+    assert page.get_by_role("button", name="Start", exact=True).count() == 0
+    picture = "() => [...document.querySelectorAll('canvas')].map(c => c.toDataURL()).join()"
+    before = page.evaluate(picture)
+    page.get_by_role("button", name="Step").click()
+    page.wait_for_timeout(100)
+    after = page.evaluate(picture)
+    assert after != before
+    page.wait_for_timeout(200)
+    assert page.evaluate(picture) == after, "it moves on by itself"
+
+
+def test_out_of_view_it_rests(open_lab):
+    page = open_lab("drive", below="<div style='height: 3000px'></div><p>End</p>")
+    page.get_by_role("button", name="Start", exact=True).click()
+    wait_for_ticks(page, 10)
+    page.get_by_text("End", exact=True).scroll_into_view_if_needed()
+    page.wait_for_timeout(300)
+    ticks = page.evaluate(f"{LAB}.state.ticks")
+    page.wait_for_timeout(300)
+    assert page.evaluate(f"{LAB}.state.ticks") == ticks
+    page.locator(".pfslam-plan").scroll_into_view_if_needed()
+    wait_for_ticks(page, ticks + 10)
+
+
+@pytest.mark.parametrize("name", LABS)
+def test_paper_and_pages_without_script_show_the_stored_picture(chromium, open_lab, tmp_path, name):
+    page = open_lab(name)
+    still = page.locator(".pfslam-still img")
+    assert not still.is_visible()
+    page.emulate_media(media="print")
+    assert still.is_visible()
+    assert not page.locator(".pfslam-lab-body").is_visible()
+    place = tmp_path / "plain.html"
+    place.write_text(lab_page(name), encoding="utf-8")
+    context = chromium.new_context(java_script_enabled=False)
+    plain = context.new_page()
+    plain.goto(place.as_uri())
+    box = plain.locator(".pfslam-still img").bounding_box()
+    assert min(box["width"], box["height"]) > 100
+    context.close()
+
+
+def test_the_colours_are_those_of_the_figures():
+    css = FOLDER.joinpath("lab.css").read_text(encoding="utf-8")
+    light = dict(re.findall(r"--lab-(\w+): (#\w+)", css[: css.index("}")]))
+    for name in ("truth", "odometry", "estimate", "particles", "hits", "highlight"):
+        assert light[name] == COLOURS[name], name
+    assert light["clear"] == COLOURS["free"]
