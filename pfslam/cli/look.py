@@ -61,20 +61,21 @@ def describe(recording: Recording) -> str:
     )
     moves = "the odometry's poses" if recording.odometry is not None else "encoders and gyro"
     lines.append(f"motion: from {moves}")
-    lines.append(
-        "lidar: none, so there is dead reckoning only" if recording.lidar is None else _lidar(recording)
-    )
+    none = ["lidar: none, so there is dead reckoning only"]
+    lines += none if recording.lidar is None else _lidar(recording)
     lines += [f"note: {note}" for note in recording.notes]
     lines += [f"left out: {count} {reason}" for reason, count in recording.dropped.items()]
     return "\n".join(lines)
 
 
-def _lidar(recording: Recording) -> str:
+def _lidar(recording: Recording) -> list[str]:
     lidar = recording.robot.lidar
     low, high = np.degrees([lidar.angle_min, lidar.angle_max])
-    sweep = f"a sweep of {lidar.sweep:g} s" if lidar.sweep else "all beams at once"
-    place = ", ".join(f"{value:.3f}" for value in lidar.position_b)
-    return (
-        f"lidar: {lidar.beams} beams from {low:.1f} to {high:.1f} deg, {lidar.range_min:g} to {lidar.range_max:g} m, "
-        f"{sweep}, at ({place}) m; a run uses one scan in {recording.default_every}"
-    )
+    limits = f"{lidar.range_min:g} to {lidar.range_max:g} m"
+    x, y, z = lidar.position_b
+    return [
+        f"lidar: {lidar.beams} beams from {low:.1f} to {high:.1f} deg, {limits}",
+        f"place of the lidar: x {x:.3f}, y {y:.3f}, z {z:.3f} m",
+        f"sweep: {lidar.sweep:g} s from first beam to last" if lidar.sweep else "sweep: all beams at once",
+        f"scans that a run uses: one in {recording.default_every}",
+    ]

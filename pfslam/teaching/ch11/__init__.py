@@ -1,5 +1,6 @@
 """What the notebook of chapter 11 calls."""
 
+from pfslam.teaching.ch11.bag import record_bag
 from pfslam.teaching.ch11.checks import check_classify, check_increments, check_track
 from pfslam.teaching.ch11.robot import (
     calibration_table,
@@ -28,6 +29,7 @@ __all__ = [
     "lever_explorer",
     "map_picture",
     "path_picture",
+    "record_bag",
     "run_figure",
     "sharpest_lever",
     "show_source",
