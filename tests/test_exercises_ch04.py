@@ -4,10 +4,19 @@ import math
 
 import numpy as np
 import pytest
+from notebook_cells import check_nonsense_is_named
 
 from pfslam.correlation import map_correlation
 from pfslam.grid import GridSpec
 from pfslam.teaching import ch04
+
+CHECKS = [ch04.check_count_on_walls, ch04.check_choose, ch04.check_transform_test]
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_nonsense_is_named_and_never_raises(check):
+    check_nonsense_is_named(check, -7.0, 2)
+
 
 # ---- right answers: loops, lists, float32, the package, other containers, assertions
 

@@ -373,7 +373,7 @@ def _judgement(transform_works, transform) -> bool | Check:
         return answer
     if isinstance(answer, bool | np.bool_):
         return bool(answer)
-    if np.ndim(answer):
+    if isinstance(answer, np.ndarray | list | tuple):
         return hint(
             "One True or False is asked for; your test returns several. Join them with np.all or np.allclose."
         )
