@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from pfslam.errors import DataError
@@ -61,6 +62,14 @@ def coordinate(text: str) -> float:
     return value
 
 
+def number(text: str) -> int | float:
+    """Convert text to a number; whether it is in range is for the settings to say."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a number")
+
+
 SEED = whole(0, 2**63 - 1)
 
 
@@ -97,11 +106,24 @@ def build_parser() -> Parser:
 def _add_simulate(commands) -> None:
     what = "write a simulated data set in the course format, with its truth"
     command = _command(commands, "simulate", what)
-    command.add_argument("name", choices=("hall", "ramp"), help="hall is flat, ramp has slopes")
+    which = "hall is flat, ramp has slopes, ring has long corridors"
+    command.add_argument("name", choices=("hall", "ramp", "ring"), help=which)
     command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write to")
     command.add_argument("--seed", type=SEED, metavar="S", help="another building for each seed")
     images = "write every N-th image pair (default none)"
     command.add_argument("--images", type=whole(1, 10**6), metavar="N", help=images)
+    hazards = command.add_argument_group("what makes a drive hard")
+    people = "people who walk ahead of the robot, across its way and past it"
+    hazards.add_argument("--people", type=number, metavar="N", help=people)
+    sweep = "seconds from the first beam of a scan to the last, such as 0.025"
+    hazards.add_argument("--sweep", type=number, metavar="S", help=sweep)
+    for name, amount, what in (
+        ("doors", 4, "four doors open or close while the robot does not see them"),
+        ("glass", 0.1, "a tenth of the walls is glass"),
+        ("bumps", 8, "the floor tilts the robot by up to 3 degrees, eight times"),
+        ("slip", 3, "the wheels lock or spin three times"),
+    ):
+        hazards.add_argument(f"--{name}", action="store_const", const=amount, help=what)
 
 
 def _add_convert(commands) -> None:
@@ -137,6 +159,12 @@ def _command(commands, name: str, what: str) -> Parser:
 def _add_dataset(command: Parser, out: bool = True) -> None:
     what = "hall, ramp, a set's number, or the path of a ROS bag, an .npz recording, or a CARMEN log"
     command.add_argument("dataset", metavar="DATASET", help=what)
+
+
+def _add_dataset(command: Parser) -> None:
+    command.add_argument(
+        "dataset", metavar="DATASET", help="hall, ramp, ring, a set's number, or the path of a CARMEN log"
+    )
     command.add_argument(
         "--data", type=Path, metavar="DIR", help="folder of numbered sets (default $PFSLAM_DATA or data)"
     )

@@ -14,7 +14,7 @@ from pfslam.io.course import load_course, numbers_in
 from pfslam.io.recordings import load_recording
 from pfslam.recording import Recording, image_pairs
 
-BUILT_IN = ("hall", "ramp")
+BUILT_IN = ("hall", "ramp", "ring")
 IMAGE_EVERY = 8
 """The built-in sets offer every eighth pair of images, because each one has to be rendered."""
 
@@ -28,7 +28,7 @@ def load(
 ) -> Recording:
     """Load the recording that ``dataset`` names.
 
-    ``"hall"`` and ``"ramp"`` are the built-in simulated sets, with truth, and with every eighth pair of
+    ``"hall"``, ``"ramp"`` and ``"ring"`` are the built-in simulated sets, with truth, and with every eighth pair of
     images, rendered when it is read (``simulate`` gives all). A number is a set in the course format, whose
     files lie in ``data_dir`` (None: ``$PFSLAM_DATA``, else ``data/``). Anything else is a path: of a ROS bag, of an
     ``.npz`` file that ``save`` wrote, of a folder with one set in the course format, or of a CARMEN log. ``bag`` says

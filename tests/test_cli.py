@@ -16,12 +16,14 @@ from evo.core import metrics as evo_metrics
 from evo.core import sync
 from evo.tools import file_interface
 
+from pfslam import simulator
 from pfslam.__main__ import main
 from pfslam.cli import commands
 from pfslam.io import files
 from pfslam.io.course import load_course, save_course
 from pfslam.io.formats import read_map, read_tum, write_tum
 from pfslam.poses import Trajectory
+from pfslam.sensors import LidarModel
 
 CONTRACT_FILES = ["map.pgm", "map.yaml", "odometry.tum", "summary.json", "trajectory.tum"]
 
@@ -235,6 +237,38 @@ def test_simulate_writes_a_set_that_loads(tmp_path, monkeypatch):
     assert not (tmp_path / "cache").exists()  # only the built-in building is kept
 
 
+def test_simulate_puts_hazards_into_the_building(tmp_path, monkeypatch):
+    asked = {}
+
+    def simulate(name, seed, *, progress, hazards):
+        asked[name] = (seed, hazards)
+        few_beams = replace(simulator.HALL.robot, lidar=LidarModel(beams=31))
+        return simulator.simulate(replace(simulator.HALL, robot=few_beams), seed, hazards=hazards)
+
+    monkeypatch.setattr(commands, "simulate", simulate)
+    line = "simulate hall --people 1 --doors --glass --sweep 0.02 --bumps --slip --out"
+    assert main([*line.split(), str(tmp_path)]) == 0
+    assert asked == {"hall": (None, simulator.Hazards(1, 4, 0.1, 0.02, 8, 3))}
+    with np.load(tmp_path / "Hokuyo20.npz") as scans:
+        assert scans["sweep"] == 0.02
+    assert load_course(20, tmp_path).robot.lidar.sweep == 0.02
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "expected"),
+    [
+        ("--people", "-1", "found -1, expected a whole number from 0 to 1000"),
+        ("--people", "2.5", "found 2.5, expected a whole number from 0 to 1000"),
+        ("--sweep", "3", "found 3, expected a number from 0 to 1"),
+        ("--sweep", "nan", "found nan, expected a number from 0 to 1"),
+    ],
+)
+def test_a_hazard_out_of_range_is_named_as_it_was_typed(option, value, expected, tmp_path, capsys):
+    assert main(["simulate", "hall", option, value, "--out", str(tmp_path / "d")]) == 2
+    assert capsys.readouterr().err == f"pfslam: simulate: {option}: {expected}\n"
+    assert not (tmp_path / "d").exists()
+
+
 def test_report_saves_the_figures_it_is_given(tmp_path, data, monkeypatch):
     pyplot = pytest.importorskip("matplotlib.figure")
     asked = {}
@@ -292,6 +326,9 @@ BAD_LINES = [
     ["simulate", "attic", "--out", "x"],
     ["simulate", "hall", "--out", "DATA/Imu7.npz"],
     ["simulate", "hall", "--out", "x", "--images", "0"],
+    ["simulate", "hall", "--out", "x", "--people", "many"],
+    ["simulate", "hall", "--out", "x", "--people"],
+    ["simulate", "hall", "--out", "x", "--doors", "4"],
     ["report", "nowhere"],
     ["study"],
 ]

@@ -69,7 +69,7 @@ def test_a_path_is_a_carmen_log(tmp_path):
     "dataset", ["", ".", "attic", "no/such.log", "x" * 5000, "a\0b", "-1", "2.5", "²", None]
 )
 def test_anything_else_is_answered_with_what_is_accepted(dataset):
-    with pytest.raises(DataError, match="hall, ramp, the number of a set"):
+    with pytest.raises(DataError, match="hall, ramp, ring, the number of a set"):
         load(dataset)
 
 

@@ -262,7 +262,7 @@ BAD = {
     '[common]\nmethod = "magic"': "method: found 'magic', expected one of report",
     "[common]\nmethod = 'report'\n'polish.rho' = 0.1": "polish.rho: found is off",
     "[common]\n'noise.sigma_v' = 0.1": "key: found 'noise.sigma_v', expected a field of MotionNoise",
-    "[common]\ndataset = '7'\n'simulator.seed' = 1": "hall or ramp",
+    "[common]\ndataset = '7'\n'simulator.seed' = 1": "hall, ramp or ring",
     "[common]\nseed = { count = 5000 }\nparticles = [1, 2, 3]\n'map.free' = ["
     + "0.1, " * 99
     + "]": "at most 1000000",

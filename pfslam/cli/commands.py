@@ -33,8 +33,8 @@ from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.runs import SlamResult, run_slam
-from pfslam.settings import changed, plain
-from pfslam.simulator import simulate
+from pfslam.settings import changed, plain, type_hints
+from pfslam.simulator import Hazards, simulate
 from pfslam.simulator.cache import cached_simulation
 from pfslam.study import read_study, run_study
 from pfslam.study.table import read_table
@@ -72,13 +72,15 @@ class Stopwatch:
 
 
 def simulate_command(arguments: argparse.Namespace) -> None:
-    """Write ``hall`` as set 20 or ``ramp`` as set 21, with truth and, if asked for, images."""
+    """Write ``hall`` as set 20, ``ramp`` as 21 or ``ring`` as 95, with truth and, if asked for, images."""
+    chosen = {name: getattr(arguments, name) for name in type_hints(Hazards)}
+    hazards = changed(Hazards(), {k: v for k, v in chosen.items() if v is not None}, "simulate", "--")
     check_writable(arguments.out)
     bar = progress_bar("simulating")
-    if arguments.seed is None:
+    if arguments.seed is None and hazards == Hazards():
         simulation = cached_simulation(arguments.name, bar)
     else:
-        simulation = simulate(arguments.name, arguments.seed, progress=bar)
+        simulation = simulate(arguments.name, arguments.seed, progress=bar, hazards=hazards)
     number = simulation.config.number
     extras = {name: getattr(simulation, name) for name in ("z", "pitch", "roll")}
     bar = progress_bar("images")

@@ -1,14 +1,15 @@
 """A simulated building, robot and drive with exact truth.
 
 ``simulate("hall")`` stands for the report's data set 20 and ``simulate("ramp")`` for set 21: the same building with
-slopes on its floor. Another seed gives another building. Everything comes from one seed, through independent streams of
-random numbers, so that the same call gives the same numbers on any machine and any number of cores.
+slopes on its floor. ``simulate("ring")`` is a drive round four long corridors. Another seed gives another building, and
+``Hazards`` put people, glass and more into it. Everything comes from one seed, through independent streams of random
+numbers, so that the same call gives the same numbers on any machine and any number of cores.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,11 +18,24 @@ from pfslam.grid import GridSpec
 from pfslam.io.files import MAX_FIELD_BYTES
 from pfslam.poses import Trajectory
 from pfslam.recording import LidarScans, Recording, RgbdStream
+from pfslam.settings import changed
 from pfslam.simulator.camera import CameraRenderer
 from pfslam.simulator.clocks import LIDAR_CLOCK, START_OF_TIME, camera_stamps, ticks_and_stamps, unix
-from pfslam.simulator.config import HALL, PRESETS, RAMP, GyroModel, SimulatorConfig, SlipModel, Timing
+from pfslam.simulator.config import (
+    HALL,
+    PRESETS,
+    RAMP,
+    RING,
+    GyroModel,
+    Hazards,
+    RingPlan,
+    SimulatorConfig,
+    SlipModel,
+    Timing,
+)
 from pfslam.simulator.drive import Drive, drive_path
-from pfslam.simulator.lidar import measured, true_ranges
+from pfslam.simulator.hazards import add_hazards
+from pfslam.simulator.lidar import measured, seen_through, true_ranges
 from pfslam.simulator.odometry import encoder_counts, imu_samples
 from pfslam.simulator.world import World, make_world
 
@@ -31,8 +45,11 @@ __all__ = [
     "HALL",
     "PRESETS",
     "RAMP",
+    "RING",
     "Drive",
     "GyroModel",
+    "Hazards",
+    "RingPlan",
     "Simulation",
     "SimulatorConfig",
     "SlipModel",
@@ -78,31 +95,35 @@ def simulate(
     seed: int | None = None,
     ranges: np.ndarray | None = None,
     progress: Callable | None = None,
+    *,
+    hazards: Hazards | None = None,
 ) -> Simulation:
     """Simulate one drive.
 
-    ``what`` is "hall", "ramp" or a configuration; ``seed=None`` is the built-in building. Casting the scans takes most
-    of the time: ``ranges (K, beams)`` of an earlier call with the same arguments may be given back instead, and
-    ``progress`` wraps the casting, as tqdm does.
+    ``what`` is "hall", "ramp", "ring" or a configuration; ``seed=None`` is the built-in building. ``hazards`` take the
+    place of the configuration's own. Casting the scans takes most of the time: ``ranges (K, beams)`` of an earlier call
+    with the same arguments may be given back instead, and ``progress`` wraps the casting, as tqdm does.
+
+    >>> from pfslam.simulator import Hazards, simulate
+    >>> len(simulate("hall", seed=7, hazards=Hazards(people=6)).world.people)
+    6
     """
-    config = _configuration(what)
+    config = _configuration(what, hazards)
     seed = DEFAULT_SEED if seed is None else _whole(seed)
     # The building depends on the seed alone: hall and ramp of one seed are drives through the same building.
     world = make_world(config, np.random.SeedSequence(seed))
-    streams = np.random.SeedSequence([seed, config.number]).spawn(6)
-    drive_rng, wheels, imu, scan_clock, scans = (np.random.default_rng(s) for s in streams[:5])
-    drive = drive_path(world.path, world.slopes, config, drive_rng)
+    streams = np.random.SeedSequence([seed, config.number]).spawn(12)
+    drive_rng, wheels, imu, scan_clock, scans, _, bumps, slips, *life = map(np.random.default_rng, streams)
+    drive = drive_path(world.path, world.slopes, config, drive_rng, bumps)
+    world = add_hazards(world, drive, config, *life[:3])
     stamps = unix(_scan_times(config, drive, scan_clock), config.quantised)
-    if ranges is None:
-        ranges = _cast(config, world, drive, stamps, scans, progress)
-    truth = drive.at(stamps - START_OF_TIME)
-    # Micrometres are exact enough, and the last bits, which differ between processors, stay out of the files.
-    poses, z, pitch, roll = (np.round(values, 6) for values in truth) if config.quantised else truth
+    ranges = _cast(config, world, drive, stamps, scans, life[3], progress) if ranges is None else ranges
+    poses, z, pitch, roll = _truth(config, drive, stamps)
     renderer = _camera(config, world, drive, streams[5])
     recording = Recording(
         name=config.name,
         robot=config.robot,
-        encoders=encoder_counts(drive, config, wheels),
+        encoders=encoder_counts(drive, config, wheels, slips),
         imu=imu_samples(drive, config, imu),
         lidar=LidarScans(stamps, ranges),
         camera=_stream(renderer, config),
@@ -111,24 +132,43 @@ def simulate(
     return Simulation(recording, config, seed, world, drive, z, pitch, roll, renderer)
 
 
+def _truth(config: SimulatorConfig, drive: Drive, stamps: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Poses ``(K, 3)``, z, pitch and roll ``(K,)`` at the stamps."""
+    truth = drive.at(stamps - START_OF_TIME)
+    # Micrometres are exact enough, and the last bits, which differ between processors, stay out of the files.
+    return tuple(np.round(values, 6) for values in truth) if config.quantised else truth
+
+
 def _cast(
-    config: SimulatorConfig, world: World, drive: Drive, stamps: np.ndarray, rng, progress: Callable | None
+    config: SimulatorConfig,
+    world: World,
+    drive: Drive,
+    stamps: np.ndarray,
+    rng,
+    glass,
+    progress: Callable | None,
 ) -> np.ndarray:
-    """Cast all scans: ranges ``(K, beams)`` float32 as the LiDAR reports them."""
+    """Cast all scans: ranges ``(K, beams)`` float32 as the LiDAR reports them; glass has a generator of its own."""
     lidar = config.robot.lidar
     if 4 * len(stamps) * lidar.beams > MAX_FIELD_BYTES:
         expected = f"at most {MAX_FIELD_BYTES / 2**30:.0f} GiB of ranges"
         raise DataError("simulate", "scans, beams", (len(stamps), lidar.beams), expected)
-    exact = true_ranges(world, drive, lidar, stamps - START_OF_TIME, config.scan_time, progress)
-    return measured(exact, config, rng)
+    t = stamps - START_OF_TIME
+    exact = true_ranges(world, drive, lidar, t, progress)
+    ranges = measured(exact, config, rng)
+    if len(world.glass):
+        panes = true_ranges(world.panes, drive, lidar, t, only_walls=True)
+        ranges = seen_through(ranges, panes < exact + 1e-6, lidar.range_max, glass)
+    return ranges
 
 
-def _configuration(what: str | SimulatorConfig) -> SimulatorConfig:
-    if isinstance(what, SimulatorConfig):
-        return what
-    if what not in PRESETS:
-        raise DataError("simulate", "name", repr(what), f"one of {', '.join(PRESETS)}")
-    return PRESETS[what]
+def _configuration(what: str | SimulatorConfig, hazards: Hazards | None) -> SimulatorConfig:
+    if not isinstance(what, SimulatorConfig):
+        if what not in PRESETS:
+            raise DataError("simulate", "name", repr(what), f"one of {', '.join(PRESETS)}")
+        what = PRESETS[what]
+    config = what if hazards is None else replace(what, hazards=hazards)
+    return changed(config, {"robot.lidar.sweep": config.hazards.sweep}) if config.hazards.sweep else config
 
 
 def _whole(seed) -> int:

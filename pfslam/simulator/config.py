@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from math import radians
 from typing import Annotated, Literal
 
 from pfslam.errors import DataError
-from pfslam.sensors import RobotModel
+from pfslam.sensors import EncoderModel, LidarModel, RobotModel
 from pfslam.settings import Range, Settings
 
 Share = Annotated[float, Range(0.0, 1.0)]
@@ -66,17 +67,49 @@ class Timing(Settings):
 
 
 @dataclass(frozen=True)
+class Hazards(Settings):
+    """What makes a drive hard: all of it is off unless asked for, and each has random numbers of its own."""
+
+    people: Annotated[int, Range(0, 1000)] = 0
+    """People, each of whom meets the robot once: the first walks ahead of it, the others cross its way or pass it."""
+    doors: Annotated[int, Range(0, 1000)] = 0
+    """Doors, across the deepest side alcoves, that open or close whenever the robot is where it cannot see them."""
+    glass: Share = 0.0
+    """Share of the walls' length that is glass, where half of the beams return nothing and half ``range_max``."""
+    sweep: Annotated[float, Range(0.0, 1.0)] = 0.0
+    """Time (s) from the first beam of a scan to the last, about 0.025 for a real scanner; 0 is the robot's own."""
+    bumps: Annotated[int, Range(0, 1000)] = 0
+    """Stretches of a few seconds on which the floor pitches or rolls the robot by 1.5 to 3 degrees."""
+    slip: Annotated[int, Range(0, 1000)] = 0
+    """Moments at which all wheels lock, or spin at twice their speed."""
+
+
+@dataclass(frozen=True)
+class RingPlan(Settings):
+    """Measures of the layout "ring"."""
+
+    length: Annotated[float, Range(10.0, 500.0)] = 60.0
+    """From outer wall to outer wall (m)."""
+    width: Annotated[float, Range(10.0, 500.0)] = 40.0
+    corridor: Annotated[float, Range(1.6, 4.0)] = 2.0
+    """Width of the four corridors (m)."""
+    framed: Annotated[int, Range(0, 4)] = 3
+    """How many corridors have door frames, no more than 20 cm deep; the rest are bare."""
+
+
+@dataclass(frozen=True)
 class SimulatorConfig(Settings):
     """One simulated drive.
 
-    ``layout``: "arms" (two corridors at a right angle and a cluttered room), "loop" (a ring of corridors),
-    "symmetric" (a ring that looks the same after half a turn), "corridor" (20 m along a bare corridor whose
-    ends are out of range).
+    ``layout``: "arms" (two corridors at a right angle and a cluttered room), "loop" (a small ring of corridors),
+    "symmetric" (one that looks the same after half a turn), "ring" (a large one with shallow door frames,
+    measured by ``ring``), "corridor" (20 m along a bare corridor whose ends are out of range).
     """
 
     name: str = "hall"
     number: Annotated[int, Range(0, 10**9)] = 20
-    layout: Literal["arms", "loop", "symmetric", "corridor"] = "arms"
+    layout: Literal["arms", "loop", "symmetric", "ring", "corridor"] = "arms"
+    ring: RingPlan = field(default_factory=RingPlan)
     laps: Annotated[int, Range(1, 1000)] = 1
     """How often the route is driven, one lap after the other (not for "corridor")."""
     path_length: Annotated[float, Range(1.0, 1e5)] = 95.2
@@ -95,15 +128,10 @@ class SimulatorConfig(Settings):
     invalid_share: Share = 0.004
     """Share of the beams that return nothing."""
     random_share: Share = 0.0
-    """Share of the beams that return any range between 0.1 m and 30 m."""
-    scan_time: Annotated[float, Range(0.0, 10.0)] = 0.0
-    """Time from the first beam to the last (s); 0.025 for a real scanner, which then smears while turning."""
+    """Share of the beams that return any range between 0.1 m and the scanner's largest."""
     dropouts: tuple[tuple[float, float], ...] = ()
     """Intervals (from, to), seconds after the first stamp, in which no scan arrives."""
-    people: Annotated[int, Range(0, 1000)] = 0
-    """Pedestrians, who walk to and fro along the corridors."""
-    moving_doors: Annotated[int, Range(0, 1000)] = 0
-    """Doors across side alcoves that open and close during the drive."""
+    hazards: Hazards = field(default_factory=Hazards)
     disparity_noise: Annotated[float, Range(0.0, 1000.0)] = 0.5
     """Standard deviation of a disparity before rounding (counts)."""
     depth_limits: tuple[Depth, Depth] = (0.5, 9.0)
@@ -134,6 +162,7 @@ class SimulatorConfig(Settings):
             random_share=0.0,
             disparity_noise=0.0,
             missing_disparity=0.0,
+            hazards=replace(self.hazards, slip=0),
         )
 
 
@@ -150,4 +179,13 @@ RAMP = SimulatorConfig(
         bias=(0.0015, 0.0037, 0.0003), warm_up=-0.0020, acceleration_bias_g=(-0.005, -0.006, 0.008)
     ),
 )
-PRESETS = {"hall": HALL, "ramp": RAMP}
+RING = SimulatorConfig(
+    name="ring",
+    number=95,
+    layout="ring",
+    robot=RobotModel(lidar=LidarModel(range_max=20.0)),
+    slip=SlipModel(true_metres_per_count=EncoderModel().metres_per_count / 1.02, straight=0.0),
+    gyro=GyroModel(bias=(0.0039, 0.0051, radians(0.1)), scale=1.0),
+)
+"""Long corridors, a scanner that does not see their ends, wheels that count 2 % too much, and a gyro that drifts."""
+PRESETS = {"hall": HALL, "ramp": RAMP, "ring": RING}

@@ -13,14 +13,16 @@ import numpy as np
 from pfslam.errors import DataError
 from pfslam.motion import Controls, integrate, motion_model_arc
 from pfslam.poses import Trajectory, compose, wrap_angle
-from pfslam.simulator.config import SimulatorConfig
-from pfslam.simulator.ground import Slope, stance
+from pfslam.simulator.config import SimulatorConfig, Timing
+from pfslam.simulator.ground import WHEELBASE, Slope, stance
 
 TIME_STEP = 0.002  # s
 SPACE_STEP = 0.02  # m
 ROUNDING = 0.33  # m
 ACCELERATION = 0.55  # m/s^2
 MAX_HOURS = 12
+BUMP_DEG = (1.5, 3.0)  # how far a bump tilts the robot
+BUMP_LASTS, BUMP_RISE = (1.0, 4.0), 0.3  # in all, and for coming up or down (s)
 LEAD = 6.0  # the robot also stands still this long before the first stamp and after the last (s)
 
 
@@ -79,11 +81,16 @@ def start_pose(path: np.ndarray) -> np.ndarray:
 
 
 def drive_path(
-    path_p: np.ndarray, slopes: tuple[Slope, ...], config: SimulatorConfig, rng: np.random.Generator
+    path_p: np.ndarray,
+    slopes: tuple[Slope, ...],
+    config: SimulatorConfig,
+    rng: np.random.Generator,
+    bumps: np.random.Generator,
 ) -> Drive:
     """Drive along a path of the plan frame, standing still before and after.
 
-    Heights come from the plan's ``slopes``. The world frame is the pose at the start, so the first pose is (0, 0, 0).
+    Heights come from the plan's ``slopes`` and, if the configuration has any, from bumps with random numbers of
+    their own. The world frame is the pose at the start, so the first pose is (0, 0, 0).
     """
     s, heading, curvature = _geometry(path_p)
     speed = _speed_limit(s, curvature, config, rng)
@@ -92,6 +99,8 @@ def drive_path(
     controls = Controls(t, np.diff(travelled) / TIME_STEP, np.diff(heading_at) / TIME_STEP)
     poses = integrate(controls, model=motion_model_arc).poses
     z, pitch, roll = stance(slopes, compose(start_pose(path_p), poses))
+    for begin, end in episodes(config.hazards.bumps, BUMP_LASTS, duration, config.timing, bumps):
+        z, pitch, roll = _leaning(t, begin, end, bumps) + [z, pitch, roll]
     rise = np.concatenate([[0.0], np.diff(z)])
     step = np.hypot(np.concatenate([[0.0], np.diff(travelled)]), rise)
     return Drive(t, poses, z, pitch, roll, np.cumsum(step), duration)
@@ -137,6 +146,30 @@ def _in_time(s, heading, speed, config: SimulatorConfig) -> tuple[np.ndarray, np
         np.pad(np.interp(t, arrival, s), reach, mode="edge"), bell / bell.sum(), mode="valid"
     )
     return travelled, np.interp(travelled, s, heading), duration
+
+
+def episodes(
+    count: int, lasting: tuple[float, float], duration: float, timing: Timing, rng: np.random.Generator
+) -> np.ndarray:
+    """Draw ``count`` intervals (from, to) ``(count, 2)`` s, spread over the time in which the robot drives.
+
+    Each lasts between the two times of ``lasting``, or less where so many would overlap.
+    """
+    begin, end = timing.still_start, duration - timing.still_end
+    slots = np.linspace(begin, end, count + 1)
+    share = (end - begin) / max(count, 1)
+    lasts = np.minimum(rng.uniform(*lasting, count), 0.8 * share)
+    start = slots[:-1] + rng.uniform(0.0, 1.0, count) * (share - lasts)
+    return np.column_stack([start, start + lasts])
+
+
+def _leaning(t: np.ndarray, begin: float, end: float, rng: np.random.Generator) -> np.ndarray:
+    """Draw what a bump adds to z, pitch and roll ``(3, K)``: the wheels of one end or side stand higher for a while."""
+    tilt = rng.choice([-1.0, 1.0]) * np.deg2rad(rng.uniform(*BUMP_DEG))
+    up = np.clip(np.minimum(t - begin, end - t) / min(BUMP_RISE, 0.5 * (end - begin)), 0.0, 1.0)
+    angle = tilt * up**2 * (3.0 - 2.0 * up)
+    pitch, roll = rng.permutation([angle, np.zeros_like(angle)])
+    return np.array([0.5 * WHEELBASE * np.sin(np.abs(angle)), pitch, roll])
 
 
 def turned(drive: Drive) -> np.ndarray:

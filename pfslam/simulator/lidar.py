@@ -1,7 +1,8 @@
 """The LiDAR: exact intersections of beams with walls, people and sloping ground, many scans at a time.
 
 A wall covers a contiguous run of beams. Each wall is intersected only with the beams of its run, which is about twenty
-times less work than intersecting every beam with every wall.
+times less work than intersecting every beam with every wall. Where a scanner sweeps, each beam starts from where the
+robot is at that beam's own time.
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ from pfslam.sensors import LidarModel
 from pfslam.simulator.config import SimulatorConfig
 from pfslam.simulator.drive import Drive
 from pfslam.simulator.ground import ground_distance, rotations
-from pfslam.simulator.world import World
+from pfslam.simulator.world import World, cross
 
 CHUNK = 96  # scans at a time: what they need fits into the processor's cache
 TOO_FAR = 60.0  # what a beam shows that met nothing (m)
-SWEEP_PARTS = 23  # a smeared scan is this many short scans of 47 beams
+SWEEP_CHUNK = 1000  # sweeping scans at a time, in parts of at most so many beams and so many seconds,
+PART_BEAMS, PART_TIME = 47, 0.004
+STRAY = float(np.deg2rad(2.0))  # in which the bearing of a wall changes by less than this
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,36 +47,50 @@ def sensor_at(world: World, drive: Drive, t: np.ndarray, position_b) -> Sensor:
     return Sensor(t, np.column_stack([poses_p[:, :2], z]) + rotation @ np.asarray(position_b), rotation)
 
 
-def cast(world: World, sensor: Sensor, angles: np.ndarray, progress: Callable | None = None) -> np.ndarray:
+def cast(
+    world: World, sensor: Sensor, angles, progress: Callable | None = None, only_walls: bool = False
+) -> np.ndarray:
     """Cast beams at ``angles (B,)`` (evenly spaced, rad): true ranges ``(S, B)`` in metres, infinity for no hit."""
-    ranges = np.empty((len(sensor.t), len(angles)))
+    ranges = np.full((len(sensor.t), len(angles)), np.inf)
+    beams = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
     for first in (progress or iter)(range(0, len(sensor.t), CHUNK)):
         part = slice(first, first + CHUNK)
-        ranges[part] = _cast_chunk(world, sensor.rows(part), angles)
+        here = sensor.rows(part)
+        _meet_walls(ranges[part], world, here, angles)
+        if not only_walls:
+            direction = np.swapaxes(here.rotation @ beams, 1, 2)
+            _meet_the_rest(ranges[part], world, here.t[:, None], here.origin[:, None], direction)
     return ranges
 
 
-def _cast_chunk(world: World, sensor: Sensor, angles: np.ndarray) -> np.ndarray:
-    ranges = np.full((len(sensor.t), len(angles)), np.inf)
-    # Seen from above, beam a points along M (cos a, sin a); on level ground M (S, 2, 2) is a rotation.
-    M = sensor.rotation[:, :2, :2]
-    _meet_walls(ranges, world, sensor, M, angles)
-    for person in world.people:
-        _meet_disc(ranges, person.at(sensor.t) - sensor.origin[:, :2], person.radius, M, angles)
-    if world.slopes:
-        _meet_ground(ranges, world, sensor, angles)
-    return ranges
-
-
-def _meet_walls(ranges: np.ndarray, world: World, sensor: Sensor, M: np.ndarray, angles: np.ndarray) -> None:
+def _meet_walls(ranges: np.ndarray, world: World, sensor: Sensor, angles: np.ndarray) -> None:
     """Shorten ``ranges (S, B)`` to the nearest vertical wall."""
+    scan, wall, run, beam = _beams_on_walls(world, sensor, angles)
+    # Cramer's rule for origin + t M (cos, sin) = begin + s edge; what does not depend on the beam is factored out.
+    M, begin = sensor.rotation[:, :2, :2], world.walls[wall, 0] - sensor.origin[scan, :2]
+    edge = (world.walls[:, 1] - world.walls[:, 0])[wall]
+    across = M[scan, 0] * edge[:, 1, None] - M[scan, 1] * edge[:, 0, None]
+    scaled = across / cross(begin, edge)[:, None]
+    t = 1.0 / (scaled[run, 0] * np.cos(angles)[beam] + scaled[run, 1] * np.sin(angles)[beam])
+    t[~(t > 0.0)] = np.inf
+    np.minimum.at(ranges.reshape(-1), (scan * len(angles))[run] + beam, t)
+
+
+def _beams_on_walls(
+    world: World, sensor: Sensor, angles: np.ndarray, stray: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """List runs of beams that lie between the ends of a wall, or at most ``stray`` (rad) beside them.
+
+    Returns ``scan (R,)`` and ``wall (R,)`` of each run, and ``run (P,)`` and ``beam (P,)`` of each beam in one.
+    """
     step = angles[1] - angles[0]
     begin = world.walls[None, :, 0] - sensor.origin[:, None, :2]  # (S, W, 2), from the sensor
     edge = world.walls[:, 1] - world.walls[:, 0]
-    facing = begin[..., 0] * edge[:, 1] - begin[..., 1] * edge[:, 0]  # twice the triangle sensor, begin, end
+    facing = cross(begin, edge)  # twice the triangle sensor, begin, end
     there = (world.closed[:, 0] <= sensor.t[:, None]) & (sensor.t[:, None] <= world.closed[:, 1])
     scan, wall = np.nonzero((np.abs(facing) > 1e-9) & there)
-    inverse = np.linalg.inv(M)
+    # Seen from above, beam a points along M (cos a, sin a); on level ground M (S, 2, 2) is a rotation.
+    inverse = np.linalg.inv(sensor.rotation[:, :2, :2])
     ends = np.stack([begin, begin + edge], axis=2)[scan, wall]  # (P, 2, 2)
     local = np.einsum("pij,pkj->pki", inverse[scan], ends)
     bearing = np.arctan2(local[..., 1], local[..., 0])
@@ -82,43 +99,67 @@ def _meet_walls(ranges: np.ndarray, world: World, sensor: Sensor, M: np.ndarray,
     high = low + np.abs(width)
     # A wall behind the sensor straddles +-pi: it is tried a second time, one turn lower.
     scan, wall = np.tile(scan, 2), np.tile(wall, 2)
-    low, high = np.concatenate([low, low - 2.0 * np.pi]), np.concatenate([high, high - 2.0 * np.pi])
+    low = np.concatenate([low, low - 2.0 * np.pi]) - stray
+    high = np.concatenate([high, high - 2.0 * np.pi]) + stray
     first = np.clip(np.ceil((low - angles[0]) / step), 0, len(angles)).astype(np.intp)
     count = np.clip(np.floor((high - angles[0]) / step) + 1, 0, len(angles)).astype(np.intp) - first
     met = count > 0
     scan, wall, first, count = scan[met], wall[met], first[met], count[met]
-    pair = np.repeat(np.arange(len(scan)), count)
-    beam = np.arange(len(pair)) + np.repeat(first - np.cumsum(count) + count, count)
-    # Cramer's rule for origin + t M (cos, sin) = begin + s edge; what does not depend on the beam is factored out.
-    across = M[scan, 0] * edge[wall, 1, None] - M[scan, 1] * edge[wall, 0, None]
-    scaled = across / facing[scan, wall][:, None]
-    t = 1.0 / (scaled[pair, 0] * np.cos(angles)[beam] + scaled[pair, 1] * np.sin(angles)[beam])
-    t[~(t > 0.0)] = np.inf
-    np.minimum.at(ranges.reshape(-1), (scan * len(angles))[pair] + beam, t)
+    run = np.repeat(np.arange(len(scan)), count)
+    beam = np.arange(len(run)) + np.repeat(first - np.cumsum(count) + count, count)
+    return scan, wall, run, beam
 
 
-def _meet_disc(
-    ranges: np.ndarray, centre: np.ndarray, radius: float, M: np.ndarray, angles: np.ndarray
-) -> None:
-    """Shorten ``ranges (S, B)`` to a vertical cylinder at ``centre (S, 2)`` from the sensor."""
-    direction = np.einsum("sij,jb->sbi", M, np.stack([np.cos(angles), np.sin(angles)]))
-    a = (direction**2).sum(axis=-1)
-    b = np.einsum("sbi,si->sb", direction, centre)
-    inside = b**2 - a * ((centre**2).sum(axis=-1) - radius**2)[:, None]
+def _meet_the_rest(ranges: np.ndarray, world: World, t: np.ndarray, origin, direction: np.ndarray) -> None:
+    """Shorten ``ranges (S, B)`` to people and ground, along rays from ``origin`` in ``direction (S, B, 3)``.
+
+    Times ``t (S, n)`` and origins ``(S, n, 3)`` are one for each scan or one for each beam. The ground is the plane
+    z = 0 and the faces of the humps.
+    """
+    for person in world.people:
+        centre = person.at(t.ravel()).reshape(*t.shape, 2) - origin[..., :2]
+        near = np.flatnonzero(np.isfinite(centre[..., 0]).any(axis=1))
+        met = _disc_distance(centre[near], person.radius, direction[near, :, :2])
+        ranges[near] = np.minimum(ranges[near], met)
+    tilted = np.flatnonzero(np.abs(direction[..., 2]).max(axis=1) > 1e-9)
+    if len(tilted):  # a level plane 0.51 m up passes above every hump
+        nearest = ground_distance(world.slopes, origin[tilted], direction[tilted])
+        ranges[tilted] = np.minimum(ranges[tilted], nearest)
+
+
+def _disc_distance(centre: np.ndarray, radius: float, direction: np.ndarray) -> np.ndarray:
+    """Find t ``(S, B)`` at which rays along ``direction (S, B, 2)`` meet a disc; infinity if never.
+
+    Its ``centre (S, n, 2)`` is seen from the rays' origin; NaN is nowhere.
+    """
+    a, b = (direction**2).sum(axis=-1), (direction * centre).sum(axis=-1)
+    inside = b**2 - a * ((centre**2).sum(axis=-1) - radius**2)
     with np.errstate(invalid="ignore"):
         t = np.where(inside >= 0.0, (b - np.sqrt(inside)) / a, np.inf)
-    np.minimum(ranges, np.where(t > 0.0, t, np.inf), out=ranges)
+    return np.where(t > 0.0, t, np.inf)
 
 
-def _meet_ground(ranges: np.ndarray, world: World, sensor: Sensor, angles: np.ndarray) -> None:
-    """Shorten ``ranges (S, B)`` to the ground: the plane z = 0 and the faces of the humps."""
-    beams = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
-    tilted = np.flatnonzero(np.abs(sensor.rotation[:, 2, :2]).max(axis=1) > 1e-9)
-    if len(tilted) == 0:  # a level plane 0.51 m up passes above every hump
-        return
-    origin, direction = sensor.origin[tilted], np.swapaxes(sensor.rotation[tilted] @ beams, 1, 2)
-    nearest = ground_distance(world.slopes, origin[:, None], direction)
-    ranges[tilted] = np.minimum(ranges[tilted], nearest)
+def _cast_part(world: World, drive: Drive, lidar: LidarModel, t, beams, only_walls: bool) -> np.ndarray:
+    """Cast some ``beams (B,)`` of scans at ``t (S,)``, each from the scanner's place at its own time: ``(S, B)`` m."""
+    angles, shape = lidar.angles[beams], (len(t), len(beams))
+    times = t[:, None] + lidar.sweep * (beams / (lidar.beams - 1) - 0.5)
+    own = sensor_at(world, drive, times.ravel(), lidar.position_b)
+    origin, rotation = own.origin.reshape(*shape, 3), own.rotation.reshape(*shape, 3, 3)
+    direction = rotation[..., 0] * np.cos(angles)[:, None] + rotation[..., 1] * np.sin(angles)[:, None]
+    middle = sensor_at(world, drive, times.mean(axis=1), lidar.position_b)
+    scan, wall, run, beam = _beams_on_walls(world, middle, angles, STRAY)
+    scan, wall = scan[run], wall[run]
+    begin, edge = world.walls[wall, 0] - origin[scan, beam, :2], world.walls[wall, 1] - world.walls[wall, 0]
+    way = direction[scan, beam, :2]
+    across = cross(way, edge)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along, part = cross(begin, edge) / across, cross(begin, way) / across
+    hit = (along > 0.0) & (part >= -1e-9) & (part <= 1.0 + 1e-9)
+    ranges = np.full(shape, np.inf)
+    np.minimum.at(ranges, (scan[hit], beam[hit]), along[hit])
+    if not only_walls:
+        _meet_the_rest(ranges, world, times, origin, direction)
+    return ranges
 
 
 def true_ranges(
@@ -126,22 +167,31 @@ def true_ranges(
     drive: Drive,
     lidar: LidarModel,
     t: np.ndarray,
-    scan_time: float = 0.0,
     progress: Callable | None = None,
+    only_walls: bool = False,
 ) -> np.ndarray:
     """Compute what a perfect LiDAR would read, ``(S, beams)`` m, at stamps ``t (S,)``.
 
-    With a ``scan_time`` (s) the beams are measured one after the other, the middle one at the stamp, so that motion
-    distorts the scan. ``progress`` wraps the work.
+    A LiDAR with a ``sweep`` measures its beams one after the other, the middle one at the stamp, so that motion
+    distorts the scan. ``progress`` wraps the work; ``only_walls`` leaves people and ground out.
     """
-    if scan_time == 0.0:
-        return cast(world, sensor_at(world, drive, t, lidar.position_b), lidar.angles, progress)
-    parts = []
-    sweep = np.array_split(np.arange(lidar.beams), min(SWEEP_PARTS, max(lidar.beams // 2, 1)))
-    for beams in (progress or iter)(sweep):
-        delay = scan_time * (beams.mean() / (lidar.beams - 1) - 0.5)
-        parts.append(cast(world, sensor_at(world, drive, t + delay, lidar.position_b), lidar.angles[beams]))
-    return np.concatenate(parts, axis=1)
+    if lidar.sweep == 0.0:
+        sensor = sensor_at(world, drive, t, lidar.position_b)
+        return cast(world, sensor, lidar.angles, progress, only_walls)
+    least = max(lidar.beams // PART_BEAMS, int(np.ceil(lidar.sweep / PART_TIME)))
+    parts = np.array_split(np.arange(lidar.beams), min(least, max(lidar.beams // 2, 1)))
+    ranges = np.empty((len(t), lidar.beams))
+    for first in (progress or iter)(range(0, len(t), SWEEP_CHUNK)):
+        for beams in parts:
+            some = slice(first, first + SWEEP_CHUNK)
+            ranges[some, beams] = _cast_part(world, drive, lidar, t[some], beams, only_walls)
+    return ranges
+
+
+def seen_through(ranges: np.ndarray, glass, range_max: float, rng: np.random.Generator) -> np.ndarray:
+    """Let beams that meet ``glass (S, beams)`` bool return nothing, or, half of them, exactly ``range_max``."""
+    nothing = rng.random(ranges.shape, dtype=np.float32) < 0.5
+    return np.where(glass, np.where(nothing, TOO_FAR, range_max), ranges).astype(np.float32)
 
 
 def measured(ranges: np.ndarray, config: SimulatorConfig, rng: np.random.Generator) -> np.ndarray:
@@ -150,7 +200,7 @@ def measured(ranges: np.ndarray, config: SimulatorConfig, rng: np.random.Generat
     noisy[~(noisy < TOO_FAR)] = TOO_FAR
     random = rng.random(ranges.shape, dtype=np.float32)
     at = np.nonzero(random < config.random_share)
-    noisy[at] = rng.uniform(0.1, 30.0, len(at[0]))
+    noisy[at] = rng.uniform(0.1, config.robot.lidar.range_max, len(at[0]))
     at = np.nonzero(random > 1.0 - config.invalid_share) if config.invalid_share else ()
     if at:
         noisy[at] = np.where(rng.random(len(at[0])) < 0.9, 0.001, TOO_FAR)

@@ -8,17 +8,23 @@ from pfslam.recording import Encoders, Imu
 from pfslam.sensors import STANDARD_GRAVITY
 from pfslam.simulator.clocks import ENCODER_CLOCK, IMU_CLOCK, ticks_and_stamps, unix
 from pfslam.simulator.config import SimulatorConfig
-from pfslam.simulator.drive import TIME_STEP, Drive, turned
+from pfslam.simulator.drive import TIME_STEP, Drive, episodes, turned
 from pfslam.simulator.ground import rotations
 
 # Three equal low-pass stages give the gyro's noise its memory: 0.90, 0.70 and 0.21 after 1, 2 and 5 samples.
 GYRO_POLE, GYRO_STAGES = 0.48, 3
 ACCELEROMETER_WINDOW = 0.40  # s
 WARM_UP = 0.5  # s
+SLIP_LASTS = (0.3, 0.8)  # s
 
 
-def encoder_counts(drive: Drive, config: SimulatorConfig, rng: np.random.Generator) -> Encoders:
-    """Simulate the counts of the four wheels; each carries its fraction of a count over to the next reading."""
+def encoder_counts(
+    drive: Drive, config: SimulatorConfig, rng: np.random.Generator, slips: np.random.Generator
+) -> Encoders:
+    """Simulate the counts of the four wheels; each carries its fraction of a count over to the next reading.
+
+    Moments of slip have random numbers of their own, ``slips``.
+    """
     t, stamps = ticks_and_stamps(ENCODER_CLOCK, 0.0, drive.duration, rng, config.timing.jitter)
     slip, yaw = config.slip, turned(drive)
     rate = np.abs(np.gradient(yaw, TIME_STEP))
@@ -31,6 +37,10 @@ def encoder_counts(drive: Drive, config: SimulatorConfig, rng: np.random.Generat
     right, left = middle + half + uneven, middle - half - uneven
     tyres = 1.0 + 0.1 * slip.wander * rng.uniform(-1.0, 1.0, 4)
     rolled = np.stack([right, left, right, left]) * tyres[:, None] / slip.true_metres_per_count
+    for begin, end in episodes(config.hazards.slip, SLIP_LASTS, drive.duration, config.timing, slips):
+        during = (drive.t > begin) & (drive.t <= end)
+        lost_or_doubled = slips.choice([-1.0, 1.0]) * during * np.diff(rolled, prepend=rolled[:, :1])
+        rolled = rolled + np.cumsum(lost_or_doubled, axis=1)
     turns = np.stack([np.interp(t, drive.t, wheel) for wheel in rolled], axis=1)
     start = turns[0]
     counts = np.diff(np.floor(turns - start + rng.random(4)) if config.quantised else turns - start, axis=0)

@@ -14,6 +14,7 @@ from pfslam.simulator.ground import Slope
 
 WALL = 0.25  # thickness between a room and the corridor beside it (m)
 LANE = 0.3  # the robot keeps to the right of the corridor's middle (m)
+DEEP = 0.2  # share of the door recesses that are half a metre deep or more
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +29,6 @@ class FloorPlan:
     kinds: tuple[str, ...]
     waypoints: np.ndarray
     slopes: tuple[Slope, ...] = ()
-    walks: tuple[np.ndarray, ...] = ()
-    """Corridor middles, two points ``(2, 2)`` each, along which people walk."""
 
     def mirrored(self) -> FloorPlan:
         """Mirror the plan in y."""
@@ -39,7 +38,6 @@ class FloorPlan:
             areas=self.areas[:, [0, 3, 2, 1]] * [1, -1, 1, -1],
             waypoints=self.waypoints * flip,
             slopes=tuple(slope.mirrored() for slope in self.slopes),
-            walks=tuple(walk * flip for walk in self.walks),
         )
 
 
@@ -60,8 +58,7 @@ def _arms(config: SimulatorConfig, rng: np.random.Generator, turn_at: float) -> 
     turn = float(np.clip(turn_at, 8.0, sizes.east - 1.0))
     legs = _arm_legs(sizes, rng, start, turn)
     slopes = _arm_slopes(sizes, rng) if config.slopes else ()
-    walks = (np.array([[0.0, 3.0], [0.0, sizes.north]]), np.array([[3.0, 0.0], [sizes.east - 0.6, 0.0]]))
-    return _plan(areas, np.vstack([[start], *(legs * config.laps)]), slopes, walks, sizes.mirror)
+    return _plan(areas, np.vstack([[start], *(legs * config.laps)]), slopes, sizes.mirror)
 
 
 @dataclass(frozen=True)
@@ -156,21 +153,23 @@ def _arm_slopes(sizes: _ArmSizes, rng: np.random.Generator) -> tuple[Slope, ...]
 
 def _ring(config: SimulatorConfig, rng: np.random.Generator) -> FloorPlan:
     """A rectangular ring of corridors; with side alcoves at random, or point-symmetric if "symmetric"."""
-    half = 0.5 * rng.uniform(1.95, 2.15)
-    length, width = rng.uniform(17.0, 20.0), rng.uniform(11.0, 14.0)
+    half, length, width = _ring_size(config, rng)
     corridors = [
         (-half, -half, length + half, half),
         (length - half, -half, length + half, width + half),
         (-half, width - half, length + half, width + half),
         (-half, -half, half, width + half),
     ]
-    alcoves = _alcoves(rng, "x", -half, -1, 1.5, length - 1.0)
-    alcoves += _alcoves(rng, "y", length + half, 1, 1.5, width - 1.0)
+    deep = 0.0 if config.layout == "ring" else DEEP
+    sides = [("x", -half, -1, length), ("y", length + half, 1, width)]
+    if config.layout != "symmetric":
+        sides += [("x", width + half, 1, length), ("y", -half, -1, width)]
+    framed = sides[: config.ring.framed] if config.layout == "ring" else sides
+    alcoves = []
+    for axis, wall, side, end in framed:
+        alcoves += _alcoves(rng, axis, wall, side, 1.5, end - 1.0, deep)
     if config.layout == "symmetric":
         alcoves += [(length - x1, width - y1, length - x0, width - y0) for x0, y0, x1, y1 in alcoves]
-    else:
-        alcoves += _alcoves(rng, "x", width + half, 1, 1.5, length - 1.0)
-        alcoves += _alcoves(rng, "y", -half, -1, 1.5, width - 1.0)
     lap = [
         _weave(rng, (2.0, -LANE), (length - 1.5, -LANE)),
         _weave(rng, (length + LANE, 1.5), (length + LANE, width - 1.5)),
@@ -178,37 +177,42 @@ def _ring(config: SimulatorConfig, rng: np.random.Generator) -> FloorPlan:
         _weave(rng, (-LANE, width - 1.5), (-LANE, 1.5)),
     ]
     last = [np.array([(1.0, -LANE), (2.0, -LANE)])]
-    walks = (np.array([[0.0, 0.0], [length, 0.0]]), np.array([[length, width], [0.0, width]]))
     areas = {"corridor": corridors, "alcove": alcoves}
-    return _plan(areas, np.vstack(lap * config.laps + last), (), walks, mirror=False)
+    return _plan(areas, np.vstack(lap * config.laps + last))
+
+
+def _ring_size(config: SimulatorConfig, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Half the corridors' width, and the ring's length and width between their middles (m)."""
+    if config.layout == "ring":
+        ring = config.ring
+        return 0.5 * ring.corridor, ring.length - ring.corridor, ring.width - ring.corridor
+    return 0.5 * rng.uniform(1.95, 2.15), rng.uniform(17.0, 20.0), rng.uniform(11.0, 14.0)
 
 
 def _corridor() -> FloorPlan:
     """Forty metres of nothing on either side of a 20 m drive: the ends are beyond the LiDAR's 30 m."""
     areas = {"corridor": [(-40.0, -1.0, 60.0, 1.0)]}
-    return _plan(
-        areas, np.array([[0.0, 0.0], [10.0, 0.1], [20.0, 0.0]]), (), (np.array([[-5.0, 0.0], [25.0, 0.0]]),)
-    )
+    return _plan(areas, np.array([[0.0, 0.0], [10.0, 0.1], [20.0, 0.0]]))
 
 
-def _plan(areas: dict, waypoints, slopes, walks, mirror: bool = False) -> FloorPlan:
+def _plan(areas: dict, waypoints, slopes=(), mirror: bool = False) -> FloorPlan:
     rectangles = [rectangle for group in areas.values() for rectangle in group]
     kinds = tuple(kind for kind, group in areas.items() for _ in group)
-    plan = FloorPlan(np.array(rectangles), kinds, np.asarray(waypoints, dtype=float), slopes, walks)
+    plan = FloorPlan(np.array(rectangles), kinds, np.asarray(waypoints, dtype=float), slopes)
     return plan.mirrored() if mirror else plan
 
 
 def _alcoves(
-    rng: np.random.Generator, axis: str, wall: float, side: int, start: float, stop: float
+    rng: np.random.Generator, axis: str, wall: float, side: int, start: float, stop: float, deep: float = DEEP
 ) -> list[tuple]:
     """Draw door recesses along a wall; ``side`` (-1 or +1) is the direction in which they reach outwards.
 
-    The wall runs along ``axis`` and lies at ``wall`` on the other axis.
+    The wall runs along ``axis`` and lies at ``wall`` on the other axis; a share ``deep`` of them is deep.
     """
     found, at = [], start + rng.uniform(0.0, 1.5)
     while at + 1.1 < stop:
         width = rng.uniform(0.85, 1.1)
-        depth = rng.uniform(0.5, 0.8) if rng.random() < 0.2 else rng.uniform(0.12, 0.2)
+        depth = rng.uniform(0.5, 0.8) if rng.random() < deep else rng.uniform(0.12, 0.2)
         near, far = sorted((wall, wall + side * depth))
         found.append((at, near, at + width, far) if axis == "x" else (near, at, far, at + width))
         at += width + rng.uniform(1.2, 3.0)

@@ -1,11 +1,11 @@
-"""The building: walls, clutter, doors, people and ground.
+"""The building: walls, clutter and ground, and the people, doors and glass that may be in it.
 
 Geometry is kept in the plan frame p, along the walls.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,18 +22,16 @@ CLEARANCE = 0.4  # clutter keeps this far from the robot's centre, at least (m)
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """A disc that walks to and fro between two points ``walk (2, 2)`` of the plan."""
+    """A disc that walks from point to point: it is at ``centres (K, 2)`` of the plan at times ``t (K,)``."""
 
-    walk: np.ndarray
-    speed: float
-    phase: float
+    t: np.ndarray
+    centres: np.ndarray
     radius: float = 0.2
 
     def at(self, t) -> np.ndarray:
-        """Centres ``(T, 2)`` in the plan frame at times ``t (T,)``."""
-        length = np.hypot(*(self.walk[1] - self.walk[0]))
-        swing = np.abs((self.speed * np.asarray(t) / length + self.phase) % 2.0 - 1.0)
-        return self.walk[0] + swing[:, None] * (self.walk[1] - self.walk[0])
+        """Centres ``(T, 2)`` in the plan frame at times ``t (T,)``; NaN before the person comes and after it left."""
+        ends = {"left": np.nan, "right": np.nan}
+        return np.column_stack([np.interp(t, self.t, axis, **ends) for axis in self.centres.T])
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +41,7 @@ class World:
     ``pose_wp (3,)`` is the pose of the plan in the world and ``path (S, 2)`` the robot's path in the plan.
     ``walls (W, 2, 2)`` are segments with the free side on their left; ``wall_kind (W,)`` indexes
     ``WALL_KINDS``; ``closed (W, 2)`` is the time (from, to) during which a wall is there: doors come and go.
+    ``glass (G, 2, 2)`` are the parts of walls that the LiDAR sees through; the camera sees them as walls.
     """
 
     plan: FloorPlan
@@ -52,7 +51,8 @@ class World:
     wall_kind: np.ndarray
     closed: np.ndarray
     clutter: tuple[np.ndarray, ...]
-    people: tuple[Person, ...]
+    people: tuple[Person, ...] = ()
+    glass: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 2)))
 
     @property
     def slopes(self) -> tuple[Slope, ...]:
@@ -60,15 +60,39 @@ class World:
         return self.plan.slopes
 
     @property
+    def panes(self) -> World:
+        """The glass alone."""
+        always = np.tile([-np.inf, np.inf], (len(self.glass), 1))
+        return replace(self, walls=self.glass, closed=always)
+
+    @property
     def pose_pw(self) -> np.ndarray:
         """The world in the plan frame, ``(3,)``."""
         return invert(self.pose_wp)
 
     @property
+    def permanent(self) -> np.ndarray:
+        """Which walls ``(W,)`` are always there."""
+        return np.isinf(self.closed).all(axis=1)
+
+    @property
     def walls_w(self) -> np.ndarray:
         """The permanent walls in the world frame, ``(W, 2, 2)`` m."""
-        fixed = self.walls[np.isinf(self.closed[:, 1])]
+        fixed = self.walls[self.permanent]
         return transform_points(self.pose_wp, fixed.reshape(-1, 2)).reshape(-1, 2, 2)
+
+    def in_sight(self, eye: np.ndarray, target: np.ndarray, reach: float) -> np.ndarray:
+        """Tell at which moments ``(T,)`` an ``eye (T, 2)`` sees a ``target (T, 2)`` no farther than ``reach`` (m) away.
+
+        Points are in the plan frame, and only permanent walls hide them.
+        """
+        begin, end = self.walls[self.permanent].swapaxes(0, 1)
+        way, to = target - eye, begin - eye[:, None]
+        across = cross(way[:, None], end - begin)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along, part = cross(to, end - begin) / across, cross(to, way[:, None]) / across
+        hidden = (along > 0.0) & (along < 1.0 - 1e-9) & (part >= 0.0) & (part <= 1.0)
+        return ~hidden.any(axis=1) & (np.hypot(*way.T) <= reach)
 
     def spec(self, resolution: float, margin: float = 1.0) -> GridSpec:
         """Build a grid around the whole building."""
@@ -108,7 +132,7 @@ class World:
 
 def make_world(config: SimulatorConfig, seed: np.random.SeedSequence) -> World:
     """Build the building of a configuration and a seed, and choose the robot's path through it."""
-    plan_seed, clutter_seed, door_seed, people_seed = seed.spawn(4)
+    plan_seed, clutter_seed = seed.spawn(2)
     turn = 15.0
     plan = make_plan(config, np.random.default_rng(plan_seed), turn)
     path = make_path(plan.waypoints)
@@ -119,16 +143,16 @@ def make_world(config: SimulatorConfig, seed: np.random.SeedSequence) -> World:
     clutter = _place_clutter(plan, path, np.random.default_rng(clutter_seed))
     outer = outline(plan.areas)
     boxes = [np.stack([box[::-1], np.roll(box[::-1], -1, axis=0)], axis=1) for box in clutter]
-    doors, times = _place_doors(plan, config.moving_doors, np.random.default_rng(door_seed))
-    walls = np.concatenate([outer, *boxes, doors])
-    kind = np.zeros(len(walls), dtype=int)
+    walls = np.concatenate([outer, *boxes])
+    kind = np.full(len(walls), WALL_KINDS.index("clutter"))
     kind[: len(outer)] = _touches_alcove(outer, plan)
-    kind[len(outer) : len(walls) - len(doors)] = WALL_KINDS.index("clutter")
-    kind[len(walls) - len(doors) :] = WALL_KINDS.index("door")
     closed = np.tile([-np.inf, np.inf], (len(walls), 1))
-    closed[len(walls) - len(doors) :] = times
-    people = _place_people(plan, config.people, np.random.default_rng(people_seed))
-    return World(plan, path, invert(start_pose(path)), walls, kind, closed, clutter, people)
+    return World(plan, path, invert(start_pose(path)), walls, kind, closed, clutter)
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Compute the cross product ``(...)`` of plane vectors ``(..., 2)``."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def _touches_alcove(walls: np.ndarray, plan: FloorPlan) -> np.ndarray:
@@ -169,31 +193,3 @@ def _box(rng: np.random.Generator) -> np.ndarray:
 def _pillar(rng: np.random.Generator) -> np.ndarray:
     angle = np.arange(8) * np.pi / 4
     return rng.uniform(0.12, 0.22) * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def _place_doors(plan: FloorPlan, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Place doors ``(D, 2, 2)`` across the deepest alcoves, and draw when each is shut ``(D, 2)`` (s)."""
-    alcoves = plan.areas[[kind == "alcove" for kind in plan.kinds]]
-    deepest = np.argsort(-np.min(alcoves[:, 2:] - alcoves[:, :2], axis=1), kind="stable")[:count]
-    corridors = plan.areas[[kind == "corridor" for kind in plan.kinds]]
-    doors = []
-    for x0, y0, x1, y1 in alcoves[deepest]:
-        corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
-        for side in np.stack([corners, np.roll(corners, -1, axis=0)], axis=1):
-            middle = side.mean(axis=0)
-            if ((corridors[:, :2] <= middle) & (middle <= corridors[:, 2:])).all(axis=1).any():
-                doors.append(side)  # the one side that lies on a corridor
-    shut = rng.uniform(10.0, 70.0, len(doors))
-    times = np.column_stack([shut, shut + rng.uniform(15.0, 50.0, len(doors))])
-    return np.array(doors).reshape(-1, 2, 2), times
-
-
-def _place_people(plan: FloorPlan, count: int, rng: np.random.Generator) -> tuple[Person, ...]:
-    """Place people in the corridors, close to the wall, so that the robot in the middle can pass."""
-    people = []
-    for i in range(count):
-        walk = plan.walks[i % len(plan.walks)]
-        along = (walk[1] - walk[0]) / np.hypot(*(walk[1] - walk[0]))
-        aside = rng.choice([-0.72, 0.72]) * np.array([-along[1], along[0]])
-        people.append(Person(walk + aside, rng.uniform(0.8, 1.4), rng.uniform(0.0, 2.0)))
-    return tuple(people)

@@ -227,7 +227,7 @@ def _cases(label: str, grid: dict[str, Any], source: object) -> Iterator[Case]:
     simulated = any(key.startswith("simulator.") for key in grid)
     strange = [name for name in grid["dataset"] if simulated and name not in BUILDINGS]
     if strange:
-        raise DataError(source, "dataset", repr(strange[0]), "hall or ramp with keys of the simulator")
+        raise DataError(source, "dataset", repr(strange[0]), "hall, ramp or ring with keys of the simulator")
     first = {key: values[0] for key, values in grid.items()}
     grid = {key: _checked(key, values, first, f"{source}: {label}") for key, values in grid.items()}
     for values in itertools.product(*grid.values()):
