@@ -157,14 +157,8 @@ def _command(commands, name: str, what: str) -> Parser:
 
 
 def _add_dataset(command: Parser, out: bool = True) -> None:
-    what = "hall, ramp, a set's number, or the path of a ROS bag, an .npz recording, or a CARMEN log"
+    what = "hall, ramp, ring, a set's number, or the path of a ROS bag, an .npz recording, or a CARMEN log"
     command.add_argument("dataset", metavar="DATASET", help=what)
-
-
-def _add_dataset(command: Parser) -> None:
-    command.add_argument(
-        "dataset", metavar="DATASET", help="hall, ramp, ring, a set's number, or the path of a CARMEN log"
-    )
     command.add_argument(
         "--data", type=Path, metavar="DIR", help="folder of numbered sets (default $PFSLAM_DATA or data)"
     )

@@ -11,6 +11,7 @@ from rooms import distance_to_walls
 
 from pfslam.errors import DataError
 from pfslam.poses import compose, rotation_matrix
+from pfslam.sensors import LidarModel, RobotModel
 from pfslam.simulator import HALL, RING, Hazards, RingPlan, simulate
 from pfslam.simulator.clocks import START_OF_TIME
 from pfslam.simulator.drive import episodes
@@ -257,9 +258,8 @@ def test_every_beam_of_a_sweep_is_cast_from_its_own_place(sweep, beams):
 
 def test_a_sweep_is_stated_in_the_recording():
     assert HALL.robot.lidar.sweep == 0.0
-    hall = replace(HALL, path_length=30.0)
-    assert simulate(hall, 3, hazards=Hazards(sweep=0.02)).recording.robot.lidar.sweep == 0.02
-    own = replace(hall, robot=replace(HALL.robot, lidar=replace(HALL.robot.lidar, sweep=0.01)))
+    few, own = (replace(HALL, robot=RobotModel(lidar=LidarModel(beams=21, sweep=s))) for s in (0.0, 0.01))
+    assert simulate(few, 3, hazards=Hazards(sweep=0.02)).recording.robot.lidar.sweep == 0.02
     assert simulate(own, 3).recording.robot.lidar.sweep == 0.01
 
 
