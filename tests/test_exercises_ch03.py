@@ -1,5 +1,10 @@
 """Exercises of chapter 03: right answers in many styles, wrong ones and the words for each; and its pictures."""
 
+import math
+import random
+from collections import deque
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -40,6 +45,58 @@ def move_complex(poses, v, omega, dt, sigma_v, sigma_omega, rng):
     return np.stack([z.real, z.imag, poses[:, 2] + dt * b], axis=1)
 
 
+def move_by_matrices(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    moved = deque()
+    for x, y, theta in poses:
+        a, b = v + sigma_v * rng.standard_normal(), omega + sigma_omega * rng.standard_normal()
+        c, s = np.cos(theta), np.sin(theta)
+        place = np.array([[c, -s, x], [s, c, y], [0, 0, 1]]) @ [a * dt, 0, 1]
+        moved.append([*place[:2], theta + b * dt])
+    return moved
+
+
+def move_by_the_standard_library(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    own, moved = random.Random(int(rng.integers(2**31))), []
+    for x, y, theta in poses.tolist():
+        a, turn = own.gauss(v, sigma_v) * dt, own.gauss(omega, sigma_omega) * dt
+        turned = (theta + turn) % (2 * math.pi)
+        moved.append([x + a * math.cos(theta), y + a * math.sin(theta), turned])
+    return moved
+
+
+def move_with_a_covariance(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    u = rng.multivariate_normal([v, omega], np.diag([sigma_v**2, sigma_omega**2]), len(poses))
+    return np.round(motion_model(poses, u[:, 0], u[:, 1], dt), 5)
+
+
+def track_by_fourier(belief, looks, step):
+    kernel = np.zeros(len(belief))
+    for cells, chance in step.items():
+        kernel[cells % len(belief)] += chance
+    for k, look in enumerate(looks):
+        if k:
+            belief = np.fft.ifft(np.fft.fft(belief) * np.fft.fft(kernel))
+        belief = belief * look / (belief @ look)
+    return belief.real
+
+
+def track_by_logarithms(belief, looks, step):
+    logs = np.log(belief) + np.log(looks[0])
+    for look in looks[1:]:
+        moved = [math.log(p) + np.roll(logs, cells) for cells, p in step.items()]
+        logs = np.logaddexp.reduce(moved) + np.log(look)
+    return np.exp(logs - np.logaddexp.reduce(logs))
+
+
+def track_in_fractions(belief, looks, step):
+    belief, n = [Fraction(float(b)) for b in belief], len(belief)
+    for k, look in enumerate(looks):
+        if k:
+            belief = [sum(Fraction(p) * belief[i - cells] for cells, p in step.items()) for i in range(n)]
+        belief = [b * Fraction(float(seen)) for b, seen in zip(belief, look, strict=True)]
+    return deque(float(b / sum(belief)) for b in belief)
+
+
 def track_in_loops(belief, looks, step):
     belief = list(belief)
     for k, look in enumerate(looks):
@@ -67,9 +124,21 @@ def track_by_matrix(belief, looks, step):
         (ch03.check_heading_spread, lambda s, rate, t: round(float(np.rad2deg(s * (t / rate) ** 0.5)), 4)),
         (ch03.check_heading_spread, lambda s, rate, t: np.float32(s * 180 / np.pi) * np.sqrt(t / rate)),
         (ch03.check_heading_spread, lambda s, rate, t: np.array([57.3 * s * (t / rate) ** 0.5])),
+        (ch03.check_heading_spread, lambda s, rate, t: math.degrees(s * math.sqrt(t / rate))),
+        (ch03.check_heading_spread, lambda s, rate, t: abs(1j * s * 180 / np.pi) * (t / rate) ** 0.5),
+        (
+            ch03.check_heading_spread,
+            lambda s, rate, t: deque([math.degrees(s) * math.hypot((t / rate) ** 0.5)]),
+        ),
+        (ch03.check_predict, move_by_matrices),
+        (ch03.check_predict, move_by_the_standard_library),
+        (ch03.check_predict, move_with_a_covariance),
         (ch03.check_predict, move_in_a_loop),
         (ch03.check_predict, move_float32),
         (ch03.check_predict, move_complex),
+        (ch03.check_track, track_by_fourier),
+        (ch03.check_track, track_by_logarithms),
+        (ch03.check_track, track_in_fractions),
         (ch03.check_track, track_in_loops),
         (ch03.check_track, track_by_matrix),
         (ch03.check_track, lambda b, looks, s: np.round(track_by_matrix(b, looks, s), 5)),
@@ -120,6 +189,32 @@ def from_the_global_state(poses, v, omega, dt, sigma_v, sigma_omega, rng):
     return motion_model(poses, v + sigma_v * own.normal(size=len(poses)), omega, dt)
 
 
+def two_draws_of_v(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    a, b = rng.normal(v, sigma_v, (2, len(poses)))
+    x, y, theta = poses.T
+    turned = theta + dt * rng.normal(omega, sigma_omega, len(poses))
+    return np.column_stack([x + dt * a * np.cos(theta), y + dt * b * np.sin(theta), turned])
+
+
+def with_one_sign(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    a, b = np.abs(rng.standard_normal((2, len(poses))))
+    return motion_model(poses, v + sigma_v * a, omega + sigma_omega * b, dt)
+
+
+def with_heavy_tails(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    a, b = rng.laplace(0, 0.5**0.5, (2, len(poses)))
+    return motion_model(poses, v + sigma_v * a, omega + sigma_omega * b, dt)
+
+
+def draws_shared_by_two(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    a, b = np.repeat(rng.standard_normal((2, len(poses) // 2)), 2, axis=1)
+    return motion_model(poses, v + sigma_v * a, omega + sigma_omega * b, dt)
+
+
+def with_a_seed_of_its_own(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    return moving()(poses, v, omega, dt, sigma_v, sigma_omega, np.random.default_rng(0))
+
+
 def along_x(poses, v, omega, dt):
     return poses + dt * np.stack([v, 0 * v, omega], axis=-1)
 
@@ -148,6 +243,11 @@ WRONG_SPREADS = [
     (lambda s, rate, t: "wide", "One number"),
     (lambda s, rate, t: [1.0, 2.0], "One number"),
     (without_return, "returns nothing"),
+    (lambda s, rate, t: np.rad2deg(s * np.sqrt(rate / t)), "change them"),
+    (lambda s, rate, t: np.rad2deg(s * rate * t), "yaw rates of all samples"),
+    (lambda s, rate, t: np.rad2deg(np.sqrt(t / rate)), "Where is sigma_omega"),
+    (lambda s, rate, t: np.rad2deg(s / np.sqrt(rate * t)), "mean* yaw rate"),
+    (lambda s, rate, t: np.rad2deg(s * t / rate), "under a root"),
 ]
 WRONG_MOVES = [
     (moving(draw="one for all"), "one number for the whole cloud"),
@@ -172,6 +272,17 @@ WRONG_MOVES = [
     (from_the_global_state, "rng that is given"),
     (into_the_input, "changes what it is given"),
     (lambda poses, v: poses, "TypeError"),
+    (two_draws_of_v, "v twice"),
+    (with_one_sign, "only one sign"),
+    (with_heavy_tails, "far draws are too common"),
+    (draws_shared_by_two, "share one draw"),
+    (with_a_seed_of_its_own, "a seed of your own"),
+    (moving(v=-1.0), "the sign of v"),
+    (moving(omega=-1.0), "the sign of omega"),
+    (lambda p, *rest: moving()(p, *rest) - p, "the steps alone"),
+    (lambda p, v, w, dt, *rest: moving()(p, v, w, 1.0, *rest), "1/dt times too wide"),
+    (lambda p, v, w, dt, sv, sw, rng: moving()(p, v, w, dt, np.rad2deg(sv), sw, rng), "in degrees"),
+    (lambda *arguments: moving()(*arguments).mean(axis=0), "shape"),
 ]
 
 
@@ -195,6 +306,26 @@ WRONG_TRACKS = [
     (lambda b, looks, step: tracking()(predict_belief(b, step), looks, step), "before the first look"),
     (lambda b, looks, step: int(np.argmax(tracking()(b, looks, step))), "shape"),
     (lambda b, looks, step: tracking()(b, looks, step)[::-1], "opposite order"),
+]
+
+
+def in_place(belief, looks, step):
+    belief *= looks[0]
+    return tracking()(belief / belief.sum(), looks, step)
+
+
+WRONG_TRACKS += [
+    (in_place, "changes what it is given"),
+    (lambda b, looks, step: tracking()(np.full(15, 1 / 15), looks, step), "plays no part"),
+    (lambda b, looks, step: tracking()(b, looks, step) / tracking()(b, looks, step).max(), "greatest number"),
+    (lambda b, looks, step: tracking()(b, looks[:1], step), "Only the first look"),
+    (lambda b, looks, step: tracking()(b, looks[-1:], step), "Only the last look"),
+    (lambda b, looks, step: tracking()(b, looks[:-1], step), "last look is left out"),
+    (lambda b, looks, step: tracking()(b, looks[::-1], step), "from the last to the first"),
+    (lambda b, looks, step: tracking()(b, looks**2, step), "counts twice"),
+    (tracking(look=lambda b, seen: b), "never looks"),
+    (tracking(move=lambda b, step: predict_belief(np.eye(15)[b.argmax()], step)), "most probable cell"),
+    (lambda b, looks, step: [b] * len(looks), "shape"),
 ]
 
 

@@ -87,45 +87,172 @@ def test_a_part_that_stops_or_is_a_stub_is_named_too():
     assert "`update`" in check_filter(step, my_filter(update=lambda *a: ...)).message
 
 
-def loop(**change):
-    """The book's step with one thing wrong."""
+def exact(f, s, poses, weights, log_odds, points_b):
+    """Log-likelihood of every particle where it stands."""
+    scans = [f.to_world(pose, points_b) for pose in poses]
+    return s.sharpness * np.array([f.count_on_walls(p, log_odds > 0, s.origin, s.resolution) for p in scans])
+
+
+def reweighted(f, s, poses, weights, log_odds, points_b):
+    likelihood = exact(f, s, poses, weights, log_odds, points_b)
+    return f.update(weights, np.exp(likelihood - likelihood.max()))
+
+
+def below(s, weights):
+    return 1 / np.sum(weights**2) <= s.resample_below * len(weights)
+
+
+def drawn(f, s, log_odds, estimate, points_b, hit=1.0, free=1.0, clamp=1.0):
+    ends, sensor = f.to_world(estimate, points_b), f.to_world(estimate, np.array([s.lidar_xy]))
+    along = np.linspace(0, 1, 120)[:-1, None, None]
+    crossed = (sensor + along * (ends[::2] - sensor)).reshape(-1, 2)
+    cells = [f.cell_of(points, s.origin, s.resolution) for points in (ends, crossed)]
+    return f.update_log_odds(log_odds, *cells, hit * s.hit, free * s.free, clamp * s.clamp)
+
+
+def loop(
+    weigh=reweighted, mean=None, resample=below, draw=drawn, order="weigh estimate resample draw", **rest
+):
+    """A loop of the five steps, with other steps or in another order, and what it gives back as it likes."""
 
     def spoiled(f, s, poses, weights, log_odds, points_b, drive, rng):
-        drive = [] if change.get("predict") is False else drive
-        walls = log_odds if change.get("score") is not False else np.zeros_like(log_odds)
-        if "sharpness" in change:
-            s = replace(s, sharpness=change["sharpness"])
-        if "resample_below" in change:
-            s = replace(s, resample_below=change["resample_below"])
-        poses, weights, _, estimate = step(f, s, poses, weights, walls, points_b, drive, rng)
-        if "estimate" in change:
-            estimate = change["estimate"](poses, weights)
-        at_estimate = np.repeat(np.array([estimate]), len(poses), axis=0)
-        drawn = step(f, replace(s, resample_below=0.0), at_estimate, weights, log_odds * 0, points_b, [], rng)
-        new = np.clip(log_odds + drawn[2], -s.clamp, s.clamp)
-        return poses, weights, log_odds if change.get("draw") is False else new, estimate
+        for v, omega, dt in drive[: rest.get("controls")]:
+            poses = f.move(poses, v, omega, dt * rest.get("dt", 1), s.sigma_v, s.sigma_omega * (v != 0), rng)
+        estimate = None
+        for name in order.split():
+            if name == "weigh" and (log_odds > 0).any():
+                weights = weigh(f, s, poses, weights, log_odds, points_b)
+            if name == "estimate":
+                estimate = (mean or f.mean_pose)(poses, weights)
+            if name == "resample" and resample(s, weights):
+                new, equal = f.resample(poses, weights, rng)
+                poses, weights = new, weights if rest.get("old_weights") else equal
+            if name == "draw":
+                log_odds = draw(f, s, log_odds, estimate, points_b)
+        return rest.get("give", lambda *four: four)(poses, weights, log_odds, estimate)
 
     return spoiled
+
+
+def scored_at_once(f, s, poses, weights, log_odds, points_b):
+    """All scans as one array: complex numbers turn and move them."""
+    z = np.exp(1j * poses[:, 2:]) * (points_b[:, 0] + 1j * points_b[:, 1]) + poses[:, :1] + 1j * poses[:, 1:2]
+    cells = np.floor((np.stack([z.imag, z.real]) - np.reshape(s.origin, (2, 1, 1))) / s.resolution).astype(
+        int
+    )
+    counts = (log_odds > 0)[tuple(cells)].sum(axis=1)
+    joint = weights * np.exp(s.sharpness * (counts - counts.max()))
+    return joint / joint.sum()
+
+
+def weighed_by_logarithms(f, s, poses, weights, log_odds, points_b):
+    logs = np.log(weights) + exact(f, s, poses, weights, log_odds, points_b)
+    return np.exp(logs - np.logaddexp.reduce(logs))
+
+
+def drawn_in_a_loop(f, s, log_odds, estimate, points_b):
+    """Beam by beam into a set of cells."""
+    ends, (sensor,) = f.to_world(estimate, points_b), f.to_world(estimate, np.array([s.lidar_xy]))
+    free = {
+        tuple(c)
+        for end in ends[::10]
+        for c in f.cell_of(np.linspace(sensor, end, 60), s.origin, s.resolution)
+    }
+    hits = f.cell_of(ends, s.origin, s.resolution)
+    return f.update_log_odds(log_odds, hits, np.array(sorted(free)), s.hit, s.free, s.clamp)
+
+
+@pytest.mark.parametrize(
+    "style",
+    [
+        {},
+        {"weigh": scored_at_once},
+        {"weigh": weighed_by_logarithms},
+        {"draw": drawn_in_a_loop},
+        {"give": lambda *four: list(four)},
+        {"give": lambda *four: tuple(np.float32(part) for part in four)},
+        {"mean": lambda poses, weights: tuple(BOOK["mean_pose"](poses, weights))},
+    ],
+)
+def test_a_loop_in_another_style_is_right_too(style):
+    verdict = check_filter(loop(**style), my_filter(file="none"))
+    assert verdict, verdict
+
+
+def with_sharpness(factor):
+    def weigh(f, s, *rest):
+        return reweighted(f, replace(s, sharpness=factor * s.sharpness), *rest)
+
+    return weigh
+
+
+def scan_alone(f, s, poses, weights, log_odds, points_b):
+    return reweighted(f, s, poses, np.full(len(weights), 1 / len(weights)), log_odds, points_b)
+
+
+def counted_as_weight(f, s, *rest):
+    return f.update(rest[1], exact(f, s, *rest))
+
+
+def every_known_cell(f, s, poses, weights, log_odds, points_b):
+    return reweighted(f, s, poses, weights, log_odds != 0, points_b)
+
+
+def not_normalised(f, s, poses, weights, log_odds, points_b):
+    return weights * np.exp(exact(f, s, poses, weights, log_odds, points_b) / 1000)
+
+
+def drawn_twice(f, s, log_odds, estimate, points_b):
+    return drawn(f, s, drawn(f, s, log_odds, estimate, points_b), estimate, points_b)
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"predict": False}, "predict first"),
-        ({"score": False}, "leaves all weights equal"),
-        ({"sharpness": 0.001}, "too flat"),
-        ({"sharpness": 0.5}, "too sharp"),
-        ({"sharpness": -0.05}, "a sign wrong"),
-        ({"resample_below": 0.0}, "never resampled"),
-        ({"resample_below": 1.0}, "resampled at every scan"),
-        ({"draw": False}, "stays empty"),
-        ({"estimate": lambda poses, weights: poses[0]}, "not the mean"),
+        ({"controls": 0}, "predict first"),
+        ({"controls": 1}, "predict first"),
+        ({"dt": 2}, "use every control"),
+        ({"order": "estimate resample draw"}, "leaves all weights equal"),
+        ({"weigh": with_sharpness(0.02)}, "too flat"),
+        ({"weigh": counted_as_weight}, "too flat"),
+        ({"weigh": with_sharpness(10)}, "too sharp"),
+        ({"weigh": with_sharpness(-1)}, "a sign wrong"),
+        ({"weigh": scan_alone}, "old weights are forgotten"),
+        ({"weigh": every_known_cell}, "every known cell as a wall"),
+        ({"weigh": not_normalised}, "do not sum to 1"),
+        ({"resample": lambda s, weights: False}, "never resampled"),
+        ({"resample": lambda s, weights: True}, "resampled at every scan"),
+        ({"resample": lambda s, weights: 1 / weights.sum() <= s.resample_below * len(weights)}, "*squares*"),
+        ({"old_weights": True}, "take the new weights"),
+        ({"order": "weigh resample estimate draw"}, "before resampling"),
+        ({"order": "estimate weigh resample draw"}, "not the mean"),
+        ({"mean": lambda poses, weights: poses[np.argmax(weights)]}, "not the mean"),
+        ({"mean": lambda poses, weights: poses.mean(axis=0)}, "not the mean"),
+        ({"order": "weigh estimate resample"}, "stays empty"),
+        ({"draw": lambda f, s, log_odds, *rest: drawn(f, s, 0 * log_odds, *rest)}, "old map is gone"),
+        ({"draw": lambda f, s, log_odds, _, p: drawn(f, s, log_odds, np.zeros(3), p)}, "not drawn where"),
+        ({"draw": lambda *a: drawn(*a, hit=0.0)}, "No end point is drawn"),
+        ({"draw": lambda *a: drawn(*a, free=0.0)}, "ever cleared"),
+        ({"draw": lambda *a: drawn(*a, free=10.0)}, "lose too much"),
+        ({"draw": lambda *a: drawn(*a, clamp=9.0)}, "beyond s.clamp"),
+        ({"draw": drawn_twice}, "more than once"),
+        ({"give": lambda p, w, m, e: (p, w, e, m)}, "in this order"),
+        ({"give": lambda p, w, m, e: (p.tolist(), w, m, e)}, "TypeError"),
+        ({"weigh": lambda *a: nothing}, "NameError"),  # noqa: F821
     ],
 )
 def test_a_spoiled_loop_is_told_what_it_leaves_out(change, words):
-    verdict = check_filter(loop(**change), my_filter())
+    verdict = check_filter(loop(**change), my_filter(file="none"))
     assert verdict.verdict == "wrong"
     assert words in verdict.message
+
+
+def test_a_loop_that_changes_the_map_it_is_given_is_told_so():
+    def in_place(f, s, poses, weights, log_odds, points_b, drive, rng):
+        log_odds += 0.1
+        return step(f, s, poses, weights, log_odds, points_b, drive, rng)
+
+    assert "changes what it is given" in check_filter(in_place, my_filter(file="none")).message
 
 
 def test_an_unwritten_loop_is_unanswered_and_a_short_answer_is_named():

@@ -25,8 +25,6 @@ from pfslam.teaching.ch03.corridor import (
     corridor_explorer,
     corridor_walk,
     door_likelihood,
-    predict_belief,
-    update_belief,
 )
 from pfslam.teaching.ch03.mean import means_picture
 from pfslam.teaching.ch03.models import (
@@ -39,10 +37,12 @@ from pfslam.teaching.ch03.models import (
 )
 from pfslam.teaching.show.keep import keep
 from pfslam.teaching.show.source import show_source
+from pfslam.teaching.show.tables import Shown
 
 __all__ = [
     "MODELS",
     "TRUE_BIAS",
+    "Shown",
     "check_heading_spread",
     "check_predict",
     "check_track",
@@ -63,11 +63,9 @@ __all__ = [
     "particle_walk",
     "particles_explorer",
     "path",
-    "predict_belief",
     "predict_cells",
     "rates_picture",
     "show_source",
-    "update_belief",
     "weigh_cells",
     "widths",
 ]

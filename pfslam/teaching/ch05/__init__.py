@@ -11,7 +11,6 @@ from pfslam.teaching.ch05.measurements import (
     cost_at,
     erosion,
     erosion_picture,
-    errors_picture,
     paths_over_seeds,
     slip_picture,
     stored_errors,
@@ -19,7 +18,6 @@ from pfslam.teaching.ch05.measurements import (
 from pfslam.teaching.ch05.play import (
     dead_reckoned_maps_picture,
     film_explorer,
-    n_eff_picture,
     odometry_at,
     play,
     results_picture,
@@ -42,7 +40,7 @@ from pfslam.teaching.ch05.your_filter import (
 from pfslam.teaching.show.figures import map_along
 from pfslam.teaching.show.keep import keep
 from pfslam.teaching.show.source import show_source
-from pfslam.teaching.show.tables import errors_by_label, read_table
+from pfslam.teaching.show.tables import Shown, errors_by_label, read_table
 
 __all__ = [
     "CHANGES",
@@ -50,6 +48,7 @@ __all__ = [
     "GENTLE",
     "LATTICE_TABLE",
     "Settings",
+    "Shown",
     "check_filter",
     "check_mean_pose",
     "check_resample",
@@ -66,14 +65,12 @@ __all__ = [
     "erosion_picture",
     "error",
     "errors_by_label",
-    "errors_picture",
     "film_explorer",
     "first_seconds",
     "keep",
     "map_along",
     "moved_to_best",
     "my_filter",
-    "n_eff_picture",
     "odometry_at",
     "odometry_error",
     "one_update",

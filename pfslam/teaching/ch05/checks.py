@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pfslam.poses import average_pose, wrap_angle
-from pfslam.teaching.show.checks import Check, answer_to, compare, hint, passed, same_poses
+from pfslam.teaching.show.checks import Check, answer_to, attempt, compare, hint, passed, same_poses
 
 # ---- 1: Eq. 12
 
@@ -58,6 +58,14 @@ UPDATE_MISTAKES = [
     (lambda w, c: np.exp(c - c.max()) / np.exp(c - c.max()).sum(), "One particle has it all: you took exp of the "
      "count. Eq. 12 multiplies the old weights by the count itself."),
     (_safe(lambda w, c: w * c**2), "You multiply by the square of the count."),
+    (_safe(lambda w, c: w**2 * c), "The old weight enters as its square."),
+    (_safe(lambda w, c: np.eye(len(w))[np.argmax(w * c)]), "The best particle gets everything. Each keeps its share."),
+    (lambda w, c: w * c / (w * c).sum() if c.all() else w, "One particle scored nothing, and yours leaves all weights "
+     "as they were. Only a scan in which *nobody* scores says nothing."),
+    (lambda w, c: w * c / np.linalg.norm(w * c) if c.any() else w, "You divide by the length of the vector. Divide by "
+     "the sum: the weights must sum to 1."),
+    (lambda w, c: w * c / (w * c).mean() if c.any() else w, "You divide by the mean of the products, not by the sum."),
+    (lambda w, c: (w + c / c.sum()) / 2 if c.any() else w, "Weights and counts are multiplied, not averaged."),
     (lambda w, c: w, "Your weights come back unchanged whatever the scan says."),
 ]  # fmt: skip
 
@@ -79,7 +87,9 @@ CLOUD_WEIGHTS = np.array([0.1, 0.42, 0.3, 0.18, 0.0])
 def check_resample(resample) -> Check:
     """Whether ``resample(poses, weights, rng)`` draws whole poses by weight and makes the weights equal."""
     rng = np.random.default_rng(0)
-    offspring = []
+    offspring, verdict = [], _own_randomness(resample)
+    if verdict is not None:
+        return verdict
     for _ in range(TRIALS):
         poses, weights = CLOUD.copy(), CLOUD_WEIGHTS.copy()
         answer = answer_to(lambda p, w: resample(p, w, rng), (poses, weights), "a pair")
@@ -94,6 +104,21 @@ def check_resample(resample) -> Check:
     return _offspring_verdict(np.array(offspring))
 
 
+def _own_randomness(resample) -> Check | None:
+    """A hint if the draws do not come from the ``rng`` that is given: alike rngs must give alike clouds."""
+    clouds: list[list[np.ndarray]] = [[], []]
+    for some in clouds:
+        rng = np.random.default_rng(5)
+        for _ in range(8):
+            answer = attempt(resample, CLOUD.copy(), CLOUD_WEIGHTS.copy(), rng)
+            if isinstance(answer, Check) or _problem(answer):
+                return None  # the check itself finds the words for it
+            some.append(np.asarray(answer[0], dtype=float))
+    if np.array_equal(clouds[0], clouds[1]):
+        return None
+    return hint("Twice the same rng, two results: draw from the rng that is given, not from np.random.")
+
+
 def _problem(answer) -> str:
     """What is wrong with one returned pair, or nothing."""
     if not (isinstance(answer, tuple | list | np.ndarray) and len(answer) == 2):
@@ -102,6 +127,10 @@ def _problem(answer) -> str:
         poses, weights = (np.asarray(part, dtype=float) for part in answer)
     except (TypeError, ValueError):
         return "Return two arrays of numbers: the new poses (N, 3) and the new weights (N,)."
+    if (weights.shape, poses.shape) == (CLOUD.shape, CLOUD_WEIGHTS.shape):
+        return "Return the poses first and the weights second."
+    if poses.shape == weights.shape == CLOUD_WEIGHTS.shape:
+        return "Those are the indices of the ancestors. Return their poses (N, 3): poses[ancestors]."
     if poses.shape != CLOUD.shape or weights.shape != CLOUD_WEIGHTS.shape:
         return f"The number of particles must stay {len(CLOUD)}; yours have the shapes {poses.shape}, {weights.shape}."
     apart = np.abs(poses[:, None, :] - CLOUD) < 1e-5
@@ -126,6 +155,8 @@ def _offspring_verdict(offspring: np.ndarray) -> Check:
     n, mean = len(CLOUD), offspring.mean(axis=0)
     expected, squared = n * CLOUD_WEIGHTS, n * CLOUD_WEIGHTS**2 / np.sum(CLOUD_WEIGHTS**2)
     found, wanted = np.round(mean, 2).tolist(), np.round(expected, 2).tolist()
+    if (offspring.max(axis=1) == n).all() and len(np.unique(offspring.argmax(axis=1))) > 1:
+        return hint("Each call copies a single particle N times: you drew once for all. Draw N times.")
     if np.allclose(mean, expected, atol=0.23):
         return passed(f"On average {found} copies, expected {wanted}.")
     if mean[np.argmax(CLOUD_WEIGHTS)] > 0.99 * n:
@@ -137,6 +168,12 @@ def _offspring_verdict(offspring: np.ndarray) -> Check:
     if np.ptp(offspring, axis=0).max() == 0:
         return hint(
             "Every call gives the same copies. Draw from the rng, or light particles never have a chance."
+        )
+    if any(np.allclose(mean, np.roll(expected, by), atol=0.23) for by in (1, -1)):
+        return hint("Each particle gets the copies of its neighbour: an index is off by one.")
+    if np.allclose(mean, expected[::-1], atol=0.23) or np.allclose(mean, np.sort(expected), atol=0.23):
+        return hint(
+            "The copies go to the wrong particles: the order of weights and poses must stay the same."
         )
     if np.allclose(mean, squared, atol=0.23):
         return hint("Your copies go with the square of the weight: are the weights used twice?")
@@ -186,6 +223,20 @@ MEAN_MISTAKES = [
     (_with_heading(_direction, lambda p, w: p[:, :2].mean(axis=0)), "The heading is right; x and y are averaged "
      "without the weights."),
     (_with_heading(lambda t, w: np.rad2deg(_direction(t, w))), "Headings are in radians."),
+    (_with_heading(lambda t, w: _direction(np.deg2rad(t), w)), "Headings are in radians already: no deg2rad before sin "
+     "and cos."),
+    (_with_heading(lambda t, w: np.arccos(w @ np.cos(t))), "arccos knows the cosine alone and loses left and right. "
+     "Use arctan2 of both sums."),
+    (_with_heading(lambda t, w: np.arcsin(w @ np.sin(t))), "arcsin knows the sine alone and loses ahead and behind. "
+     "Use arctan2 of both sums."),
+    (_with_heading(_direction, lambda p, w: (w @ p[:, :2])[::-1]), "x and y have changed places."),
+    (_with_heading(_direction, lambda p, w: p[:, :2].sum(axis=0)), "x and y are plain sums. Multiply by the weights."),
+    (_with_heading(lambda t, w: -_direction(t, w)), "The heading has the wrong sign."),
+    (_with_heading(lambda t, w: _direction(t, w) + np.pi), "The heading looks back: it is half a turn off."),
+    (_with_heading(lambda t, w: t[0]), "x and y are means, the heading is that of the first particle."),
+    (_with_heading(lambda t, w: t[-1]), "x and y are means, the heading is that of the last particle."),
+    (lambda p, w: average_pose(p, w**2), "Your weights enter as their squares."),
+    (lambda p, w: np.median(p, axis=0), "That is the median, and it knows no weights. The mean is asked for."),
     (_with_heading(lambda t, w: t[np.argmax(w)]), "x and y are means, the heading is that of the heaviest particle."),
     (_with_heading(lambda t, w: w @ np.abs(t)), "You drop the sign of the headings. Average sines and cosines."),
     (_with_heading(lambda t, w: w @ (t % (2 * np.pi))), "Modulo 2 pi moves the jump from west to east, and "

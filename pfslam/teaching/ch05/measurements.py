@@ -20,7 +20,6 @@ from pfslam.teaching.show.figures import draw_map, map_along
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, new_figure
 
-LOOKS = {"dead reckoning": "odometry", "report": "report", "gentle clearing": "report", "refined": "refined"}
 LATTICE_TABLE = Path(__file__).parent / "lattice.csv"
 GENTLE = 0.25 * LOG_4
 """Log-odds that a free cell loses in the cure for erosion: a quarter of what a hit gains."""
@@ -72,20 +71,6 @@ def stored_errors(table: Path) -> dict[str, np.ndarray]:
     return {
         name: np.array([float(row["ate_rmse_m"]) for row in rows if row["label"] == name]) for name in labels
     }
-
-
-def errors_picture(errors: dict[str, np.ndarray]) -> Picture:
-    """One dot per run, one row per filter, logarithmic scale."""
-    figure, axes = new_figure(5.1, 2.9)
-    colours = [LOOKS.get(name, "estimate") for name in errors]
-    words = []
-    for row, ((name, values), colour) in enumerate(zip(errors.items(), colours, strict=True)):
-        axes.scatter(values, np.full(len(values), -row), color=COLOURS[colour], s=40, alpha=0.8)
-        words.append(f"{name}: {np.min(values):.3f} to {np.max(values):.3f} m (runs: {len(values)})")
-    axes.set_yticks(-np.arange(len(errors)), list(errors))
-    axes.set(xscale="log", xlabel="position error (RMS) [m]", xlim=(0.001, 2), ylim=(-len(errors) + 0.5, 0.5))
-    axes.set_xticks([0.001, 0.01, 0.1, 1], ["1 mm", "1 cm", "10 cm", "1 m"])
-    return Picture(figure, f"Position error of each run. {'; '.join(words)}.")
 
 
 def cost_at(trajectory: Trajectory, grid: OccupancyGrid, recording: Recording, times: np.ndarray) -> SlamCost:

@@ -126,23 +126,6 @@ def with_resamplings(run: Played) -> tuple[np.ndarray, np.ndarray]:
     return t[order], share[order]
 
 
-def n_eff_picture(runs: dict[str, Played]) -> Picture:
-    """N_eff over time for each run, with the threshold below which it resamples."""
-    figure, axes = new_figure(5.1, 3.0)
-    words = []
-    for name, run in runs.items():
-        colour = name if name in COLOURS else "estimate"
-        t, share = with_resamplings(run)
-        axes.plot(t, share, color=COLOURS[colour], linewidth=1.2, label=name)
-        axes.axhline(run.config.resample_below, color=COLOURS[colour], linestyle=":")
-        resamplings = sum(info.resampled for info in run.infos)
-        words.append(f"{name}: median {np.median(run.n_eff_share[1:]):.2f}, {resamplings} resamplings")
-    axes.set(xlabel="time [s]", ylabel="$N_{eff}$ / $N_p$", ylim=(0, 1.05), xlim=(30, 50))
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(runs))
-    alt = f"Effective share of particles over the drive. {'; '.join(words)}. Dotted: the thresholds for resampling."
-    return Picture(figure, alt)
-
-
 # ---- the film
 
 

@@ -15,7 +15,7 @@ from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.teaching.ch05.your_filter import BOOK, Filter, Settings, my_filter, scans_and_controls, step
 from pfslam.teaching.show.figures import draw_map
 from pfslam.teaching.show.pictures import Picture
-from pfslam.teaching.show.style import COLOURS, metric_axes, new_figure
+from pfslam.teaching.show.style import COLOURS, INK, PAPER, metric_axes, new_figure
 from pfslam.teaching.show.widgets import Explorer, Slider
 
 PARTICLES, EVERY, BLIND = 24, 20, 6
@@ -25,7 +25,7 @@ SECONDS = 32.0
 SETTINGS = Settings(sigma_v=0.3, sigma_omega=0.14, sharpness=0.02)
 ZOOM = 0.22
 """Half the width (m) of the pictures of the cloud."""
-NAMES, LOOKS = "ABC", ("free", "highlight", "hits")
+NAMES, LOOKS = "ABC", ("particle A", "particle B", "particle C")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +53,13 @@ class Update:
     def after(self) -> np.ndarray:
         """The cloud after resampling, moved apart a little by the next prediction's noise."""
         return self.predicted[self.ancestors]
+
+    @property
+    def colours(self) -> np.ndarray:
+        """The colour of every old particle: A, B and C have one each, which their descendants keep."""
+        colours = np.full(PARTICLES, COLOURS["particles"])
+        colours[self.chosen] = [COLOURS[look] for look in LOOKS]
+        return colours
 
 
 @lru_cache(maxsize=1)
@@ -105,11 +112,14 @@ def _map(axes: Axes, log_odds: np.ndarray, middle: np.ndarray, reach: float) -> 
     axes.set_facecolor(COLOURS["unknown"])
 
 
-def _cloud(axes: Axes, poses: np.ndarray, colour: str, sizes=30.0, length: float = 0.12) -> None:
+def _cloud(axes: Axes, poses: np.ndarray, colours, sizes=30.0, length: float = 0.12) -> None:
+    """Particles as dots with a line along their heading, in one colour or a colour for each."""
     x, y, theta = poses.T
-    ends = np.stack([x + length * np.cos(theta), y + length * np.sin(theta)])
-    axes.plot([x, ends[0]], [y, ends[1]], color=COLOURS[colour], linewidth=0.8)
-    axes.scatter(x, y, s=sizes, color=COLOURS[colour], linewidths=0, alpha=0.85, zorder=3)
+    colours, sizes = (np.broadcast_to(values, len(poses)) for values in (colours, sizes))
+    for k in range(len(poses)):
+        ends = [x[k], x[k] + length * np.cos(theta[k])], [y[k], y[k] + length * np.sin(theta[k])]
+        axes.plot(*ends, color=colours[k], linewidth=0.8)
+    axes.scatter(x, y, s=sizes, c=list(colours), linewidths=0, alpha=0.85, zorder=3)
 
 
 def _letters(axes: Axes, u: Update, x: np.ndarray, y: np.ndarray, **look) -> None:
@@ -137,24 +147,23 @@ def _scan_of(k: int) -> Callable[[Axes, Axes, Update], str]:
 
 def _before(left: Axes, right: Axes, u: Update) -> str:
     _map(left, u.log_odds, u.true_pose, 6.0)
-    _cloud(left, u.before, "particles", 8.0)
-    _zoom(right, u, u.before, np.full(PARTICLES, 30.0), u.before[:, :2].mean(axis=0))
+    _cloud(left, u.before, COLOURS["particles"], 8.0)
+    _zoom(right, u, u.before, COLOURS["particles"], 30.0, u.before[:, :2].mean(axis=0))
     return "before: map and cloud of the last scan"
 
 
 def _predicted(left: Axes, right: Axes, u: Update) -> str:
     _map(left, u.log_odds, u.true_pose, 6.0)
-    for a, b in zip(u.before, u.predicted, strict=True):
-        left.plot(*np.stack([a, b])[:, :2].T, color=COLOURS["particles"], linewidth=0.6)
-    _cloud(left, u.predicted, "particles", 8.0)
-    _zoom(right, u, u.predicted, np.full(PARTICLES, 30.0), u.true_pose, letters=True)
+    for a, b, colour in zip(u.before, u.predicted, u.colours, strict=True):
+        left.plot(*np.stack([a, b])[:, :2].T, color=colour, linewidth=0.6)
+    _cloud(left, u.predicted, u.colours, 8.0)
+    _zoom(right, u, u.predicted, u.colours, 30.0, u.true_pose, letters=True)
     return "predict: each drives by its own noise"
 
 
-def _zoom(axes: Axes, u: Update, poses, sizes, middle, letters: bool = False, truth: bool = True) -> None:
-    _cloud(axes, poses, "particles", sizes, 0.05)
-    if truth:
-        axes.plot(*u.true_pose[:2], "x", color=COLOURS["truth"], markersize=9, markeredgewidth=2.5, zorder=6)
+def _zoom(axes: Axes, u: Update, poses, colours, sizes, middle, letters: bool = False) -> None:
+    _cloud(axes, poses, colours, sizes, 0.05)
+    axes.plot(*u.true_pose[:2], "x", color=COLOURS["truth"], markersize=9, markeredgewidth=2.5, zorder=6)
     if letters:
         _letters(axes, u, *u.predicted[:, :2].T, xytext=(4, 4), textcoords="offset points")
     metric_axes(axes)
@@ -168,20 +177,20 @@ def _zoom(axes: Axes, u: Update, poses, sizes, middle, letters: bool = False, tr
 
 
 def _weights(left: Axes, right: Axes, u: Update) -> str:
-    _zoom(left, u, u.predicted, 30 * PARTICLES * u.weights, u.true_pose, letters=True)
-    right.bar(np.arange(PARTICLES), u.weights, color=COLOURS["particles"])
+    _zoom(left, u, u.predicted, u.colours, 30 * PARTICLES * u.weights, u.true_pose, letters=True)
+    right.bar(np.arange(PARTICLES), u.weights, color=list(u.colours))
     _letters(right, u, np.arange(PARTICLES), u.weights, ha="center", va="bottom")
     right.set(xlabel="particle", ylabel="weight", ylim=(0, 1.25 * u.weights.max()))
     return "weigh: exp(sharpness × count)"
 
 
 def _comb(left: Axes, right: Axes, u: Update) -> str:
-    draw_comb(left, u.weights, u.offset)
-    for column, rows in ((0.0, np.arange(PARTICLES)), (1.0, u.ancestors)):
-        right.scatter(np.full(PARTICLES, column), rows if column == 0 else np.arange(PARTICLES), s=14,
-                      color=COLOURS["particles" if column == 0 else "estimate"], zorder=3)  # fmt: skip
+    draw_comb(left, u.weights, u.offset, u.colours)
+    rows, inherited = np.arange(PARTICLES), u.colours[u.ancestors]
+    for column, colours in ((0, u.colours), (1, inherited)):
+        right.scatter(np.full(PARTICLES, column), rows, s=14, c=list(colours), zorder=3)
     for new, old in enumerate(u.ancestors):
-        right.plot([0, 1], [old, new], color=COLOURS["estimate"], linewidth=0.8)
+        right.plot([0, 1], [old, new], color=inherited[new], linewidth=0.8)
     right.set(xticks=(0, 1), xlim=(-0.2, 1.2), yticks=())
     right.set_xticklabels(("old", "new"))
     right.grid(False)
@@ -190,9 +199,10 @@ def _comb(left: Axes, right: Axes, u: Update) -> str:
 
 def _after(left: Axes, right: Axes, u: Update) -> str:
     spread = 0.004 * np.random.default_rng(0).standard_normal((PARTICLES, 3))
-    _zoom(left, u, u.predicted, np.full(PARTICLES, 10.0), u.true_pose)
-    _cloud(left, u.after + spread, "estimate", 30.0, 0.05)
-    _zoom(right, u, u.after + spread, np.full(PARTICLES, 30.0), u.true_pose)
+    _zoom(left, u, u.predicted, u.colours, 30.0, u.true_pose)
+    _zoom(right, u, u.after + spread, u.colours[u.ancestors], 30.0, u.true_pose)
+    left.set_title("cloud before")
+    right.set_title("cloud after")
     return "after: copies lie on one another"
 
 
@@ -214,8 +224,12 @@ def draw_step(k: int) -> Figure:
     figure, (left, right) = new_figure(5.1, 3.5, columns=2, width_ratios=[1.25, 1])
     figure.suptitle(f"{k}. {STEPS[k - 1](left, right, one_update())}", fontsize=12)
     figure.set_layout_engine("none")  # every picture of the update has its axes in the same places
-    left.set_position((0.13, 0.16, 0.45, 0.67))
-    right.set_position((0.745, 0.16, 0.235, 0.67) if k in (3, 4, 5, 6) else (0.64, 0.16, 0.34, 0.67))
+    if k > 7:  # before and after, side by side at one scale
+        left.set_position((0.04, 0.1, 0.44, 0.67))
+        right.set_position((0.54, 0.1, 0.44, 0.67))
+    else:
+        left.set_position((0.13, 0.16, 0.45, 0.67))
+        right.set_position((0.745, 0.16, 0.235, 0.67) if k in (3, 4, 5, 6) else (0.64, 0.16, 0.34, 0.67))
     return figure
 
 
@@ -252,14 +266,14 @@ def slow_motion_explorer() -> Explorer:
 # ---- the comb
 
 
-def draw_comb(axes: Axes, weights: np.ndarray, offset: float) -> None:
-    """The cumulative weights as stairs, and the teeth of the comb as arrows from the left."""
+def draw_comb(axes: Axes, weights: np.ndarray, offset: float, colours: np.ndarray) -> None:
+    """The cumulative weights as stairs, and the teeth of the comb from the left to the particles that they pick."""
     n, edges = len(weights), np.concatenate([[0.0], np.cumsum(weights)])
-    axes.stairs(edges[1:], np.arange(n + 1), baseline=None, color=COLOURS["estimate"], linewidth=1.6)
+    axes.stairs(edges[1:], np.arange(n + 1), baseline=None, color=COLOURS["particles"], linewidth=1.6)
     for tooth in (np.arange(n) + offset) / n:
         at = int(np.searchsorted(edges[1:], tooth, side="right"))
-        axes.plot([0, at], [tooth, tooth], color=COLOURS["highlight"], linewidth=0.9)
-        axes.plot([at, at], [edges[at], edges[at + 1]], color=COLOURS["highlight"], linewidth=2.2)
+        axes.plot([0, at], [tooth, tooth], color=INK, linewidth=0.7)
+        axes.plot([at, at], [edges[at], edges[at + 1]], color=colours[at], linewidth=3.0)
     axes.set(xlim=(0, n), ylim=(0, 1), xlabel="particle", ylabel="cumulative weight")
 
 
@@ -268,14 +282,22 @@ def comb_picture(weights=(0.6, 0.25, 0.15), offset: float = 0.637) -> Picture:
     weights = np.asarray(weights)
     edges, n = np.concatenate([[0.0], np.cumsum(weights)]), len(weights)
     figure, axes = new_figure(5.1, 2.2)
-    for k, colour in enumerate(LOOKS):
-        axes.barh(0, weights[k], left=edges[k], color=COLOURS[colour], height=0.6)
-        axes.text(edges[k] + weights[k] / 2, 0, f"{k}", ha="center", va="center", color="white", fontsize=14)
+    axes.barh(
+        np.zeros(n),
+        weights,
+        left=edges[:-1],
+        color=COLOURS["particles"],
+        edgecolor=PAPER,
+        linewidth=3,
+        height=0.6,
+    )
+    for k in range(n):
+        axes.text(edges[k] + weights[k] / 2, 0, f"{k}", ha="center", va="center", fontsize=14)
     teeth = (np.arange(n) + offset) / n
     for tooth in teeth:
         axes.annotate("", (tooth, 0.3), (tooth, 0.85), arrowprops={"arrowstyle": "-|>", "linewidth": 2.0})
         axes.text(tooth, 0.9, f"{tooth:.3f}", ha="center", va="bottom")
-    axes.plot(teeth[[0, -1]], [0.85, 0.85], color=COLOURS["truth"], linewidth=2.0)
+    axes.plot(teeth[[0, -1]], [0.85, 0.85], color=INK, linewidth=2.0)
     axes.set(xlim=(0, 1), ylim=(-0.4, 1.3), yticks=(), xticks=edges.round(2), xlabel="cumulative weight")
     axes.grid(False)
     ancestors = np.searchsorted(edges[1:], teeth, side="right").tolist()

@@ -6,10 +6,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from pfslam.teaching.ch05.slow_motion import SETTINGS, one_update
+from pfslam.teaching.ch05.slow_motion import LOOKS, SETTINGS, one_update
 from pfslam.teaching.ch05.your_filter import BOOK
 from pfslam.teaching.show.pictures import Picture
-from pfslam.teaching.show.style import COLOURS, new_figure
+from pfslam.teaching.show.style import COLOURS, PAPER, new_figure
 
 CELLS, YAWS, STEP_XY, STEP_YAW = 4, 4, 0.05, 0.005
 """The report's window: so many steps each way, in m and rad."""
@@ -48,9 +48,10 @@ def window_picture() -> Picture:
     edge = (CELLS + 0.5) * STEP_XY
     for axes, i in zip(row, shown, strict=True):
         image = axes.imshow(scores[i], origin="lower", extent=(-edge, edge, -edge, edge), vmin=0, vmax=best)
-        axes.plot(0, 0, "+", color=COLOURS["highlight"], markersize=12, markeredgewidth=2.5)
-        if i == at:
-            axes.plot(step[0], step[1], "o", color=COLOURS["hits"], markersize=9, mfc="none", mew=2.5)
+        for colour, wider in ((PAPER, 3.0), (COLOURS[LOOKS[1]], 0.0)):  # with a light rim, on any count
+            axes.plot(0, 0, "+", color=colour, markersize=12 + wider, markeredgewidth=2.5 + wider)
+            if i == at:
+                axes.plot(*step[:2], "o", color=colour, markersize=9, mfc="none", mew=2.5 + wider)
         axes.set(
             xticks=(-0.2, 0, 0.2), yticks=(-0.2, 0, 0.2), title=f"{np.rad2deg((i - YAWS) * STEP_YAW):+.1f}°"
         )

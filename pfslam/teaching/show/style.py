@@ -19,6 +19,9 @@ COLOURS = {
     "highlight": "#e69f00",
     "report": "#7f5539",  # the filter as the report has it, where both filters are drawn
     "refined": "#0072b2",  # ours; as an estimate
+    "particle A": "#5b2c9d",  # three particles that are followed by name from picture to picture
+    "particle B": "#94850a",
+    "particle C": "#7d1128",
 }
 LINE_STYLES = {"truth": (0, (1, 1.2)), "odometry": "--", "estimate": "-"}
 
