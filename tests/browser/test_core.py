@@ -59,7 +59,7 @@ RUN = """({source, calls}) => {
   return calls.map(([name, args]) => {
     if (name === 'generator') {
       const dice = root.pfslam.core.generator(...args);
-      return {uniform: Array.from({length: 50}, dice.uniform), normals: out(dice.normals(50))};
+      return {uniform: Array.from({length: 50}, dice.uniform), normals: out(dice.normals(49))};
     }
     return out(root.pfslam.core[name](...args.map(into)));
   });
@@ -298,9 +298,10 @@ def ray_cases(rng):
 
 def random_cases(rng):
     for seed in (0, 1, 16, 2**32 - 1):
-        numbers = list(islice(sfc32(seed), 15 + 50 + 100))[15:]
-        radius, turn = np.array(numbers[50:]).reshape(50, 2).T
-        normals = np.sqrt(-2.0 * np.log(1.0 - radius)) * np.cos(2.0 * pi * turn)
+        numbers = list(islice(sfc32(seed), 15 + 50 + 50))[15:]
+        radius, turn = np.array(numbers[50:]).reshape(25, 2).T
+        points = np.sqrt(-2.0 * np.log(1.0 - radius)) * np.exp(2j * pi * turn)
+        normals = np.column_stack([points.real, points.imag]).ravel()[:49]
         yield "generator", [seed], {"uniform": numbers[:50], "normals": normals}
 
 

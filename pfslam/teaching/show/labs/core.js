@@ -304,9 +304,17 @@
       return t >>> 0;
     }
     const uniform = () => bits() / 4294967296;
-    const normal = () => Math.sqrt(-2 * Math.log(1 - uniform())) * Math.cos(2 * Math.PI * uniform());
+    function normals(n) {
+      const numbers = new Float64Array(n);
+      for (let k = 0; k < n; k += 2) {
+        const radius = Math.sqrt(-2 * Math.log(1 - uniform())), angle = 2 * Math.PI * uniform();
+        numbers[k] = radius * Math.cos(angle);
+        numbers[k + 1] = radius * Math.sin(angle);  // past the end of an odd number it is lost
+      }
+      return numbers;
+    }
     for (let k = 0; k < 15; k++) bits();  // until the seed has reached every bit
-    return {uniform, normals: n => Float64Array.from({length: n}, normal)};
+    return {uniform, normals};
   }
 
   const core = {

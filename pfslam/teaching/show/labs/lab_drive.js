@@ -52,10 +52,27 @@
       const n = this.settings.particles;
       this.poses = Float64Array.from({length: 3 * n}, (_, k) => pose[k % 3]);
       this.logWeights = new Float64Array(n).fill(-Math.log(n));
-      this.estimate = Array.from(pose);
     }
 
-    get weights() { return this.logWeights.map(Math.exp); }
+    /** Weights and estimate are worked out where they are needed, and kept until particles or weights change. */
+    get weights() {
+      if (this.weighed !== this.logWeights) {
+        this.weighed = this.logWeights;
+        this.kept = this.logWeights.map(Math.exp);
+        this.averaged = null;
+      }
+      return this.kept;
+    }
+
+    /** The weighted mean of the particles [x, y, theta]. */
+    get estimate() {
+      const {weights} = this;
+      if (this.averaged !== this.poses) {
+        this.averaged = this.poses;
+        this.mean = core.averagePose(this.poses, weights);
+      }
+      return this.mean;
+    }
 
     get nEff() { return core.effectiveSampleSize(this.weights); }
 
@@ -110,7 +127,6 @@
       const sigmas = {sigmaV: 0.13 * noise, sigmaOmega: 0.25 * noise, perRootSecond: true};
       this.poses = core.predict(this.poses, v, omega, dt, sigmas, normals);
       this.reckoned.push(Array.from(core.motionModel(this.reckoned[this.reckoned.length - 1], v, omega, dt)));
-      this.estimate = core.averagePose(this.poses, this.weights);
       this.moved = true;
       this.note({v, omega, dt, sigmas, normals});
     }
@@ -142,8 +158,7 @@
       this.fit = Math.max(...gain) / sharpness;
       this.after(this.parts.update && this.parts.update(this.weights, gain.map(Math.exp)), weights => {
         this.logWeights = weights ? weights[0].map(Math.log) : core.reweight(this.logWeights, gain).logWeights;
-        this.estimate = core.averagePose(this.poses, this.weights);
-        this.history.push(this.nEff);
+          this.history.push(this.nEff);
         this.note({scored: true, sharpness});
         this.draw();
         next();
@@ -242,12 +257,12 @@
     if (!stage.small) controls(stage, drive);
 
     stage.drag(plan, {
-      start: (x, y) => { byHand(); drive.target = [x, y]; },
+      start: (x, y) => { byHand(); drive.target = [x, y]; clock.wake(); },
       move: (x, y) => { drive.target = [x, y]; },
     });
     const key = name => down => {
       drive.keys[name] = down;
-      if (down) { byHand(); drive.target = null; }
+      if (down) { byHand(); drive.target = null; clock.wake(); }
     };
     stage.keys(plan, {ArrowUp: key("up"), ArrowDown: key("down"), ArrowLeft: key("left"), ArrowRight: key("right")});
 

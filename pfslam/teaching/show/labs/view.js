@@ -82,6 +82,7 @@
       this.buttons = make("div", {class: "pfslam-buttons"});
       this.status = make("p", {class: "pfslam-status", role: "status", "aria-live": "polite"});
       this.body.append(this.buttons, this.controls, this.status);
+      this.foot = this.small ? this.controls : this.buttons;  // in small the buttons stand first, to be seen at once
       figure.append(this.body);
       figure.classList.add("pfslam-live");
       figure.addEventListener("keydown", event => this.pressed(event));
@@ -112,7 +113,7 @@
 
     place(sheet, element) {
       this.sheets.push(sheet);
-      this.body.insertBefore(element, this.buttons);
+      this.body.insertBefore(element, this.foot);
       return sheet;
     }
 
@@ -123,9 +124,8 @@
       const holder = make("div", {class: "pfslam-plan", tabindex: "0", role: "application", "aria-label": name,
                                   "aria-describedby": `${this.id}-help`}, canvas);
       canvas.style.touchAction = touch;
-      this.body.insertBefore(words, this.buttons);
       const plan = this.place(new Plan(canvas, window), holder);
-      this.body.insertBefore(words, this.buttons);
+      this.body.insertBefore(words, this.foot);
       plan.holder = holder;
       return plan;
     }
@@ -140,7 +140,7 @@
     words(html) {
       const line = make("p", {class: "pfslam-legend"});
       line.innerHTML = html;
-      this.body.insertBefore(line, this.buttons);
+      this.body.insertBefore(line, this.foot);
       return line;
     }
 
@@ -199,6 +199,7 @@
       const stepped = () => { clock.pause(); step(); this.redraw(); };
       const toggle = () => (calm() ? stepped() : clock.running ? clock.pause() : clock.start());
       clock.start = () => { clock.running = true; clock.due = 0; clock.last = performance.now(); write(); this.redraw(); };
+      clock.wake = () => { if (!clock.running && !calm()) clock.start(); };  // for who drives without pressing Start
       clock.pause = () => { clock.running = false; write(); this.redraw(); };
       const button = calm() ? null : this.button({name: "Start", press: toggle});
       const write = () => { if (button) button.textContent = clock.running ? "Pause" : "Start"; };
@@ -281,7 +282,7 @@
         for (; clock.due >= 1 && clock.running; clock.due -= 1) clock.tick();
       }
       this.parts.draw();
-      if (this.parts.describe) this.say(this.parts.describe());
+      if (this.parts.describe && performance.now() - this.saidAt >= 1000) this.say(this.parts.describe());
       if (clock && clock.running) this.redraw();
     }
   }
@@ -289,8 +290,21 @@
   const draw = {
     /** The map: unknown as paper, free and occupied by their log-odds, up to `full` (the clamp). */
     grid(plan, grid, colours, full) {
-      const [height, width] = grid.spec.shape, store = (plan.store = plan.store || document.createElement("canvas"));
-      if (store.width !== width || store.height !== height) Object.assign(store, {width, height});
+      const [height, width] = grid.spec.shape, {origin, resolution} = grid.spec;
+      const store = (plan.store = plan.store || document.createElement("canvas"));
+      if (plan.stored !== grid.logOdds || plan.storedIn !== colours) {  // a new map is a new array
+        Object.assign(plan, {stored: grid.logOdds, storedIn: colours});
+        draw.cells(store, grid, colours, full);
+      }
+      const [x, y] = plan.at(origin[0], origin[1] + height * resolution);
+      plan.context.imageSmoothingEnabled = false;
+      plan.context.drawImage(store, x, y, width * resolution * plan.scale, height * resolution * plan.scale);
+    },
+
+    /** The map on a canvas of its own, a pixel for a cell. */
+    cells(store, grid, colours, full) {
+      const [height, width] = grid.spec.shape;
+      Object.assign(store, {width, height});
       const context = store.getContext("2d"), image = context.createImageData(width, height);
       const [paper, free, wall] = [colours.paper, colours.free, colours.wall].map(rgb);
       for (let iy = 0; iy < height; iy++) {
@@ -302,9 +316,6 @@
         }
       }
       context.putImageData(image, 0, 0);
-      const {origin, resolution} = grid.spec, [x, y] = plan.at(origin[0], origin[1] + height * resolution);
-      plan.context.imageSmoothingEnabled = false;
-      plan.context.drawImage(store, x, y, width * resolution * plan.scale, height * resolution * plan.scale);
     },
 
     /** Lines x, y, x, y, ... of the world; `gaps` makes every two points a line of their own. */
