@@ -72,6 +72,19 @@ def test_every_source_is_cited_and_every_citation_known():
     assert cited == known
 
 
+def test_links_to_sources_read_as_the_site_cites_them(monkeypatch):
+    """In a chapter a citation is a link, because JupyterLab would show the key of a role."""
+    monkeypatch.syspath_prepend(str(ROOT / "book" / "_tools"))
+    citation, found = importlib.import_module("plain").citation, 0
+    for path in (ROOT / "notebooks").glob("*.ipynb"):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        text = "\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "markdown")
+        for words, key in re.findall(r"\[([^\[\]]+)\]\(\.\./book/bibliography\.md#(\w+)\)", text):
+            assert f"[{words}]" == citation(key, ROOT / "book" / "references.bib"), path.stem
+            found += 1
+    assert found > 20
+
+
 def test_every_column_of_a_table_has_a_name():
     notebooks = (
         json.loads(path.read_text(encoding="utf-8")) for path in (ROOT / "notebooks").glob("*.ipynb")

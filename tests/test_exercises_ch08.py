@@ -44,6 +44,7 @@ def test_looks_broken_hints():
     assert "whole rows" in check_looks_broken(weights_too).message
     assert "accuses" in check_looks_broken(lambda resample: True).message
     assert "True or False" in check_looks_broken(lambda resample: "maybe").message
+    assert "returns nothing" in check_looks_broken(lambda resample: None).message
     assert "ZeroDivisionError" in check_looks_broken(lambda resample: 1 / 0).message
 
 

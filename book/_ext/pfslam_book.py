@@ -141,6 +141,14 @@ def number_equations(app, doctree) -> None:
             equations[label[0]] = (app.env.docname, int(label[1]))
 
 
+def anchor_sources(app, doctree) -> None:
+    """A source is found by its key, as in ``bibliography.md#thrun2005``: JupyterLab shows the bare key of a role."""
+    if app.env.docname == "book/bibliography":
+        slugs = app.env.metadata[app.env.docname].setdefault("myst_slugs", {})
+        for listed in app.env.get_domain("cite").bibliographies.values():
+            slugs.update({key: (0, key, key) for key in listed.citation_nodes})
+
+
 def number_figures(app, env) -> list[str]:
     """Figures are numbered by chapter, the second of chapter 03 as 3.2, so that a teacher can name one."""
     chapters = {page: number for page, number in env.toc_fignumbers.items() if CHAPTER.match(page)}
@@ -280,6 +288,7 @@ def setup(app):
     app.connect("config-inited", read_in_parallel)
     app.connect("env-before-read-docs", deal_out)
     app.connect("doctree-read", number_equations)
+    app.connect("doctree-read", anchor_sources)
     app.connect("env-get-updated", number_figures, priority=900)  # after Sphinx has counted through the book
     app.connect("doctree-read", wrap_sentences)
     app.connect("doctree-read", name_formulas)

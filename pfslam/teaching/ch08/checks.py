@@ -63,6 +63,8 @@ def check_looks_broken(looks_broken) -> Check:
     """Tell whether ``looks_broken(resample)`` tells three right resamplers from five broken ones."""
     for name, resample in GOOD.items():
         answer = attempt(looks_broken, resample)
+        if answer is None:
+            return hint("Your function returns nothing. Is a return missing at its end?")
         if is_unanswered(answer):
             return unanswered()
         if isinstance(answer, Check):
