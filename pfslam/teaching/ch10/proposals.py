@@ -67,9 +67,15 @@ def proposals_picture(case: Proposals) -> Picture:
     """Draw the three densities, and thirty particles drawn from either proposal with the size of their weights."""
     figure, (top, bottom) = new_figure(6.2, 4.6, rows=2, height_ratios=[1.7, 1], sharex=True)
     top.plot(
-        X, case.prior, color=COLOURS["odometry"], linestyle="--", label="motion  $p(x_t | x_{t-1}, u_t)$"
+        X,
+        case.prior,
+        color=COLOURS["odometry"],
+        linestyle="--",
+        label=r"motion  $p(\mathbf{x}_t | \mathbf{x}_{t-1}, \mathbf{u}_t)$",
     )
-    top.plot(X, case.likelihood, color=COLOURS["hits"], label="scan  $p(z_t | x_t, m)$")
+    top.plot(
+        X, case.likelihood, color=COLOURS["hits"], label=r"scan  $p(\mathbf{z}_t | \mathbf{x}_t, \mathbf{m})$"
+    )
     top.plot(X, case.improved, color=COLOURS["estimate"], linewidth=3, alpha=0.6, label="their product")
     top.set(yticks=[], ylim=(0, None))
     top.legend(loc="upper left", fontsize=10)
