@@ -65,7 +65,8 @@ def page_fragment(lab: Laboratory) -> str:
 <figcaption>{html.escape(lab.title)}</figcaption>
 <div class="pfslam-still">
 <img class="pfslam-picture" src="data:image/webp;base64,{still}" alt="{alt}" width="688">
-<p class="pfslam-note">A stored picture: the laboratory itself runs on the site, with JavaScript.</p>
+<p class="pfslam-note">A stored picture: the laboratory runs on the site, and in JupyterLab with the package
+<code>anywidget</code>.</p>
 </div>
 </figure>"""
 

@@ -15,6 +15,7 @@ export default {
       else resolve(message.result.map(values => Float64Array.from(values.flat())));
     });
     figure.className = "pfslam-lab";
+    figure.dataset.lmSuppressShortcuts = "true";  // here letters press our buttons, not those of JupyterLab
     caption.textContent = model.get("title");
     figure.append(caption);
     el.append(figure);

@@ -321,6 +321,7 @@
       Object.assign(plan.context, {strokeStyle: colours.highlight, lineWidth: 3});
       plan.context.strokeRect(x - 7, y - 7, 14, 14);
     }
+    if (drive.said) draw.text(plan, drive.said, 10, 24, colours.hits);
     if (!drive.looks) {
       const size = plan.width < 500 ? 15 : 20;
       draw.text(plan, "An empty map. Press Start.", plan.width / 2, 0.4 * plan.height, colours.ink, {size, align: "center"});

@@ -19,8 +19,8 @@
 (function (root) {
   "use strict";
   const calm = () => root.matchMedia("(prefers-reduced-motion: reduce)").matches;
-  const builders = {};
-  let count = 0;
+  // In JupyterLab each laboratory loads this file once more: what is known by then must stay.
+  const known = (root.pfslam.known = root.pfslam.known || {builders: {}, count: 0});
 
   /** An element with attributes, `text` and children. */
   function make(tag, attributes = {}, ...children) {
@@ -74,7 +74,7 @@
 
   class Stage {
     constructor(figure, options) {
-      const id = `pfslam-lab-${(count += 1)}`;
+      const id = `pfslam-lab-${(known.count += 1)}`;
       Object.assign(this, {figure, options, id, sheets: [], shortcuts: {}, said: "", saidAt: -Infinity, visible: true});
       this.small = Boolean(options.small);
       this.body = make("div", {class: "pfslam-lab-body"});
@@ -87,8 +87,10 @@
       figure.classList.add("pfslam-live");
       figure.addEventListener("keydown", event => this.pressed(event));
       this.readColours();
-      new MutationObserver(() => { this.readColours(); this.redraw(); })
-        .observe(document.documentElement, {attributes: true, attributeFilter: ["data-theme"]});
+      const repaint = new MutationObserver(() => { this.readColours(); this.redraw(); });
+      for (const place of [document.documentElement, document.body]) {
+        repaint.observe(place, {attributes: true, attributeFilter: ["data-theme", "data-jp-theme-light"]});
+      }
       new IntersectionObserver(entries => { this.visible = entries[0].isIntersecting; this.redraw(); }).observe(figure);
       new ResizeObserver(() => this.fit()).observe(this.body);
     }
@@ -433,13 +435,13 @@
   function mount(figure, name, options, host) {
     const stage = new Stage(figure, options);
     stage.host = host;
-    stage.parts = figure.lab = Object.assign(builders[name](stage), {stage});
+    stage.parts = figure.lab = Object.assign(known.builders[name](stage), {stage});
     stage.fit();
     stage.redraw();
   }
 
   function lab(name, build) {
-    builders[name] = build;
+    known.builders[name] = build;
     document.querySelectorAll(`figure.pfslam-lab[data-lab="${name}"]:not(.pfslam-live)`).forEach(figure => {
       mount(figure, name, JSON.parse(figure.dataset.options || "{}"));
     });

@@ -1,0 +1,95 @@
+"""Laboratories without a browser: what a cell shows with a kernel and without, and calls of the reader's functions."""
+
+import re
+import sys
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from pfslam.teaching import ch05
+from pfslam.teaching.show import lab
+from pfslam.teaching.show.lab import FOLDER, answer, module, scripts, show_lab
+
+LABS = sorted(path.name[4:-3] for path in FOLDER.iterdir() if path.name.startswith("lab_"))
+
+
+def shown(mode: str, monkeypatch) -> dict:
+    monkeypatch.setenv("PFSLAM_WIDGETS", mode)
+    return ch05.drive_lab()._repr_mimebundle_()
+
+
+def test_in_text_it_is_one_line(monkeypatch):
+    bundle = shown("text", monkeypatch)
+    assert bundle.keys() == {"text/plain"}
+    assert bundle["text/plain"].startswith("[laboratory: Drive")
+    assert "\n" not in bundle["text/plain"]
+
+
+@pytest.mark.parametrize("mode", ["static", "live"])
+def test_without_anywidget_it_is_a_described_picture_that_a_script_may_replace(mode, monkeypatch):
+    monkeypatch.setattr(lab, "find_spec", lambda name: None)
+    page = shown(mode, monkeypatch)["text/html"]
+    assert re.search(r'<figure class="pfslam-lab" data-lab="drive" data-options="{}">', page)
+    alt = re.search(r'<img [^>]*alt="([^"]+)"', page)[1]
+    assert "particles" in alt
+    assert "data:image/webp;base64," in page
+    assert "http" not in page
+
+
+def test_with_anywidget_it_is_a_widget_with_the_readers_parts(monkeypatch):
+    made = {}
+
+    class AnyWidget:
+        def on_msg(self, heard):
+            made["heard"] = heard
+
+        def send(self, message):
+            made["sent"] = message
+
+        def _repr_mimebundle_(self):
+            return {"widget": type(self)._esm}, {}
+
+    stand_in = ModuleType("anywidget")
+    stand_in.AnyWidget = AnyWidget
+    monkeypatch.setitem(sys.modules, "anywidget", stand_in)
+    monkeypatch.setattr(lab, "find_spec", lambda name: object())
+    monkeypatch.setenv("PFSLAM_WIDGETS", "live")
+    bundle = ch05.drive_lab(update=lambda weights, likelihood: weights * likelihood)._repr_mimebundle_()
+    assert "export default" in bundle["widget"]
+    made["heard"](None, {"id": 3, "part": "update", "arguments": [[0.5, 0.5], [1.0, 2.0]]}, [])
+    assert made["sent"] == {"id": 3, "result": [[0.5, 1.0]]}
+
+
+def test_a_readers_resampler_gets_poses_and_gives_them_back():
+    seen = []
+
+    def resample(poses, weights, rng):
+        seen.append((poses.shape, rng.random()))
+        return poses[[1, 1]], np.full(2, 0.5)
+
+    parts = ch05.drive_lab(resample=resample).parts
+    message = {"id": 1, "part": "resample", "arguments": [[1, 2, 3, 4, 5, 6], [0, 1]]}
+    assert answer(parts, message)["result"] == [[[4, 5, 6], [4, 5, 6]], [0.5, 0.5]]
+    assert seen[0][0] == (2, 3)
+
+
+def test_an_error_of_the_reader_comes_back_as_words():
+    def update(weights, likelihood):
+        raise ValueError("not yet written")
+
+    message = {"id": 1, "part": "update", "arguments": [[1.0], [1.0]]}
+    assert answer({"update": update}, message) == {"id": 1, "error": "ValueError: not yet written"}
+
+
+def test_an_unknown_laboratory_is_refused():
+    with pytest.raises(ValueError, match="no file lab_nowhere"):
+        show_lab("nowhere", "A title", "A picture")
+
+
+@pytest.mark.parametrize("name", LABS)
+def test_every_laboratory_is_whole(name):
+    assert all(FOLDER.joinpath(script).is_file() for script in scripts(name))
+    assert len(FOLDER.joinpath(f"{name}.webp").read_bytes()) < 80_000
+    assert f'lab("{name}"' in module(name)
+    assert "http" not in module(name), "nothing is fetched"
