@@ -156,6 +156,15 @@ def _command(commands, name: str, what: str) -> Parser:
     )
 
 
+_TOPICS = {
+    "scan": "LaserScan",
+    "odom": "Odometry",
+    "imu": "Imu",
+    "rgb": "colour Image",
+    "depth": "depth Image",
+}
+
+
 def _add_dataset(command: Parser, out: bool = True) -> None:
     what = "hall, ramp, ring, a set's number, or the path of a ROS bag, an .npz recording, or a CARMEN log"
     command.add_argument("dataset", metavar="DATASET", help=what)
@@ -167,7 +176,7 @@ def _add_dataset(command: Parser, out: bool = True) -> None:
             "--out", type=Path, metavar="DIR", help="folder to write to (default out/DATASET)"
         )
     bags = command.add_argument_group("for ROS bags", "Topics are found by their type if they are not named.")
-    for name, kind in {"scan": "LaserScan", "odom": "Odometry", "imu": "Imu"}.items():
+    for name, kind in _TOPICS.items():
         bags.add_argument(f"--{name}", metavar="TOPIC", help=f"the topic of {kind} to use")
     place = "place of the LiDAR in the robot's frame, m and rad (default: from /tf_static)"
     bags.add_argument("--lidar-at", type=coordinate, nargs=3, metavar=("X", "Y", "YAW"), help=place)

@@ -12,6 +12,7 @@ from pfslam.motion import dead_reckoning
 FORMATS = ("ros1", "sqlite3", "mcap", "mcap file")
 SCAN, ODOMETRY, IMU = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
 TF, IMAGE = "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/Image"
+INFO = "sensor_msgs/msg/CameraInfo"
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 UPSIDE_DOWN = (1.0, 0.0, 0.0, 0.0)
 """Half a turn about x, as a quaternion x, y, z, w."""
@@ -112,10 +113,33 @@ class Messages:
         ]
         return self.make(TF, transforms=stamped)
 
-    def image(self, t):
-        pixels = np.zeros(12, dtype=np.uint8)
-        fields = {"height": 2, "width": 2, "encoding": "rgb8", "is_bigendian": 0, "step": 6, "data": pixels}
-        return self.make(IMAGE, header=self.header(t, "camera"), **fields)
+    def image(self, t, pixels, encoding, frame="optical", padding=0):
+        """``pixels`` are (H, W) or (H, W, channels); ``padding`` bytes follow each row."""
+        rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
+        rows = np.pad(rows, ((0, 0), (0, padding)))
+        fields = {
+            "encoding": encoding,
+            "is_bigendian": int(pixels.dtype.byteorder == ">"),
+            "step": rows.shape[1],
+        }
+        size = {"height": pixels.shape[0], "width": pixels.shape[1]}
+        return self.make(IMAGE, header=self.header(t, frame), data=rows.ravel().copy(), **size, **fields)
+
+    def camera_info(self, t, K, height, width):
+        names = "DKRP" if self.is_old else "dkrp"
+        values = np.zeros(5), K.ravel(), np.eye(3).ravel(), np.zeros(12)
+        region = self.make(
+            "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
+        )
+        fields = {
+            "height": height,
+            "width": width,
+            "distortion_model": "plumb_bob",
+            "binning_x": 0,
+            "binning_y": 0,
+        }
+        fields |= dict(zip(names, values, strict=True)) | {"roi": region}
+        return self.make(INFO, header=self.header(t, "optical"), **fields)
 
 
 def nanoseconds(t):

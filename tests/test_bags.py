@@ -23,12 +23,14 @@ import pfslam
 from pfslam.__main__ import main
 from pfslam.errors import DataError
 from pfslam.events import Drive
-from pfslam.io.bags import BagOptions, list_topics
+from pfslam.io.bags import BagOptions
 from pfslam.io.headings import with_better_headings
+from pfslam.io.messages import list_topics
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, between, transform_points
 from pfslam.recording import Imu, LidarScans
-from pfslam.sensors import STANDARD_GRAVITY, LidarModel, RobotModel, scan_points
+from pfslam.sensors import STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel, scan_points
+from pfslam.texture.floor import associate_rgb, depth_from_disparity
 
 BOX = box_recording(images=0)
 NEW = Messages()
@@ -431,11 +433,132 @@ def test_two_lidars_without_a_usual_name_are_refused(tmp_path, capsys):
     assert main(["info", str(path), "--scan", "/front"]) == 0
 
 
-def test_images_are_counted(tmp_path):
-    rows = rows_of(BOX)
-    rows += [("/camera/rgb", nanoseconds(START + k), NEW.image(START + k)) for k in range(1, 4)]
-    found = loaded(tmp_path, sorted(rows, key=lambda row: row[1]))
-    assert found.dropped == {"images on /camera/rgb, which are not read": 3}
+# ---- images ------------------------------------------------------------------------------------
+
+K = np.array([[58.0, 0.0, 31.5], [0.0, 57.0, 23.5], [0.0, 0.0, 1.0]])
+PITCH = 0.6
+HIGH = 0.4
+EYE = RgbdModel(64, 48, 58.0, 57.0, 0.0, 31.5, 23.5, pitch=PITCH, position_b=(0.1, 0.0, HIGH))
+"""A camera that looks down at the floor; its intrinsics are those of K."""
+
+
+def rotation(axis, angle):
+    return (*np.sin(angle / 2) * np.eye(3)[axis], np.cos(angle / 2))
+
+
+OPTICAL = [
+    MOUNT,
+    ("base_link", "camera", EYE.position_b, rotation(1, PITCH)),
+    ("camera", "optical", (0, 0, 0), (-0.5, 0.5, -0.5, 0.5)),  # x right, y down, z forward
+]
+
+
+def view(pose):
+    """What the camera sees of the floor: depth (m), 0 above the horizon; blue where y > 0 in the world, else red."""
+    v, u = np.indices((48, 64))
+    rays = np.stack([u, v, np.ones(u.shape)], axis=-1) @ np.linalg.inv(K).T @ EYE.T_bo[:3, :3].T
+    depth = np.where(rays[..., 2] < -0.05, HIGH / np.maximum(-rays[..., 2], 0.05), 0.0)
+    points_b = (depth[..., None] * rays + EYE.position_b)[..., :2].reshape(-1, 2)
+    left = transform_points(pose, points_b)[:, 1].reshape(48, 64) > 0
+    return depth, np.where(left[..., None], (10, 20, 250), (250, 20, 10)).astype(np.uint8)
+
+
+def rows_with_images(form, encoding="32FC1", colour="rgb8", padding=0, frame="optical"):
+    """The box drive with eleven pairs of images, half a second apart."""
+    messages, path = Messages(form == "ros1"), dead_reckoning(BOX)
+    rows = rows_of(BOX, form == "ros1", mount=OPTICAL)
+    for t in START + 0.4 + 0.5 * np.arange(11):
+        depth, rgb = view(path.at(t))
+        depth = depth.astype(np.float32) if encoding == "32FC1" else np.round(1000 * depth).astype(np.uint16)
+        rgb = rgb if colour == "rgb8" else rgb[..., ::-1]
+        at = nanoseconds(t) + LATER
+        rows += [
+            ("/camera/depth/camera_info", at, messages.camera_info(t, K, 48, 64)),
+            ("/camera/depth/image", at, messages.image(t, depth, encoding, padding=padding)),
+            ("/camera/color/image", at, messages.image(t, rgb, colour, frame, padding)),
+        ]
+    return sorted(rows, key=lambda row: row[1])
+
+
+@pytest.mark.parametrize(
+    ("form", "encoding", "colour", "padding"),
+    [("ros1", "16UC1", "bgr8", 0), ("mcap", "32FC1", "rgb8", 4), ("sqlite3", "16UC1", "rgb8", 8)],
+)
+def test_depth_and_colour_come_back(tmp_path, form, encoding, colour, padding):
+    found = loaded(tmp_path, rows_with_images(form, encoding, colour, padding), form)
+    camera, model = found.camera, found.robot.camera
+    np.testing.assert_allclose(model.T_bo, EYE.T_bo, atol=1e-9)
+    np.testing.assert_array_equal(model.K, K)
+    assert (len(camera.disparity_index), len(camera.rgb_index), found.dropped) == (11, 11, {})
+    depth, rgb = view(found.odometry.at(camera.rgb_t[7]))
+    measured = depth_from_disparity(camera.read_disparity(7), model)
+    np.testing.assert_array_equal(np.isnan(measured), depth == 0)
+    np.testing.assert_allclose(measured[depth > 0], depth[depth > 0], atol=0.004)
+    assert (camera.read_rgb(7) == rgb).mean() > 0.995
+    np.testing.assert_allclose(associate_rgb(9.0, 8.0, 500.0, model), (9.0, 8.0))
+
+
+def test_the_floor_is_painted_from_a_bag(tmp_path):
+    """Blue lies where y > 0, red elsewhere."""
+    found = loaded(tmp_path, rows_with_images("mcap"))
+    texture = pfslam.map_texture(found, found.odometry)
+    iy, ix = np.nonzero(texture.seen)
+    y = texture.spec.cell_to_world(np.column_stack([ix, iy]))[:, 1]
+    blue = texture.rgb[iy, ix, 2] > 128
+    assert len(y) > 300
+    assert (blue == (y > 0))[np.abs(y) > 0.06].all()
+    assert 0.1 < blue.mean() < 0.9
+
+
+def test_the_images_go_into_the_one_file(tmp_path):
+    found = loaded(tmp_path, rows_with_images("mcap"))
+    pfslam.save(found, tmp_path / "drive.npz")
+    kept = pfslam.load(tmp_path / "drive.npz")
+    assert kept.robot == found.robot
+    np.testing.assert_array_equal(kept.camera.read_disparity(3), found.camera.read_disparity(3))
+    np.testing.assert_array_equal(kept.camera.read_rgb(3), found.camera.read_rgb(3))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"frame": "another"}, "depth and colour are not registered: sizes or frames differ"),
+        ({"colour": "yuv422"}, "the encodings 32FC1 and yuv422 are not read"),
+    ],
+)
+def test_images_that_do_not_fit_are_counted(tmp_path, changes, words):
+    found = loaded(tmp_path, rows_with_images("mcap", **changes))
+    assert found.camera is None
+    assert found.dropped == {f"images on /camera/{kind}/image ({words})": 11 for kind in ("depth", "color")}
+
+
+def test_images_without_partner_or_description_are_counted(tmp_path):
+    rows = without(rows_with_images("mcap"), "/camera/depth/camera_info")
+    found = loaded(tmp_path, rows)
+    assert found.dropped == {
+        f"images on /camera/{kind}/image, which are not read": 11 for kind in ("depth", "color")
+    }
+
+
+def test_a_damaged_image_is_named_when_it_is_read(tmp_path):
+    rows = rows_with_images("mcap")
+    short = [message for topic, _, message in rows if topic == "/camera/depth/image"][4]
+    short.data = short.data[:-5]
+    camera = loaded(tmp_path, rows).camera
+    assert camera.read_disparity(3).shape == (48, 64)
+    with pytest.raises(DataError, match=r"/camera/depth/image at 1300000002\.402: found ValueError"):
+        camera.read_disparity(4)
+
+
+def test_of_two_colour_cameras_one_is_named(tmp_path):
+    rows = rows_with_images("mcap")
+    rows += [("/rear", at, message) for topic, at, message in rows if topic == "/camera/color/image"]
+    path = write_bag(tmp_path / "drive", "mcap", sorted(rows, key=lambda row: row[1]))
+    assert pfslam.load(path).camera is None
+    found = pfslam.load(path, bag=BagOptions(rgb="/camera/color/image"))
+    assert (len(found.camera.rgb_index), found.dropped) == (11, {"images on /rear, which are not read": 11})
+    with pytest.raises(DataError, match="--depth /nowhere: found /camera/color/image"):
+        pfslam.load(path, bag=BagOptions(depth="/nowhere"))
 
 
 # ---- bags that are none ------------------------------------------------------------------------

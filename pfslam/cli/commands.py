@@ -8,7 +8,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -24,10 +24,12 @@ from pfslam.config import PRESETS
 from pfslam.datasets import dataset_name, load
 from pfslam.errors import DataError
 from pfslam.evaluation.checkup import check_up
-from pfslam.io.bags import BagOptions, Log, choose_topics, is_bag, list_topics
+from pfslam.io.bag_images import choose_images
+from pfslam.io.bags import BagOptions, choose_topics
 from pfslam.io.course import save_course
 from pfslam.io.files import atomic_write, check_writable, write_text
 from pfslam.io.formats import write_map, write_texture, write_tum
+from pfslam.io.messages import Log, is_bag, list_topics
 from pfslam.io.recordings import save
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
@@ -129,12 +131,12 @@ def info_command(arguments: argparse.Namespace) -> None:
     """Print what a data set holds and what a run would use."""
     path = Path(arguments.dataset)
     if path.exists() and is_bag(path):
-        topics = list_topics(path)
-        try:
-            chosen = choose_topics(Log(path), topics, bag_options(arguments))
-        except DataError:  # said again, in full, when the bag is loaded
-            chosen = {}
-        print(topic_table(topics, chosen.values()), end="\n\n", flush=True)
+        topics, options = list_topics(path), bag_options(arguments)
+        used: list[str] = []
+        with suppress(DataError):  # which is said when the bag is loaded
+            used += choose_topics(Log(path), topics, options).values()
+            used += choose_images(Log(path), topics, options.depth, options.rgb)
+        print(topic_table(topics, used), end="\n\n", flush=True)
     print(describe(load_dataset(arguments)))
 
 
@@ -165,7 +167,8 @@ def load_dataset(arguments: argparse.Namespace) -> Recording:
 def bag_options(arguments: argparse.Namespace) -> BagOptions:
     """Collect what the command line says about a bag."""
     place = None if arguments.lidar_at is None else tuple(arguments.lidar_at)
-    return BagOptions(arguments.scan, arguments.odom, arguments.imu, place)
+    named = {name: getattr(arguments, name) for name in ("scan", "odom", "imu", "rgb", "depth")}
+    return BagOptions(**named, lidar_at=place)
 
 
 def out_folder(arguments: argparse.Namespace) -> Path:

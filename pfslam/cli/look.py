@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from pfslam.evaluation.checkup import Finding
-from pfslam.io.bags import TF, Topic
+from pfslam.io.messages import TF, Topic
 from pfslam.recording import Recording
 
 VERDICTS = {True: "ok", False: "FAILED", None: "-"}

@@ -1,41 +1,34 @@
 """ROS bags: laser scans with odometry, read without ROS.
 
 ROS 1 bags, ROS 2 bag folders (sqlite3 or mcap) and single mcap or db3 files are read through the pure Python library
-rosbags, the extra ``ros``. The messages are the standard ones of ROS: LaserScan, Odometry, TFMessage, Imu. What is left
-out is counted in ``recording.dropped``; what had to be decided or looks odd is said in ``recording.notes``.
+rosbags, the extra ``ros``. The messages are the standard ones of ROS: LaserScan, Odometry, TFMessage, Imu, Image. What
+is left out is counted in ``recording.dropped``; what had to be decided or looks odd is said in ``recording.notes``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.io.frames import Frames, nanoseconds, seconds, seven, transforms
+from pfslam.io.bag_images import INFO, choose_images, load_images
+from pfslam.io.frames import Frames, seven, transforms
 from pfslam.io.headings import with_better_headings
 from pfslam.io.limits import LONGEST_SWEEP, check_size
+from pfslam.io.messages import IMAGE, TF, Log, Messages, Topic, list_topics, ordered, read_messages
 from pfslam.poses import Trajectory
 from pfslam.recording import Imu, LidarScans, Recording
-from pfslam.sensors import MAX_BEAMS, STANDARD_GRAVITY, LidarModel, RobotModel
+from pfslam.sensors import MAX_BEAMS, STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel
 
 SCAN, ODOMETRY, IMU = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
-IMAGE, TF = "sensor_msgs/msg/Image", "tf2_msgs/msg/TFMessage"
-OLD_NAMES = {"tf/msg/tfMessage": TF}
-"""Types that have the layout of another."""
 USUAL = {SCAN: ("/scan",), ODOMETRY: ("/odom",), IMU: ("/imu/data", "/imu")}
 """Of several topics of a type, the one with such a name is used."""
 OPTION = {SCAN: "--scan", ODOMETRY: "--odom", IMU: "--imu"}
 ODOMETRY_FRAME, BASE_FRAMES = "odom", ("base_footprint", "base_link")
-SUFFIXES = (".bag", ".mcap", ".db3")
-LATE = 1.0
-"""Seconds that a message may reach the bag later than its topic's messages usually do."""
-LONG_GAP = 0.5
-"""Seconds without a message, and five usual intervals, that are spoken of."""
 STEEPEST = float(np.deg2rad(10.0))
 """A LiDAR that leans more than this (rad) does not measure a floor plan."""
 
@@ -47,109 +40,9 @@ class BagOptions:
     scan: str | None = None
     odom: str | None = None
     imu: str | None = None
+    rgb: str | None = None
+    depth: str | None = None
     lidar_at: tuple[float, float, float] | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Topic:
-    """One topic of a bag: its type, and when its messages reached the bag, ``t (K,)`` s."""
-
-    name: str
-    kind: str
-    t: np.ndarray
-
-
-@dataclass(eq=False)
-class Log:
-    """Collects what is left out, by reason, and what is to be said."""
-
-    path: Path
-    dropped: dict[str, int] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-
-    def count(self, reason: str, number: int | np.integer) -> None:
-        """Note that this many items were left out for this reason."""
-        if number:
-            self.dropped[reason] = self.dropped.get(reason, 0) + int(number)
-
-
-@dataclass(eq=False)
-class Messages:
-    """The messages of one topic: when they were stamped and when they reached the bag, each in whole nanoseconds."""
-
-    topic: str
-    stamped: list[int] = field(default_factory=list)
-    arrived: list[int] = field(default_factory=list)
-    held: list[Any] = field(default_factory=list)
-
-
-def is_bag(path: Path) -> bool:
-    """Tell from its name whether a path is a bag: a file of a bag's kind, or a folder that holds bag files."""
-    if not path.is_dir():
-        return path.suffix in SUFFIXES
-    return any(entry.name == "metadata.yaml" or entry.suffix in SUFFIXES for entry in path.iterdir())
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """Open a bag; whatever goes wrong while it is open becomes one ``DataError``."""
-    try:
-        from rosbags import rosbag1, rosbag2
-    except ImportError as error:
-        raise DataError(path, "package", f"no {error.name}", "the extra: pip install pfslam[ros]") from error
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise DataError(path, "folder", "no metadata.yaml", "a ROS 2 bag, or the path of one .mcap file")
-    try:
-        with rosbag1.Reader(path) if path.suffix == ".bag" else rosbag2.Reader(path) as reader:
-            yield reader
-    except DataError:
-        raise
-    except Exception as error:  # the library raises many kinds for a damaged bag
-        found = f"{type(error).__name__}: {error}"
-        raise DataError(path, "bag", found, "a whole ROS bag, closed by its recorder") from error
-
-
-def list_topics(path: str | Path) -> dict[str, Topic]:
-    """List the topics of a bag by name."""
-    path, found = Path(path), {}
-    with _opened(path) as reader:
-        times: dict[str, list[int]] = {connection.topic: [] for connection in reader.connections}
-        kinds = {c.topic: OLD_NAMES.get(c.msgtype, c.msgtype) for c in reader.connections}
-        for connection, arrived, _ in reader.messages(connections=reader.connections):
-            times[connection.topic].append(arrived)
-        for name in sorted(times):
-            found[name] = Topic(name, kinds[name], seconds(np.sort(np.array(times[name], dtype=np.int64))))
-    return found
-
-
-def _read(path: Path, kinds: Mapping[str, str]) -> dict[str, Messages]:
-    """Read the messages of the given topics, whose types are given by name."""
-    found = {topic: Messages(topic) for topic in kinds}
-    with _opened(path) as reader:
-        decode = _decoder(path)
-        wanted = [connection for connection in reader.connections if connection.topic in kinds]
-        for connection, arrived, data in reader.messages(connections=wanted) if wanted else ():
-            try:
-                message = decode(data, kinds[connection.topic])
-            except Exception as error:
-                place = f"{connection.topic} at {arrived * 1e-9:.3f}"
-                raise DataError(path, place, f"{type(error).__name__}: {error}", "a whole message") from error
-            stream = found[connection.topic]
-            stream.held.append(message)
-            stream.arrived.append(arrived)
-            stream.stamped.append(nanoseconds(message.header) if hasattr(message, "header") else arrived)
-    return found
-
-
-def _decoder(path: Path) -> Callable[[bytes, str], Any]:
-    """Return what turns the bytes of a message into an object, by the standard types of ROS 1 or ROS 2."""
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    if path.suffix != ".bag":
-        return get_typestore(Stores.LATEST).deserialize_cdr
-    store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))  # not among them
-    return store.deserialize_ros1
 
 
 def load_bag(path: str | Path, options: BagOptions | None = None) -> Recording:
@@ -162,28 +55,33 @@ def load_bag(path: str | Path, options: BagOptions | None = None) -> Recording:
     log, topics = Log(path), list_topics(path)
     chosen = choose_topics(log, topics, options)
     wanted = {topic: kind for kind, topic in chosen.items()}
-    streams = _read(path, wanted | {name: TF for name, topic in topics.items() if topic.kind == TF})
-    for name, topic in topics.items():
-        if topic.kind == IMAGE:
-            log.count(f"images on {name}, which are not read", len(topic.t))
-    frames = Frames.of(
-        path, (m for name, stream in streams.items() if name not in wanted for m in stream.held)
-    )
+    images = choose_images(log, topics, options.depth, options.rgb)
+    wanted |= {topic: INFO if topic.endswith("camera_info") else IMAGE for topic in images}
+    trees = {name: TF for name, topic in topics.items() if topic.kind == TF}
+    streams = read_messages(path, wanted | trees)
+    frames = Frames.of(path, (message for name in trees for message in streams[name].held))
     odometry, base = _odometry(log, streams.get(chosen.get(ODOMETRY, "")), frames)
     imu = _imu(log, streams.get(chosen.get(IMU, "")), frames, base)
     if imu is not None:
         odometry, note = with_better_headings(odometry, imu)
         log.notes += [note] if note else []
-    robot, lidar = RobotModel(), None
-    if (scans := streams.get(chosen.get(SCAN, ""))) is not None:
-        model, lidar = _lidar(log, scans, frames, base, options.lidar_at)
-        robot = RobotModel(lidar=model)
-        if not odometry.covers(lidar.t).any():
-            found = f"{lidar.t[0]:.3f} to {lidar.t[-1]:.3f} s"
-            expected = f"times within the odometry's, {odometry.t[0]:.3f} to {odometry.t[-1]:.3f} s"
-            raise DataError(path, f"stamps on {scans.topic}", found, expected)
-    notes = tuple(log.notes)
-    return Recording(path.stem, robot, None, imu, odometry, lidar, dropped=log.dropped, notes=notes)
+    model, lidar = LidarModel(), None
+    if SCAN in chosen:
+        model, lidar = _lidar(log, streams[chosen[SCAN]], frames, base, options.lidar_at)
+        _check_clocks(path, chosen[SCAN], lidar, odometry)
+    pictures = load_images(log, [streams[topic] for topic in images], frames, base) if images else None
+    eye, camera = pictures or (RgbdModel(), None)
+    said: dict[str, Any] = {"dropped": log.dropped, "notes": tuple(log.notes)}
+    robot = RobotModel(lidar=model, camera=eye)
+    return Recording(path.stem, robot, imu=imu, odometry=odometry, lidar=lidar, camera=camera, **said)
+
+
+def _check_clocks(path: Path, topic: str, lidar: LidarScans, odometry: Trajectory) -> None:
+    """Raise ``DataError`` if no scan was made within the odometry's time."""
+    if not odometry.covers(lidar.t).any():
+        found = f"{lidar.t[0]:.3f} to {lidar.t[-1]:.3f} s"
+        expected = f"times within the odometry's, {odometry.t[0]:.3f} to {odometry.t[-1]:.3f} s"
+        raise DataError(path, f"stamps on {topic}", found, expected)
 
 
 def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) -> dict[str, str]:
@@ -212,37 +110,6 @@ def _choose(log: Log, topics: Mapping[str, Topic], kind: str, name: str | None) 
     return best
 
 
-def _ordered(log: Log, stream: Messages) -> tuple[np.ndarray, list[Any]]:
-    """Return stamps ``(K,)`` in seconds and their messages in strictly increasing order, and speak of what is odd."""
-    topic, stamped, arrived = stream.topic, np.array(stream.stamped), np.array(stream.arrived)
-    if not stamped.any():
-        log.notes.append(f"the stamps on {topic} are zero: the bag's own time is used")
-        stamped = arrived
-    if not stamped.any():
-        raise DataError(log.path, f"stamps on {topic}", "only zeros", "times")
-    log.count(f"messages on {topic} without a stamp", np.count_nonzero(stamped == 0))
-    delay = (arrived - stamped) * 1e-9
-    _speak(log, topic, "late", delay - np.median(delay[stamped != 0]) > LATE, arrived)
-    _speak(log, topic, "out of order, put in order", np.diff(stamped, prepend=stamped[0]) < 0, arrived)
-    order = np.argsort(stamped, kind="stable")
-    first = np.diff(stamped[order], prepend=stamped.min() - 1) > 0
-    log.count(f"messages on {topic} with the stamp of another", np.count_nonzero(~first))
-    order = order[first & (stamped[order] != 0)]
-    t = seconds(stamped[order])
-    check_size(log.path, f"{topic}.t", t)
-    gaps = np.diff(t)
-    if len(gaps) and gaps.max() > max(LONG_GAP, 5.0 * np.median(gaps)):
-        at = int(np.argmax(gaps))
-        log.notes.append(f"{topic} is silent for {gaps[at]:.2f} s after {t[at]:.3f} s, its longest gap")
-    return t, [stream.held[k] for k in order]
-
-
-def _speak(log: Log, topic: str, what: str, which: np.ndarray, arrived: np.ndarray) -> None:
-    if count := int(np.count_nonzero(which)):
-        first = arrived[int(np.argmax(which))] * 1e-9
-        log.notes.append(f"{count} messages on {topic} are {what}, the first at {first:.3f} s")
-
-
 def _odometry(log: Log, stream: Messages | None, frames: Frames) -> tuple[Trajectory, str]:
     """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames."""
     if stream is None:
@@ -254,10 +121,10 @@ def _odometry(log: Log, stream: Messages | None, frames: Frames) -> tuple[Trajec
         log.notes.append(f"odometry is read from /tf: {pair[0]} -> {pair[1]}")
         stamps, found = frames.edges[pair]
         stream = Messages(f"/tf ({pair[0]} -> {pair[1]})", stamps.tolist(), stamps.tolist(), list(found))
-        t, held = _ordered(log, stream)
+        t, held = ordered(log, stream)
         T, base = np.array(held), pair[1]
     else:
-        t, held = _ordered(log, stream)
+        t, held = ordered(log, stream)
         rows = np.array([seven(m.pose.pose.position, m.pose.pose.orientation) for m in held])
         T = transforms(log.path, stream.topic, t * 1e9, rows)
         known = {frame for pair in frames.edges for frame in pair}
@@ -273,7 +140,7 @@ def _imu(log: Log, stream: Messages | None, frames: Frames, base: str) -> Imu | 
     """Read the IMU, its axes turned into the body's."""
     if stream is None:
         return None
-    t, held = _ordered(log, stream)
+    t, held = ordered(log, stream)
     rates = np.array([[getattr(m.angular_velocity, axis) for axis in "xyz"] for m in held])
     pushes = np.array([[getattr(m.linear_acceleration, axis) for axis in "xyz"] for m in held])
     good = np.isfinite(rates).all(axis=1) & np.isfinite(pushes).all(axis=1)
@@ -297,7 +164,7 @@ def _lidar(
     log: Log, stream: Messages, frames: Frames, base: str, place: tuple[float, float, float] | None
 ) -> tuple[LidarModel, LidarScans]:
     """Describe the LiDAR and arrange its scans counter-clockwise, as seen from above."""
-    t, held = _ordered(log, stream)
+    t, held = ordered(log, stream)
     t, held = _of_one_kind(log, stream.topic, t, held)
     position, yaw, flipped = _mounting(
         log, stream.topic, held[0].header.frame_id.lstrip("/"), frames, base, place

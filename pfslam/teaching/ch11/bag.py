@@ -21,7 +21,8 @@ class Pen:
     """Writes messages by their types and the values of their fields, in order."""
 
     def __init__(self, writer: Any, store: Any):
-        self.writer, self.store, self.topics = writer, store, {}
+        self.writer, self.store = writer, store
+        self.topics: dict[str, Any] = {}
 
     def make(self, kind: str, *values: Any) -> Any:
         """Make a message such as ``geometry_msgs/Point`` from its values."""
