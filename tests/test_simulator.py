@@ -393,8 +393,9 @@ def test_hall_and_ramp_are_the_same_building():
 
 FINGERPRINT = """
 import hashlib
-from pfslam.simulator import simulate
-recording = simulate("ramp", seed=8).recording
+from pfslam.simulator import Hazards, simulate
+hazards = Hazards(people=4, doors=3, glass=0.1, bumps=5, slip=3)
+recording = simulate("ramp", seed=8, hazards=hazards).recording
 digest = hashlib.sha256()
 for stream in (recording.encoders, recording.imu, recording.lidar, recording.truth):
     for values in vars(stream).values():
