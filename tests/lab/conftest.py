@@ -35,6 +35,35 @@ def lab(tmp_path_factory):
         yield address
 
 
+READERS_CELLS = (
+    """from pfslam.teaching import ch05
+calls = []
+def update(weights, likelihood):
+    calls.append("update")
+    return weights * likelihood / (weights @ likelihood)
+def resample(poses, weights, rng):
+    calls.append("resample")
+    return poses[rng.choice(len(poses), len(poses), p=weights)], weights * 0 + 1 / len(weights)
+ch05.drive_lab(update, resample)""",
+    """def forgotten(weights, likelihood):
+    return weight * likelihood
+ch05.drive_lab(forgotten)""",
+)
+
+
+@pytest.fixture
+def readers_lab(tmp_path):
+    """A JupyterLab with a notebook in which a reader's functions drive the laboratory of chapter 05."""
+    (tmp_path / "work").mkdir()
+    cell = {"cell_type": "code", "metadata": {}, "outputs": [], "execution_count": None}
+    cells = [{**cell, "id": f"cell-{k}", "source": source} for k, source in enumerate(READERS_CELLS)]
+    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
+    notebook = {"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}
+    write_json(tmp_path / "work" / "00_mine.ipynb", notebook)
+    with running_lab(tmp_path / "work") as address:
+        yield address
+
+
 @pytest.fixture(scope="session")
 def bare_lab(tmp_path_factory):
     """A JupyterLab that knows no MyST, on the students' copies; "0.25" stands for every number."""

@@ -71,6 +71,12 @@ MOVES = """async moves => {
   }
   return all;
 }"""
+# What the kernel says to an expression.
+ASKED = """async expression => {
+  const kernel = window.jupyterapp.shell.currentWidget.sessionContext.session.kernel;
+  const reply = await kernel.requestExecute({code: '', user_expressions: {it: expression}}).done;
+  return reply.content.user_expressions.it.data['text/plain'];
+}"""
 HANGS = 3_000  # ms of processor time
 
 
@@ -155,6 +161,43 @@ def test_a_students_copy_reads_right_without_the_extension(bare_lab, chromium, c
     cells = page.evaluate(PROSE)
     assert_it_reads_right(cells)
     assert "0.25" in "".join(cell["text"] for cell in cells)
+    page.evaluate(SHUT_DOWN)
+    context.close()
+
+
+def test_a_laboratory_runs_with_the_readers_functions(readers_lab, chromium):
+    pytest.importorskip("anywidget")
+    context = chromium.new_context(viewport={"width": 1400, "height": 1400})
+    page, strangers = context.new_page(), []
+    own = (readers_lab, readers_lab.replace("http", "ws"), "data:", "blob:")
+    page.on("request", lambda r: r.url.startswith(own) or strangers.append(r.url))
+    page.goto(f"{readers_lab}lab/tree/00_mine.ipynb?reset", wait_until="load")
+    page.wait_for_function(
+        "() => window.jupyterapp?.shell.currentWidget?.sessionContext?.kernelDisplayStatus === 'idle'",
+        timeout=MINUTE,
+    )
+    page.evaluate("() => { window.jupyterapp.commands.execute('notebook:run-all-cells'); }")
+    page.wait_for_function(
+        "() => document.querySelectorAll('figure.pfslam-live').length === 2", timeout=MINUTE
+    )
+    mine, forgotten = page.locator("figure.pfslam-lab").all()
+    plan = mine.locator(".pfslam-plan")
+    plan.focus()
+    page.keyboard.press("Space")
+    page.wait_for_function(
+        "() => document.querySelector('figure.pfslam-lab').lab.state.resamplings > 2", timeout=MINUTE
+    )
+    for key in "ta":  # in JupyterLab's own keys "a" would add a cell
+        plan.press(key)
+    assert page.locator(".jp-Notebook .jp-CodeCell").count() == 2
+    calls = page.evaluate(ASKED, "sorted(set(calls)), len(calls)")
+    assert calls.startswith("(['resample', 'update'], ")
+    forgotten.scroll_into_view_if_needed()
+    forgotten.get_by_role("button", name="Start", exact=True).click()
+    forgotten.get_by_text("NameError: name 'weight' is not defined").wait_for(
+        state="attached", timeout=MINUTE
+    )
+    assert strangers == []
     page.evaluate(SHUT_DOWN)
     context.close()
 
