@@ -31,6 +31,11 @@ def point_by_package(u, v, d):
     return back_project(u, v, depth_from_disparity(d, camera), camera.K)
 
 
+def point_complex(u, v, d):
+    sideways = (u - U0 + 1j * (v - V0)) / FOCAL * depth(d)
+    return sideways.real, sideways.imag, depth(d)
+
+
 def line_by_sums(x, u):
     mx, mu = sum(x) / len(x), sum(u) / len(u)
     slope = sum((a - mx) * (b - mu) for a, b in zip(x, u, strict=True)) / sum((a - mx) ** 2 for a in x)
@@ -85,6 +90,7 @@ RIGHT = [
     (ch06.check_optical_point, lambda u, v, d: np.round(point(u, v, depth(d)), 4)),
     (ch06.check_optical_point, point_by_matrix),
     (ch06.check_optical_point, point_by_package),
+    (ch06.check_optical_point, point_complex),
     (ch06.check_optical_point, lambda u, v, d: point(*(np.float64(x) for x in (u, v)), depth(float(d)))),
     (ch06.check_calibrate, line_by_sums),
     (ch06.check_calibrate, line_by_least_squares),

@@ -69,6 +69,12 @@ def by_lstsq(arms, position, centres, normals):
     return np.linalg.lstsq(np.column_stack([normals, turning]), -residual, rcond=None)[0]
 
 
+def by_complex_lines(arms, position, centres, normals):
+    a, d, n = (v @ [1, 1j] for v in (arms, arms + position - centres, normals))
+    columns = np.column_stack([n.real, n.imag, (n.conj() * 1j * a).real])
+    return np.linalg.lstsq(columns, -(n.conj() * d).real, rcond=None)[0]
+
+
 def by_sums(arms, position, centres, normals):
     H, g = np.zeros((3, 3)), np.zeros(3)
     for a, c, n in zip(arms, centres, normals, strict=True):
@@ -80,6 +86,7 @@ def by_sums(arms, position, centres, normals):
 
 LINE_STEP = [
     by_lstsq,
+    by_complex_lines,
     by_sums,
     lambda *case: by_sums(*case).tolist(),
     lambda *case: tuple(by_lstsq(*case)),

@@ -1,6 +1,7 @@
 """Exercises of chapter 10: stub, solution, right answers in many styles, and the words for each wrong one."""
 
 import math
+from collections import deque
 
 import numpy as np
 import pytest
@@ -76,6 +77,7 @@ RIGHT = {
         summed,
         one_by_one,
         with_scipy,
+        lambda a, b: np.logaddexp.reduce((a + b).astype(np.longdouble)),
         lambda a, b: np.float32(summed(a, b)),
         lambda a, b: [summed(a, b)],
         lambda a, b: a.max() + np.log(np.exp(a - a.max()) @ np.exp(b)),
@@ -85,6 +87,7 @@ RIGHT = {
         draw_copies,
         draw_lazily,
         lambda m, a, h: tuple(draw(m, a, h)),
+        lambda m, a, h: deque(draw(m, a, h)),
         lambda m, a, h: [draw(m, a[k : k + 1], h[k : k + 1])[0] for k in range(len(h))],
         lambda m, a, h: [
             g if x is None else g + (np.arange(5) == x)

@@ -26,6 +26,11 @@ def unwrapped(readings):
     return np.diff(angle, prepend=angle[0]) * 256 / (2 * np.pi)
 
 
+def by_angles(readings):
+    steps = np.angle(np.exp(2j * np.pi / 256 * np.diff(readings.astype(float), prepend=float(readings[0]))))
+    return np.rint(steps * 256 / (2 * np.pi))
+
+
 def slope(right, left, turned):
     return (right - left) @ turned / (turned @ turned)
 
@@ -51,6 +56,7 @@ RIGHT = [
     (ch11.check_increments, in_a_loop),
     (ch11.check_increments, signed_bytes),
     (ch11.check_increments, unwrapped),
+    (ch11.check_increments, by_angles),
     (ch11.check_increments, lambda r: tuple(in_a_loop(r))),
     (ch11.check_increments, lambda r: np.float32(in_a_loop(r))),
     (ch11.check_increments, lambda r: np.rint(unwrapped(r)).astype(np.int16)),

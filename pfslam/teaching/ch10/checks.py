@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -141,7 +142,7 @@ def check_draw_all(theirs) -> Check:
     answer = answer_to(run, (ANCESTORS.copy(), list(HITS)), "maps")
     if isinstance(answer, Check):
         return answer
-    if not isinstance(answer, list | tuple | np.ndarray) or len(answer) != len(HITS):
+    if not isinstance(answer, Sequence | np.ndarray) or len(answer) != len(HITS):
         return hint(f"Return a list with one map for each of the {len(HITS)} particles.")
     if any(np.shape(m) != (5,) for m in answer):
         return hint("Return a list of maps, each with as many cells as before.")
