@@ -9,7 +9,8 @@ from box_recording import TURN_RATE, box_recording, room_ranges
 import pfslam
 from pfslam.evaluation.checkup import check_up, effective_track, scan_turn_fit, scan_turns
 from pfslam.evaluation.faults import first_seconds
-from pfslam.recording import LidarScans
+from pfslam.poses import Trajectory
+from pfslam.recording import LidarScans, Recording
 from pfslam.teaching.ch11.robot import FAULTS, HEALTHY
 
 
@@ -66,6 +67,25 @@ def test_the_clock_offset_comes_out_in_milliseconds(drive):
     for late in (-0.1, 0.06, 0.2):
         shifted = replace(drive, lidar=LidarScans(drive.lidar.t + late, drive.lidar.ranges))
         assert scan_turn_fit(shifted)[1] == pytest.approx(scan_turn_fit(drive)[1] + late, abs=0.011)
+
+
+def test_a_drive_in_a_circle_says_nothing_about_the_clock():
+    """It looks the same a moment later, so no shift of the scans fits better than another."""
+    findings = {f.question: f for f in check_up(box_recording(images=0))}
+    assert findings["Do scans turn as the gyro does?"].ok
+    clock = findings["Do scans and gyro share a clock?"]
+    assert (clock.ok, clock.found) == (None, "turns too even to tell")
+
+
+@pytest.mark.parametrize("poses", [1, 2, 3])
+@pytest.mark.parametrize("scans", [0, 1, 2])
+def test_the_shortest_recordings_are_answered(poses, scans):
+    box = box_recording(images=0)
+    lidar = LidarScans(box.lidar.t[:scans], box.lidar.ranges[:scans]) if scans else None
+    odometry = Trajectory(box.truth.t[:poses], box.truth.poses[:poses])
+    findings = check_up(Recording("short", box.robot, odometry=odometry, lidar=lidar))
+    assert len(findings) == 9
+    assert {f.ok for f in findings} >= {None}
 
 
 def test_scans_of_a_turning_robot_turn():
