@@ -40,7 +40,7 @@ def means_picture() -> Picture:
             right.axhline(wall, color=COLOURS["truth"], linewidth=2.5)
     right.set_facecolor(COLOURS["unknown"])
     right.scatter(*poses[:, :2].T, s=14, color=COLOURS["particles"], linewidths=0, zorder=3)
-    right.scatter(*mean[:2], s=120, marker="X", color=COLOURS["hits"], zorder=4)
+    right.scatter(*mean[:2], s=120, marker="X", color=COLOURS["highlight"], zorder=4)
     right.annotate("mean", mean[:2], (10, -5), textcoords="offset points", color=INK)
     metric_axes(right, "two corridors").set(xlim=(1, 9), ylim=(-1.8, 5.8), xticks=(2, 5, 8), yticks=(0, 2, 4))
     alt = f"""Left: {len(theta)} headings around west on a circle. Their plain mean points to {np.rad2deg(plain):.0f}
@@ -54,7 +54,7 @@ def _draw_circle(axes: Axes, theta: np.ndarray, plain: float) -> None:
     around = np.linspace(0.0, 2.0 * np.pi, 100)
     axes.plot(np.cos(around), np.sin(around), color=COLOURS["unknown"], linewidth=1.0)
     axes.scatter(np.cos(theta), np.sin(theta), s=20, color=COLOURS["particles"], linewidths=0, zorder=3)
-    means = ((plain, "hits", "plain mean", 0.22), (_circular(theta), "estimate", "of directions", -0.22))
+    means = ((plain, "highlight", "plain mean", 0.22), (_circular(theta), "estimate", "of directions", -0.22))
     for angle, colour, name, above in means:
         tip = (0.85 * np.cos(angle), 0.85 * np.sin(angle))
         arrow = {"arrowstyle": "-|>", "color": COLOURS[colour], "linewidth": 2.5, "mutation_scale": 16}
@@ -65,7 +65,7 @@ def _draw_circle(axes: Axes, theta: np.ndarray, plain: float) -> None:
             name,
             ha="center",
             va="center",
-            color=COLOURS[colour],
+            color=INK,
             fontsize=11,
         )
     axes.set(
