@@ -281,13 +281,13 @@
     const {settings} = drive;
     stage.slider({name: "Particles", min: 10, max: 2000, step: 10, value: settings.particles, digits: 0,
                   change: value => drive.setParticles(value)});
-    stage.slider({name: "Noise of the prediction", min: 0, max: 3, step: 0.05, value: settings.noise, unit: "times",
+    stage.slider({name: "Noise", min: 0, max: 3, step: 0.05, value: settings.noise, unit: "times",
                   change: value => { settings.noise = value; }});
     stage.slider({name: "Sharpness", min: 0, max: 40, step: 0.5, value: settings.sharpness, digits: 1,
                   change: value => { settings.sharpness = value; }});
     stage.slider({name: "Resample below", min: 0, max: 1, step: 0.01, value: settings.threshold, unit: "of N",
                   change: value => { settings.threshold = value; }});
-    stage.slider({name: "Clearing by a beam", min: 0, max: 1.4, step: 0.05, value: settings.free, unit: "log-odds",
+    stage.slider({name: "Clearing", min: 0, max: 1.4, step: 0.05, value: settings.free, unit: "log-odds",
                   change: value => { settings.free = value; }});
     stage.slider({name: "Speed", min: 0.1, max: 2, step: 0.1, value: 1, unit: "times", digits: 1,
                   change: value => { stage.beat.speed = value; }});
@@ -321,7 +321,7 @@
       Object.assign(plan.context, {strokeStyle: colours.highlight, lineWidth: 3});
       plan.context.strokeRect(x - 7, y - 7, 14, 14);
     }
-    if (drive.said) draw.text(plan, drive.said, 10, 24, colours.hits);
+    if (drive.said) draw.text(plan, drive.said, 10, 24, colours.hits, {halo: colours.paper});
     if (!drive.looks) {
       const size = plan.width < 500 ? 15 : 20;
       draw.text(plan, "An empty map. Press Start.", plan.width / 2, 0.4 * plan.height, colours.ink, {size, align: "center"});
@@ -332,7 +332,7 @@
     const {particles, threshold} = drive.settings, level = threshold * particles;
     strip.clear(colours.paper);
     draw.strip(strip, drive.history, {room: 80, top: particles, level, colour: colours.estimate, levelColour: colours.ink});
-    draw.text(strip, `N_eff ${drive.nEff.toFixed(0)} of ${particles}`, 8, 18, colours.ink);
+    draw.text(strip, `N_eff ${drive.nEff.toFixed(0)} of ${particles}`, 8, 18, colours.ink, {halo: colours.paper});
   }
 
   /** Slanted lines across a rectangle x0, y0, x1, y1 of the world. */

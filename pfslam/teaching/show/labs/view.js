@@ -82,7 +82,6 @@
       this.buttons = make("div", {class: "pfslam-buttons"});
       this.status = make("p", {class: "pfslam-status", role: "status", "aria-live": "polite"});
       this.body.append(this.buttons, this.controls, this.status);
-      this.foot = this.small ? this.controls : this.buttons;  // in small the buttons stand first, to be seen at once
       figure.append(this.body);
       figure.classList.add("pfslam-live");
       figure.addEventListener("keydown", event => this.pressed(event));
@@ -115,7 +114,7 @@
 
     place(sheet, element) {
       this.sheets.push(sheet);
-      this.body.insertBefore(element, this.foot);
+      this.body.insertBefore(element, this.controls);
       return sheet;
     }
 
@@ -127,7 +126,7 @@
                                   "aria-describedby": `${this.id}-help`}, canvas);
       canvas.style.touchAction = touch;
       const plan = this.place(new Plan(canvas, window), holder);
-      this.body.insertBefore(words, this.foot);
+      this.body.insertBefore(words, this.controls);
       plan.holder = holder;
       return plan;
     }
@@ -142,7 +141,7 @@
     words(html) {
       const line = make("p", {class: "pfslam-legend"});
       line.innerHTML = html;
-      this.body.insertBefore(line, this.foot);
+      this.body.insertBefore(line, this.controls);
       return line;
     }
 
@@ -284,7 +283,8 @@
         for (; clock.due >= 1 && clock.running; clock.due -= 1) clock.tick();
       }
       this.parts.draw();
-      if (this.parts.describe && performance.now() - this.saidAt >= 1000) this.say(this.parts.describe());
+      const quiet = clock && clock.running ? 5000 : 1000;  // who listens to a drive wants to hear other things, too
+      if (this.parts.describe && performance.now() - this.saidAt >= quiet) this.say(this.parts.describe());
       if (clock && clock.running) this.redraw();
     }
   }
@@ -419,10 +419,15 @@
       context.stroke();
     },
 
-    /** Words at a pixel. */
-    text(sheet, words, x, y, colour, {size = 14, align = "left"} = {}) {
-      Object.assign(sheet.context, {fillStyle: colour, font: `${size}px system-ui, sans-serif`, textAlign: align});
-      sheet.context.fillText(words, x, y);
+    /** Words at a pixel; with a `halo` they can be read over lines. */
+    text(sheet, words, x, y, colour, {size = 14, align = "left", halo = null} = {}) {
+      const {context} = sheet;
+      Object.assign(context, {fillStyle: colour, font: `${size}px system-ui, sans-serif`, textAlign: align});
+      if (halo) {
+        Object.assign(context, {strokeStyle: halo, lineWidth: 5, lineJoin: "round"});
+        context.strokeText(words, x, y);
+      }
+      context.fillText(words, x, y);
     },
   };
 
