@@ -273,7 +273,7 @@ def room(rng, people: int = 3):
     clutter = middles[:, None] + rng.uniform(-0.4, 0.4, (6, 2, 2))
     walls = np.concatenate([np.stack([corners, np.roll(corners, -1, axis=0)], axis=1), clutter])
     closed = np.tile([-inf, inf], (len(walls), 1))
-    walkers = tuple(Person(np.array([-1.0, 1.0]), np.tile(c, (2, 1))) for c in middles[:people])
+    walkers = tuple(Person(np.array([-1.0, 1.0]), np.tile(c + 1.0, (2, 1))) for c in middles[:people])
     return SimpleNamespace(walls=walls, closed=closed, people=walkers, slopes=())
 
 
