@@ -28,6 +28,8 @@ MOST_PAIRS = 300
 """Pairs of scans that are compared: those in the strongest turns."""
 LATEST = 0.3
 """Largest offset (s) between two clocks that is looked for."""
+EVEN = 0.005
+"""Where the correlation of turns varies by no more than this from offset to offset, it says nothing about a clock."""
 
 
 @dataclass(frozen=True)
@@ -203,8 +205,7 @@ def scan_turn_fit(recording: Recording) -> tuple[float, float] | None:
         return None
     likeness = (by_gyro @ seen) / np.sqrt((by_gyro**2).sum(axis=1) * (seen @ seen))
     best = int(np.argmax(np.abs(likeness)))
-    misfit = 1.0 - likeness**2
-    late = float(shifts[best]) if misfit.max() > 2.0 * misfit.min() else np.nan
+    late = float(shifts[best]) if np.ptp(likeness) > EVEN else np.nan
     return float(by_gyro[best] @ seen / (by_gyro[best] @ by_gyro[best])), late
 
 
