@@ -15,7 +15,10 @@ from pfslam.io.files import atomic_write
 from pfslam.teaching.show import lab
 
 # What to do with the laboratory, here called `lab`, before its picture is taken.
-MOMENTS = {"drive": "for (let k = 0; k < 20 * 60; k++) lab.state.tick();"}
+MOMENTS = {
+    "drive": "for (let k = 0; k < 20 * 60; k++) lab.state.tick();",
+    "cells": "lab.state.look(); for (let k = 0; k < 3; k++) { lab.state.move(); lab.state.look(); }",
+}
 WIDTH, QUALITY = 688, 0.85
 DRAWN = """async ([name, moment, quality]) => {
   const lab = document.querySelector('figure.pfslam-lab').lab;

@@ -19,6 +19,7 @@ from pfslam.particles import (
 )
 from pfslam.poses import average_pose, transform_points
 from pfslam.sensors import LidarModel, scan_points
+from pfslam.teaching.ch03.corridor import CELLS, STEP, TRUE_START, predict_belief, update_belief
 from pfslam.teaching.show.lab import FOLDER
 from pfslam.teaching.show.style import COLOURS
 
@@ -29,6 +30,7 @@ FINDINGS = """async () => (await axe.run(document, {preload: false})).violations
   v => v.nodes.map(n => v.id + ': ' + n.html.slice(0, 160)))"""
 LABS = sorted(path.name[4:-3] for path in FOLDER.iterdir() if path.name.startswith("lab_"))
 LAB = "document.querySelector('figure.pfslam-lab').lab"
+STATUS = "document.querySelector('[role=status]').textContent"
 READY = f"() => {LAB}?.stage.fitted"
 # Everything that the state holds, with typed arrays as lists.
 RECORD = f"""() => {{
@@ -311,3 +313,85 @@ def test_the_colours_are_those_of_the_figures():
     for name in ("truth", "odometry", "estimate", "particles", "hits", "highlight"):
         assert light[name] == COLOURS[name], name
     assert light["clear"] == COLOURS["free"]
+
+
+STATE = f"() => JSON.parse(JSON.stringify({LAB}.state, (_, v) => ArrayBuffer.isView(v) ? Array.from(v) : v))"
+
+
+def corridor_after(found: dict, actions: str, doors, at_door: float = 0.8) -> tuple:
+    """Belief, particles' cells and weights after looks (l), moves (m) and resamplings (r), by the package."""
+    belief, truth, dice = np.full(CELLS, 1 / CELLS), TRUE_START, iter(found["trace"])
+    cells = np.arange(30) % CELLS
+    weights = np.full(30, 1 / 30)
+    for action in actions:
+        if action == "m":
+            truth, belief = (truth + 1) % CELLS, predict_belief(belief, STEP)
+            cells = (cells + np.searchsorted(np.cumsum(list(STEP.values())), next(dice), "right")) % CELLS
+        elif action == "r":
+            cells, weights = cells[systematic_resample(weights, Handed(next(dice)))], np.full(30, 1 / 30)
+        else:
+            likelihood = np.where(np.isin(np.arange(CELLS), doors), at_door, 0.1)
+            likelihood = likelihood if truth in doors else 1 - likelihood
+            belief = update_belief(belief, likelihood)
+            weights = update_belief(weights, likelihood[cells])
+    return belief, cells, weights
+
+
+def assert_the_corridor_agrees(page, actions: str, doors, at_door: float = 0.8) -> None:
+    found = page.evaluate(STATE)
+    belief, cells, weights = corridor_after(found, actions, doors, at_door)
+    np.testing.assert_allclose(found["belief"], belief, atol=1e-12)
+    np.testing.assert_array_equal(found["cells"], cells)
+    np.testing.assert_allclose(found["weights"], weights, atol=1e-12)
+    said = f"() => /cell is {np.argmax(belief)} with {belief.max():.2f}/.test({STATUS})"
+    page.wait_for_function(said)
+
+
+def test_fifteen_cells_by_mouse(open_lab):
+    page = open_lab("cells")
+    box = page.locator(".pfslam-plan canvas").bounding_box()
+    x, y = [box["x"] + (cell + 0.5) * box["width"] / CELLS for cell in range(CELLS)], box["y"] + 12
+    page.mouse.click(x[10], y)  # away with the door at 10, and a new one at 7
+    page.mouse.click(x[7], y)
+    page.mouse.move(x[4], y)
+    page.mouse.down()
+    page.mouse.move(x[3], y, steps=3)  # the door at 4 goes to 3
+    page.mouse.up()
+    for name in ("Look", "Move", "Look", "Resample", "Move", "Look"):
+        page.get_by_role("button", name=name).click()
+    assert_the_corridor_agrees(page, "lmlrml", [1, 3, 7])
+
+
+def test_fifteen_cells_by_finger(open_lab):
+    page = open_lab("cells", width=390, has_touch=True, is_mobile=True)
+    plan = page.locator(".pfslam-plan canvas")
+    plan.tap(position={"x": 2.5 * plan.bounding_box()["width"] / CELLS, "y": 15})
+    for name in ("Look", "Move", "Look", "Resample", "Move"):
+        page.get_by_role("button", name=name).tap()
+    assert_the_corridor_agrees(page, "lmlrm", [1, 2, 4, 10])
+
+
+def test_fifteen_cells_by_key(open_lab):
+    page = open_lab("cells")
+    page.locator(".pfslam-plan").focus()
+    for key in ("ArrowRight", "Enter", "ArrowLeft", "ArrowLeft", "Enter"):  # no door at 1, one at 14
+        page.keyboard.press(key)
+    page.get_by_role("slider", name="Right at a door").focus()
+    for _ in range(10):
+        page.keyboard.press("ArrowRight")
+    for key in "lmmlr":
+        page.keyboard.press(key)
+    assert_the_corridor_agrees(page, "lmmlr", [4, 10, 14], at_door=0.9)
+    page.keyboard.press("n")
+    assert page.evaluate(STATE)["looks"] == 0
+
+
+def test_fifteen_cells_without_particles_and_with_chance(open_lab):
+    page = open_lab("cells", {"dots": False})
+    assert page.get_by_role("button", name="Resample").count() == 0
+    page.get_by_label("slips and errs").check()
+    for _ in range(40):
+        page.keyboard.press("m")
+    found = page.evaluate(STATE)
+    assert found["moves"] == 40
+    assert found["truth"] != (TRUE_START + 40) % CELLS

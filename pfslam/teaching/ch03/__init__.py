@@ -4,7 +4,6 @@ from pfslam.teaching.ch03.cells import (
     fates,
     importance_picture,
     particle_walk,
-    particles_explorer,
     predict_cells,
     weigh_cells,
 )
@@ -22,10 +21,10 @@ from pfslam.teaching.ch03.cloud import (
     rates_picture,
 )
 from pfslam.teaching.ch03.corridor import (
-    corridor_explorer,
     corridor_walk,
     door_likelihood,
 )
+from pfslam.teaching.ch03.live import cells_lab, corridor_lab
 from pfslam.teaching.ch03.mean import means_picture
 from pfslam.teaching.ch03.models import (
     MODELS,
@@ -43,11 +42,12 @@ __all__ = [
     "MODELS",
     "TRUE_BIAS",
     "Shown",
+    "cells_lab",
     "check_heading_spread",
     "check_predict",
     "check_track",
     "cloud_explorer",
-    "corridor_explorer",
+    "corridor_lab",
     "corridor_walk",
     "door_likelihood",
     "end_spreads",
@@ -61,7 +61,6 @@ __all__ = [
     "model_cloud",
     "models_explorer",
     "particle_walk",
-    "particles_explorer",
     "path",
     "predict_cells",
     "rates_picture",

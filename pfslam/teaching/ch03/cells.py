@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from pfslam.particles import effective_sample_size, systematic_resample
 from pfslam.teaching.ch03.corridor import (
@@ -16,14 +14,12 @@ from pfslam.teaching.ch03.corridor import (
     MOVES,
     STEP,
     TRUE_START,
-    bar_row,
     door_likelihood,
     predict_belief,
     update_belief,
 )
-from pfslam.teaching.show.pictures import Picture, steady
+from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, new_figure
-from pfslam.teaching.show.widgets import Explorer, Slider
 
 PARTICLES = 30
 
@@ -78,63 +74,6 @@ def particle_walk(resampling: bool = True, n: int = PARTICLES, seed: int = 3) ->
             cells, weights = cells[systematic_resample(weights, rng)], np.full(n, 1 / n)
             acts.append(Act("resample", cells, weights, belief, cell))
     return tuple(acts)
-
-
-def draw_act(resampling: str, k: int) -> Figure:
-    """The exact belief above, the particles as dots below: as large as their weights, one column a cell."""
-    acts = particle_walk(resampling == "yes")
-    act = acts[min(k, len(acts) - 1)]
-    figure, (above, below) = new_figure(5.1, 5.2, rows=2, sharex=True, height_ratios=[1, 1.3])
-    bar_row(above, act.belief, "estimate", "exact belief; outline: what the particles say")
-    above.bar(
-        np.arange(CELLS), act.histogram, width=0.8, fill=False, edgecolor=COLOURS["truth"], linewidth=1.2
-    )
-    _draw_dots(below, act)
-    below.set_title(
-        f"{act.what}: $N_\\mathrm{{eff}}$ {act.n_eff:.1f} of {len(act.cells)}", loc="left", fontsize=12
-    )
-    return figure
-
-
-def _draw_dots(axes: Axes, act: Act) -> None:
-    for door in DOORS:
-        axes.axvspan(door - 0.5, door + 0.5, color=COLOURS["unknown"], alpha=0.5, linewidth=0)
-    order = np.argsort(act.cells, kind="stable")
-    cells = act.cells[order]
-    height = np.arange(len(cells)) - np.searchsorted(cells, cells)
-    sizes = np.clip(60.0 * PARTICLES * act.weights[order], 3.0, 600.0)
-    axes.scatter(
-        cells, height + 0.7, s=sizes, color=COLOURS["particles"], edgecolors=COLOURS["estimate"], zorder=3
-    )
-    axes.scatter(act.true_cell, 15.0, marker="v", s=90, color=COLOURS["truth"], zorder=3)
-    axes.set(ylim=(0, 16), yticks=(), xlim=(-0.6, CELLS - 0.4), xticks=range(0, CELLS, 2))
-    axes.set_xlabel("cell (grey: doors; triangle: the robot)")
-    axes.grid(False)
-
-
-def describe_act(resampling: str, k: int) -> str:
-    """The same in words."""
-    acts = particle_walk(resampling == "yes")
-    act = acts[min(k, len(acts) - 1)]
-    return f"""Resampling {resampling}, moment {k}: {act.what}. {len(act.cells)} particles in
-    {len(np.unique(act.cells))} cells, N_eff {act.n_eff:.1f}; in the true cell {act.true_cell} the particles see
-    {act.histogram[act.true_cell]:.2f}, the exact belief {act.belief[act.true_cell]:.2f}."""
-
-
-def particles_explorer() -> Explorer:
-    """The walk with particles, with resampling and without."""
-    last = len(particle_walk(True))
-    return Explorer(
-        steady(draw_act),
-        [
-            Slider("resampling", ("yes", "no"), 0, "Resampling"),
-            Slider("k", tuple(range(last)), 1, "Weigh, resample, predict, ..."),
-        ],
-        alt=describe_act,
-        title="The same corridor with thirty particles",
-        play="k",
-        pause=900,
-    )
 
 
 def fates(n: int, runs: int = 200) -> dict[str, float]:

@@ -11,7 +11,7 @@
  *   stage.choice({name: "Score by", options: {count: "count", field: "likelihood field"}, value: "count", change});
  *   stage.check({name: "Show the truth", key: "t", value: false, change});
  *   stage.clock({hertz: 60, tick() {...}, step() {...}});                  Start and Pause, and Step
- *   stage.drag(plan, {start(x, y), move(x, y), end()});                    mouse and finger alike, in metres
+ *   stage.drag(plan, {start(x, y), move(x, y), end(cancelled)});           mouse and finger alike, in metres
  *   stage.keys(plan, {ArrowUp(down) {...}});                               while the plan has the focus
  *   stage.say("Sentence.");                                                for who listens, once a second at most
  *   stage.redraw();                                                        before the next frame
@@ -232,7 +232,7 @@
         plan.canvas.addEventListener(kind, event => {
           if (event.pointerId !== held) return;
           held = null;
-          end();
+          end(kind === "pointercancel");
           this.redraw();
         });
       }
@@ -267,6 +267,15 @@
       this.status.textContent = sentence;
     }
 
+    /** Say what is seen, or a little later if something was said just now: what is true at the end is said, too. */
+    describe() {
+      const quiet = this.beat && this.beat.running ? 5000 : 1000;  // who listens to a drive wants to hear other things, too
+      const wait = this.saidAt + quiet - performance.now();
+      clearTimeout(this.later);
+      if (wait <= 0) this.say(this.parts.describe());
+      else this.later = setTimeout(() => this.describe(), wait + 1);
+    }
+
     redraw() {
       if (!this.asked) this.asked = requestAnimationFrame(now => this.frame(now));
     }
@@ -283,8 +292,7 @@
         for (; clock.due >= 1 && clock.running; clock.due -= 1) clock.tick();
       }
       this.parts.draw();
-      const quiet = clock && clock.running ? 5000 : 1000;  // who listens to a drive wants to hear other things, too
-      if (this.parts.describe && performance.now() - this.saidAt >= quiet) this.say(this.parts.describe());
+      if (this.parts.describe) this.describe();
       if (clock && clock.running) this.redraw();
     }
   }
