@@ -190,6 +190,10 @@ def without_sign(pose, v, omega, dt):
     return by_radius(pose, v, omega, dt, lambda v, omega: v / abs(omega))
 
 
+def straight_in_gentle_bends(pose, v, omega, dt):
+    return (motion_model if abs(omega) < 0.1 else by_radius)(pose, v, omega, dt)
+
+
 def many_steps(pose, v, omega, dt, n=500):
     for _ in range(n):
         pose = motion_model(pose, v, omega, dt / n)
@@ -321,6 +325,7 @@ def as_printed(t_enc, counts, t_gyro, metres):
         (check_arc, chord(lambda half: np.sin(half) / half, 0.5), "divide by zero"),
         (check_arc, by_radius, "divide by zero"),
         (check_arc, without_sign, "right bends are not"),
+        (check_arc, straight_in_gentle_bends, "gentle one"),
         (check_arc, many_steps, "formula that needs"),
         (check_arc, simpson, "returns"),
         (check_arc, only_in_bends([1, 0, 0]), "drives along x"),

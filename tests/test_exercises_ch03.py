@@ -249,6 +249,13 @@ WRONG_SPREADS = [
     (lambda s, rate, t: np.rad2deg(s / np.sqrt(rate * t)), "mean* yaw rate"),
     (lambda s, rate, t: np.rad2deg(s * t / rate), "under a root"),
 ]
+
+
+def never_backwards(poses, v, omega, dt, sigma_v, sigma_omega, rng):
+    v = np.maximum(v + sigma_v * rng.standard_normal(len(poses)), 0.0)
+    return motion_model(poses, v, omega + sigma_omega * rng.standard_normal(len(poses)), dt)
+
+
 WRONG_MOVES = [
     (moving(draw="one for all"), "one number for the whole cloud"),
     (moving(draw="one for both"), "Draw two"),
@@ -260,6 +267,7 @@ WRONG_MOVES = [
     (moving(noise_v=lambda s, v, dt: s / dt), "1/dt times too wide"),
     (moving(noise_v=lambda s, v, dt: s / dt**0.5), "per root second"),
     (moving(noise_omega=0.0), "is missing"),
+    (never_backwards, "ever moves backwards"),
     (moving(noise_v=0.0, noise_omega=0.0), "dead reckoning"),
     (moving(v=0.95), "where v leads"),
     (moving(omega=0.6), "where omega leads"),

@@ -273,6 +273,21 @@ def test_kept_functions_come_back_and_replace_their_forerunners(tmp_path, capsys
     np.testing.assert_array_equal(f.mean_pose(np.eye(3), np.full(3, 1 / 3))[:2], [1 / 3, 1 / 3])
 
 
+def test_a_name_that_only_the_notebook_has_is_said(tmp_path, capsys):
+    def cell_of(points, origin, resolution):
+        return [[math.floor(p - origin[k]) / cell_size for k in (1, 0)] for p in points]  # noqa: F821
+
+    def update(weights, likelihood):
+        import math
+
+        return [w * c / math.fsum(weights * likelihood) for w, c in zip(weights, likelihood, strict=True)]
+
+    keep(cell_of, tmp_path / "my_filter.py")
+    assert "does not have cell_size, math." in capsys.readouterr().out
+    keep(update, tmp_path / "other.py")
+    assert capsys.readouterr().out == "Kept: update, in other.py.\n"
+
+
 def test_a_stub_is_not_kept(tmp_path, capsys):
     def move(poses):
         return ...  # your turn

@@ -237,8 +237,9 @@ ARC_CASES = [
     (np.array([0.3, -2.0, -1.1]), 1.5, 1.3, 3.9),
     (np.array([2.0, 0.6, -2.6]), 0.7, 0.0, 1.6),
     (np.array([1.1, 0.2, 1.9]), -0.8, 0.6, 0.9),
+    (np.array([-1.3, 0.9, 0.8]), 1.1, 0.04, 5.0),
 ]
-"""Left, right, most of a circle, straight on, and backwards."""
+"""Left, right, most of a circle, straight on, backwards, and a long and gentle bend."""
 
 
 def _same_arc(found, expected) -> bool:
@@ -374,6 +375,10 @@ ARC_MISTAKES = [
     (
         lambda p, v, w, dt: _by_radius(p, v, w, dt, 1.0) if w else _arc(p, v, w, dt),
         "Left bends are right, right bends are not: the radius v / omega has a sign, and you dropped it.",
+    ),
+    (
+        lambda p, v, w, dt: _small_steps(p, v, w, dt, n=1) if abs(w) < 0.05 else _arc(p, v, w, dt),
+        "Right in sharp bends; in a gentle one, with omega = 0.04, yours drives straight on.",
     ),
     *(
         (

@@ -183,6 +183,8 @@ def _middle_and_shape(ahead: np.ndarray, turned: np.ndarray) -> str:
         )
     if max(tails) > 4.0:
         return "The noise has the right size and the wrong shape: far draws are too common. Eq. 11 asks for a Gaussian."
+    if ahead.min() > -1e-9:  # one draw in a hundred of v is negative
+        return "No particle ever moves backwards: where the noise makes v negative, Eq. 11 drives backwards."
     return ""
 
 

@@ -257,7 +257,7 @@ def check_choose(choose) -> Check:
         return hint("An index is asked for, one whole number.") if "shape" in answer.message else answer
     if not (is_number(answer) and answer == int(answer) and 0 <= answer < len(STEPS)):
         return hint(f"An index from 0 to {len(STEPS) - 1} is asked for; your function returns {answer}.")
-    praise = "An empty map moves nobody, a tie moves a particle as little as possible."
+    praise = "An empty map moves no particle, a tie moves a particle as little as possible."
     verdict = compare(choose, chosen, _windows(), mistakes=CHOOSE_MISTAKES, praise=praise)
     if verdict or "your function returns" not in verdict.message or answer == chosen(scores, steps):
         return verdict

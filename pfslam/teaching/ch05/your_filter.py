@@ -110,7 +110,7 @@ def mean_pose(poses, weights):
 
 def step(f, s, poses, weights, log_odds, points_b, drive, rng):
     """One scan: predict, weigh, estimate, resample, draw."""
-    for v, omega, dt in drive:  # predict; at rest the gyro's noise turns nobody
+    for v, omega, dt in drive:  # predict; at rest the gyro's noise turns no particle
         sigma_omega = s.sigma_omega * (v != 0)
         poses = f.move(poses, v, omega, dt, s.sigma_v, sigma_omega, rng)
     walls = log_odds > 0

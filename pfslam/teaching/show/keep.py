@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import builtins
 import inspect
 import runpy
+import symtable
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
@@ -26,6 +28,10 @@ def keep(function: Callable, file: Path | str = FILE) -> None:
     text = read_text(file) if file.exists() else HEADER
     write_text(file, f"{_without(text, name).rstrip()}\n\n\n{code}\n")
     print(f"Kept: {name}, in {file.name}.")
+    unknown = _not_in_the_file(read_text(file))
+    if unknown:
+        print(f"But {file.name} does not have {', '.join(unknown)}. Import or define it inside your function, "
+              "and keep the function again.")  # fmt: skip
 
 
 def kept(file: Path | str = FILE) -> dict[str, Callable]:
@@ -44,3 +50,17 @@ def _without(text: str, name: str) -> str:
             del lines[node.lineno - 1 : node.end_lineno]
             return _without("\n".join(lines), name)
     return "\n".join(lines)
+
+
+def _not_in_the_file(text: str) -> list[str]:
+    """The names that the functions of a file use and the file neither imports nor defines."""
+
+    def used(table: symtable.SymbolTable) -> set[str]:
+        own = {symbol.get_name() for symbol in table.get_symbols() if symbol.is_global()}
+        return own.union(*map(used, table.get_children()))
+
+    top = symtable.symtable(text, "my_filter.py", "exec")
+    there = {
+        symbol.get_name() for symbol in top.get_symbols() if symbol.is_assigned() or symbol.is_imported()
+    }
+    return sorted(used(top) - there - set(dir(builtins)))
