@@ -31,6 +31,7 @@ FINDINGS = """async () => (await axe.run(document, {preload: false})).violations
 LABS = sorted(path.name[4:-3] for path in FOLDER.iterdir() if path.name.startswith("lab_"))
 LAB = "document.querySelector('figure.pfslam-lab').lab"
 STATUS = "document.querySelector('[role=status]').textContent"
+PAINTED = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 READY = f"() => {LAB}?.stage.fitted"
 # Everything that the state holds, with typed arrays as lists.
 RECORD = f"""() => {{
@@ -236,7 +237,7 @@ def test_the_truth_the_thieves_and_the_walkers_are_seen(open_lab):
     pictures = [page.locator(".pfslam-plan canvas").evaluate("c => c.toDataURL()")]
     for name in ("Show the truth", "People", "Slippery patch", "Look closely"):
         page.get_by_label(name).check()
-        page.wait_for_timeout(50)
+        page.evaluate(PAINTED)
         pictures.append(page.locator(".pfslam-plan canvas").evaluate("c => c.toDataURL()"))
     assert len(set(pictures)) == len(pictures)
     before = page.evaluate(f"{LAB}.state.truth")
@@ -269,7 +270,7 @@ def test_who_asked_for_less_motion_steps(open_lab, name):
     picture = "() => [...document.querySelectorAll('canvas')].map(c => c.toDataURL()).join()"
     before = page.evaluate(picture)
     page.get_by_role("button", name="Step").click()
-    page.wait_for_timeout(100)
+    page.evaluate(PAINTED)
     after = page.evaluate(picture)
     assert after != before
     page.wait_for_timeout(200)
