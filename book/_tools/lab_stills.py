@@ -9,8 +9,10 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
+from pfslam.grid import GridSpec
 from pfslam.io.files import atomic_write
 from pfslam.teaching.show import lab
 
@@ -18,6 +20,7 @@ from pfslam.teaching.show import lab
 MOMENTS = {
     "drive": "for (let k = 0; k < 20 * 60; k++) lab.state.tick();",
     "cells": "lab.state.look(); for (let k = 0; k < 3; k++) { lab.state.move(); lab.state.look(); }",
+    "journey": "",
 }
 WIDTH, QUALITY = 688, 0.85
 DRAWN = """async ([name, moment, quality]) => {
@@ -28,12 +31,23 @@ DRAWN = """async ([name, moment, quality]) => {
 }"""
 
 
+@cache
+def default_options(name: str) -> dict:
+    """What a laboratory cannot do without."""
+    if name != "journey":
+        return {}
+    from pfslam.teaching import ch06
+    from pfslam.teaching.ch06.live import journey_options
+
+    return journey_options(ch06.take_shot(ch06.load_drive("hall")), GridSpec((-5.0, -5.0), 0.05, (600, 600)))
+
+
 def page(name: str, options: dict | None = None, theme: str = "light") -> str:
     """A page with one laboratory and nothing else, whose scripts are the files of this package."""
     folder = Path(str(lab.FOLDER)).as_uri()
     style = (Path(__file__).parents[1] / "_static" / "pfslam.css").as_uri()
     tags = "".join(f'<script defer src="{folder}/{script}"></script>' for script in lab.scripts(name))
-    figure = lab.page_fragment(lab.Laboratory(name, name, "The stored picture.", options or {}))
+    figure = lab.page_fragment(lab.Laboratory(name, name, "The stored picture.", options or default_options(name)))
     return f"""<!doctype html><html lang="en" data-theme="{theme}"><head><meta charset="utf-8"><title>{name}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <link rel="stylesheet" href="{style}"><link rel="stylesheet" href="{folder}/lab.css">
@@ -68,6 +82,7 @@ def main(names: list[str]) -> None:
                 sheet = context.new_page()
                 sheet.goto(place.as_uri())
                 sheet.wait_for_function("() => document.querySelector('figure.pfslam-lab').lab?.stage.fitted")
+                sheet.wait_for_function("() => document.querySelector('figure.pfslam-lab').lab.state.ready !== false")
                 picture = sheet.evaluate(DRAWN, [name, MOMENTS[name], QUALITY])
             finally:
                 place.unlink()

@@ -1,6 +1,8 @@
 """The laboratories: driven by mouse, finger and key, each story ends where the package says; for everybody; quiet."""
 
 import re
+from dataclasses import replace
+from functools import cache
 from importlib.resources import files
 
 import numpy as np
@@ -19,9 +21,11 @@ from pfslam.particles import (
 )
 from pfslam.poses import average_pose, transform_points
 from pfslam.sensors import LidarModel, scan_points
+from pfslam.teaching import ch06
 from pfslam.teaching.ch03.corridor import CELLS, STEP, TRUE_START, predict_belief, update_belief
 from pfslam.teaching.show.lab import FOLDER
 from pfslam.teaching.show.style import COLOURS
+from pfslam.texture.floor import NO_READING, associate_rgb, back_project, depth_from_disparity, to_world
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("laboratories")]
 
@@ -396,3 +400,88 @@ def test_fifteen_cells_without_particles_and_with_chance(open_lab):
     found = page.evaluate(STATE)
     assert found["moves"] == 40
     assert found["truth"] != (TRUE_START + 40) % CELLS
+
+
+@cache
+def shot_of_the_still():
+    """The image pair that the laboratory of the journey has in these tests."""
+    return ch06.take_shot(ch06.load_drive("hall"))
+
+
+def assert_the_pixel_agrees(page, u: int, v: int) -> dict:
+    """The laboratory stands at this pixel, and takes it where the package takes it."""
+    shot, found = shot_of_the_still(), page.evaluate(f"() => {LAB}.state.journey()")
+    settings, spec = page.evaluate(f"() => {LAB}.state.settings"), GridSpec((-5.0, -5.0), 0.05, (600, 600))
+    camera = replace(shot.camera, pitch=settings["pitch"])
+    d = int(shot.disparity[v, u])
+    assert (found["u"], found["v"], found["d"]) == (u, v, d)
+    depth = depth_from_disparity(d, camera)
+    if not np.isfinite(depth):
+        assert found["end"] == "no reading"
+        return found
+    point_o = back_project(u, v, depth, camera.K)
+    point_w = to_world(point_o, shot.pose, camera)[0]
+    np.testing.assert_allclose(found["colour"], associate_rgb(u, v, d, camera), rtol=1e-12)
+    np.testing.assert_allclose(found["optical"], point_o[0], atol=1e-12)
+    np.testing.assert_allclose(found["world"], point_w, atol=1e-12)
+    floor = abs(point_w[2]) <= settings["tolerance"]
+    assert found["end"] == ("floor" if floor else "not floor")
+    if floor:
+        assert found["cell"] == spec.world_to_cell(point_w[None, :2])[0].tolist()
+    page.wait_for_function(f"() => {STATUS}.startsWith('Pixel {u}, {v}:')")
+    return found
+
+
+def open_journey(open_lab, **options):
+    page = open_lab("journey", **options)
+    page.wait_for_function(f"() => {LAB}.state.ready")
+    return page
+
+
+def test_the_journey_of_a_pixel_by_mouse(open_lab):
+    page = open_journey(open_lab)
+    np.testing.assert_array_equal(
+        page.evaluate(f"() => Array.from({LAB}.state.disparity)"), shot_of_the_still().disparity.ravel()
+    )
+    box = page.locator(".pfslam-plan canvas").bounding_box()
+    x, y = (box["x"] + 300.5 * box["width"] / 640, box["y"] + 390.5 * box["height"] / 480)
+    page.mouse.move(x, y)  # pointing is enough
+    found = page.evaluate(f"() => {LAB}.state.pixel")
+    assert abs(found["u"] - 300) <= 1
+    assert abs(found["v"] - 390) <= 1
+    assert assert_the_pixel_agrees(page, found["u"], found["v"])["end"] == "floor"
+    pitch = page.get_by_role("slider", name="Pitch")
+    pitch.scroll_into_view_if_needed()
+    slider = pitch.bounding_box()
+    page.mouse.click(slider["x"] + 0.8 * slider["width"], slider["y"] + 0.5 * slider["height"])
+    tilted = assert_the_pixel_agrees(page, found["u"], found["v"])
+    assert tilted["world"][2] < -0.01
+    assert tilted["end"] == "not floor"
+
+
+def test_the_journey_of_a_pixel_by_finger(open_lab):
+    page = open_journey(open_lab, width=390, has_touch=True, is_mobile=True)
+    plan = page.locator(".pfslam-plan canvas")
+    box = plan.bounding_box()
+    plan.tap(position={"x": 0.47 * box["width"], "y": 0.1 * box["height"]})
+    pixel = page.evaluate(f"() => {LAB}.state.pixel")
+    assert abs(pixel["u"] - 0.47 * 640) < 4
+    assert abs(pixel["v"] - 0.1 * 480) < 4
+    assert_the_pixel_agrees(page, pixel["u"], pixel["v"])
+
+
+def test_the_journey_of_a_pixel_by_key(open_lab):
+    page = open_journey(open_lab)
+    page.locator(".pfslam-plan").focus()
+    for key in ("ArrowRight", "ArrowRight", "ArrowUp", "ArrowLeft", "ArrowDown", "ArrowDown"):
+        page.keyboard.press(key)
+    assert_the_pixel_agrees(page, 311, 414)
+    page.get_by_role("slider", name="Tolerance").focus()
+    page.keyboard.press("End")
+    page.get_by_role("slider", name="Pitch").focus()
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate(f"() => {LAB}.state.settings.tolerance") == pytest.approx(0.15)
+    assert_the_pixel_agrees(page, 311, 414)
+    v, u = np.argwhere(shot_of_the_still().disparity == NO_READING)[0].tolist()
+    page.evaluate(f"([u, v]) => {{ {LAB}.state.choose(u, v); {LAB}.stage.redraw(); }}", [u, v])
+    assert_the_pixel_agrees(page, u, v)
