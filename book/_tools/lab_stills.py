@@ -47,7 +47,9 @@ def page(name: str, options: dict | None = None, theme: str = "light") -> str:
     folder = Path(str(lab.FOLDER)).as_uri()
     style = (Path(__file__).parents[1] / "_static" / "pfslam.css").as_uri()
     tags = "".join(f'<script defer src="{folder}/{script}"></script>' for script in lab.scripts(name))
-    figure = lab.page_fragment(lab.Laboratory(name, name, "The stored picture.", options or default_options(name)))
+    figure = lab.page_fragment(
+        lab.Laboratory(name, name, "The stored picture.", options or default_options(name))
+    )
     return f"""<!doctype html><html lang="en" data-theme="{theme}"><head><meta charset="utf-8"><title>{name}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <link rel="stylesheet" href="{style}"><link rel="stylesheet" href="{folder}/lab.css">
@@ -82,7 +84,9 @@ def main(names: list[str]) -> None:
                 sheet = context.new_page()
                 sheet.goto(place.as_uri())
                 sheet.wait_for_function("() => document.querySelector('figure.pfslam-lab').lab?.stage.fitted")
-                sheet.wait_for_function("() => document.querySelector('figure.pfslam-lab').lab.state.ready !== false")
+                sheet.wait_for_function(
+                    "() => document.querySelector('figure.pfslam-lab').lab.state.ready !== false"
+                )
                 picture = sheet.evaluate(DRAWN, [name, MOMENTS[name], QUALITY])
             finally:
                 place.unlink()

@@ -8,11 +8,7 @@ from pfslam.teaching.ch06.checks import (
     check_optical_point,
     check_to_body,
 )
-from pfslam.teaching.ch06.explorers import (
-    PIXELS,
-    floor_explorer,
-    journey_explorer,
-)
+from pfslam.teaching.ch06.explorers import PIXELS, floor_explorer
 from pfslam.teaching.ch06.geometry import (
     calibration_picture,
     floor_votes,
@@ -22,6 +18,7 @@ from pfslam.teaching.ch06.geometry import (
     structured_light_explorer,
     tape_and_raw,
 )
+from pfslam.teaching.ch06.live import journey_lab
 from pfslam.teaching.ch06.pairs import (
     cheap_run,
     climb,
@@ -68,7 +65,7 @@ __all__ = [
     "floor_explorer",
     "floor_votes",
     "frames_picture",
-    "journey_explorer",
+    "journey_lab",
     "journey_table",
     "judge_for",
     "load_drive",

@@ -11,9 +11,10 @@ from pfslam.grid import GridSpec
 from pfslam.teaching.ch06.pairs import Shot
 from pfslam.teaching.show.lab import Laboratory, show_lab
 
-ALT = """A colour image from a corridor with letters on its floor. A circle marks a pixel on the nearest letter and a cross
-its partner in the colour image; a green veil lies on what counts as floor. Below, all points of the image from the
-side: the floor as a green line, the walls as grey dots above it, and the ray from the camera to the point of the pixel."""
+ALT = """A colour image from a corridor with letters on its floor. A circle marks a pixel on the nearest letter and a
+cross its partner in the colour image; a green veil lies on what counts as floor. Below, all points of the image from
+the side: the floor as a green line, the walls as grey dots above it, and the ray from the camera to the point of the
+pixel."""
 COLOUR_QUALITY = 85
 
 
@@ -26,7 +27,9 @@ def webp(image: np.ndarray, quality: int) -> str:
 def journey_options(shot: Shot, spec: GridSpec) -> dict:
     """Give what the script needs: both images, the camera, the pose and the cells of the map."""
     c, d = shot.camera, shot.disparity
-    two_bytes = np.stack([np.zeros_like(d), d & 255, d >> 8], axis=-1).astype(np.uint8)  # OpenCV writes blue first
+    two_bytes = np.stack([np.zeros_like(d), d & 255, d >> 8], axis=-1).astype(
+        np.uint8
+    )  # OpenCV writes blue first
     camera = {
         "width": c.width,
         "height": c.height,
