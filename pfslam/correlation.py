@@ -26,6 +26,9 @@ CREDIT = {
 Sums over up to 16,777 beams stay below 2^24, where float32 counts exactly.
 """
 
+NEAR = {"occupied": 1.0, "distance": float(CREDIT["distance"][4])}
+"""By kind of field: the least score of an end point that a wall explains: on a wall, or up to two cells away."""
+
 
 def map_correlation(occupied: np.ndarray, spec: GridSpec, points_w: np.ndarray) -> int:
     """Count the points ``(M, 2)`` (world, m) on occupied cells ``(H, W)`` bool. Implements Eq. 6, 8, 9.

@@ -17,6 +17,7 @@ from pfslam.per_particle import Histories, per_particle_step
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.slam import SlamState, StepInfo, slam_step
+from pfslam.trust import Distrust, distrust
 
 
 class State(Protocol):
@@ -61,6 +62,11 @@ class SlamResult:
     @property
     def resamplings(self) -> int:
         return sum(info.resampled for info in self.infos)
+
+    @property
+    def distrust(self) -> list[Distrust]:
+        """The stretches whose estimate is not to be trusted, each ``{"from", "to", "reason"}``; none on a sound run."""
+        return distrust(self.infos)
 
 
 def slam_steps(

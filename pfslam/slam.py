@@ -7,13 +7,13 @@ what the plots need.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from pfslam.config import ControlNoise, SlamConfig
-from pfslam.correlation import ScoreField, score_field, updated_field
+from pfslam.correlation import NEAR, ScoreField, score_field, updated_field
 from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
 from pfslam.matching import Matched, match
@@ -78,6 +78,10 @@ class StepInfo:
     """How well the whole cloud fits the scan, as a logarithm: what normalising Eq. 12 divides by."""
     polish_beams: int = 0
     free_direction: np.ndarray | None = None
+    departure: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    """How far ``(2,)`` the scan moved the estimate from where odometry had put it (m, world axes)."""
+    unexplained: float = 0.0
+    """Share of the beams that end in ground seen before, but more than two cells from any wall of the map."""
 
 
 class Parts(NamedTuple):
@@ -119,7 +123,7 @@ def slam_step(
     estimate = estimate_pose(particles, config)
     aligned = align(state, event, estimate, predicted, config)
     particles = shifted(particles, estimate, aligned.pose)
-    info = describe(event, aligned, particles, matched, evidence)
+    info = describe(state, event, predicted, aligned, particles, matched, evidence)
     # Resample if few particles carry the weight.
     if info.effective_sample_size <= config.resample_below * len(particles):
         particles = parts.resample(particles, rng, config.resampler)
@@ -240,14 +244,37 @@ def draw(state: SlamState, event: ScanEvent, config: SlamConfig) -> SlamState:
 
 
 def describe(
-    event: ScanEvent, aligned: Polished, particles: Particles, matched: Matched, evidence: float
+    state: SlamState,
+    event: ScanEvent,
+    predicted: np.ndarray,
+    aligned: Polished,
+    particles: Particles,
+    matched: Matched,
+    evidence: float,
 ) -> StepInfo:
     """Gather the facts about a step whose scan was matched."""
-    info = _info(
-        event, aligned.pose, particles, matched=True, scored=evidence > -np.inf, log_evidence=evidence
+    return _info(
+        event,
+        aligned.pose,
+        particles,
+        matched=True,
+        scored=evidence > -np.inf,
+        score=float(particles.weights @ matched.score),
+        log_evidence=evidence,
+        polish_beams=aligned.beams,
+        free_direction=aligned.free_direction,
+        departure=aligned.pose[:2] - predicted[:2],
+        unexplained=unexplained(state, event, aligned.pose),
     )
-    score = float(particles.weights @ matched.score)
-    return replace(info, score=score, polish_beams=aligned.beams, free_direction=aligned.free_direction)
+
+
+def unexplained(state: SlamState, event: ScanEvent, pose: np.ndarray) -> float:
+    """Return the share of beams that end in ground the map knows, farther than the field's ``NEAR`` from its walls."""
+    cells = state.grid.spec.world_to_cell(transform_points(pose, event.points_b))
+    ix, iy = cells[state.grid.spec.contains(cells)].T
+    known = state.grid.log_odds[iy, ix] != 0.0
+    far = state.field.values[iy, ix] < NEAR[state.field.kind]
+    return float(np.count_nonzero(known & far)) / max(int(np.count_nonzero(known)), 1)
 
 
 def _info(event: ScanEvent, estimate: np.ndarray, particles: Particles, **what) -> StepInfo:

@@ -27,6 +27,7 @@ ORDER = [
     "events",
     "slam",
     "per_particle",
+    "trust",
     "runs",
     "texture",
     "evaluation",

@@ -14,11 +14,11 @@ import pfslam
 from pfslam.config import SlamConfig
 from pfslam.evaluation.faults import blind, first_seconds, missing_beams, random_ranges
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.evaluation.trust import alarms
 from pfslam.motion import dead_reckoning
 from pfslam.poses import between
 from pfslam.recording import Imu, LidarScans
 from pfslam.runs import run_slam
+from pfslam.trust import alarms
 
 REFINED = SlamConfig.refined()
 FEW = replace(REFINED, particles=20)

@@ -9,10 +9,10 @@ import pfslam
 from pfslam.config import SlamConfig
 from pfslam.evaluation.faults import first_seconds, kidnap
 from pfslam.evaluation.trajectory import relations_error
-from pfslam.evaluation.trust import LEAST_PAST, LOST_BELOW, alarms, lost, score_deviation
 from pfslam.io.formats import read_relations
 from pfslam.runs import run_slam
 from pfslam.slam import StepInfo
+from pfslam.trust import LEAST_PAST, LOST_BELOW, alarms, lost, score_deviation
 
 CONFIG = replace(SlamConfig.refined(), particles=10)
 

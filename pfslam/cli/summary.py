@@ -10,11 +10,11 @@ import numpy as np
 
 from pfslam.evaluation.calibration import calibrate
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.evaluation.trust import alarms
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.runs import SlamResult
 from pfslam.texture.mapping import FloorTexture
+from pfslam.trust import Distrust, alarms
 
 
 def summarise(
@@ -28,6 +28,7 @@ def summarise(
         "updates": result.updates if result else 0,
         "resamplings": result.resamplings if result else 0,
         "lost": len(alarms(result.infos)) if result else 0,
+        "distrust": result.distrust if result else [],
         "dropped": {reason: count for part in parts for reason, count in part.items()},
         "notes": list(recording.notes),
     }
@@ -52,10 +53,19 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
     """Write a few lines for the user: what the loader said, and how the run ended."""
     lines = [f"note: {note}" for note in recording.notes]
     lines += [] if recording.lidar is not None else ["no LiDAR in this data set: dead reckoning only"]
-    if summary["lost"]:
-        lines.append(f"the robot seems to have been lost or moved by hand {summary['lost']} times")
+    if stretches := summary["distrust"]:
+        lines.append(_warning(stretches, recording.scans().t[0]))
     errors = [
         f"{name} {summary[name]['ate_rmse_m']:.3f} m" for name in ("odometry", "slam") if name in summary
     ]
     found = f" ({', '.join(errors)} from the truth, root mean square)" if errors else ""
     return "\n".join([*lines, f"results are in {out}{found}"])
+
+
+def _warning(stretches: list[Distrust], begin: float) -> str:
+    """Say in one sentence when and why not to trust the run, in seconds after the first scan."""
+    first = stretches[0]
+    since, to = first["from"] - begin, first["to"]
+    when = f"from {since:.0f} s on" if to is None else f"from {since:.0f} s to {to - begin:.0f} s"
+    others = f"; {len(stretches) - 1} more in summary.json" if len(stretches) > 1 else ""
+    return f"do not trust path and map {when}: {first['reason']}{others}"
