@@ -9,12 +9,13 @@ STAMP := $(VENV)/.installed
 SITE := _build/html
 NOTEBOOKS := $(sort $(wildcard notebooks/*.ipynb))
 WORKERS ?= 2
+DATA ?= ../shared/data
 # One thread for each worker: two workers of two threads would only wait for one another.
 PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test quick weekly lint types unit notebooks studies check-book check-lab lab notebook-outputs strip
-.PHONY: classroom redraw copies student solutions wheel release lock clean
+.PHONY: classroom redraw hard copies student solutions wheel release lock clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-18s %s\n", $$1, $$2 }' Makefile
@@ -47,6 +48,9 @@ quick: lint  ## Lint and the fast unit tests: what to run after each edit
 weekly: $(STAMP)  ## The long tests: thousands of damaged inputs, accuracy over many seeds
 	PFSLAM_CASES=2000 $(PYTEST) --dist load tests/test_bad_input.py tests/test_settings.py
 	$(PYTEST) --dist loadfile -m weekly tests
+
+hard: $(STAMP)  # The filter on drives that are not clean, and whether it says so: the table on the page about trust
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/hard.py $(DATA) --out book/tables/hard.csv
 
 lint: $(STAMP)
 	"$(BIN)/ruff" check .

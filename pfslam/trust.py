@@ -135,13 +135,21 @@ def _dragged(infos: Sequence[StepInfo]) -> Iterator[Distrust]:
 
 def _blind(infos: Sequence[StepInfo]) -> Iterator[Distrust]:
     """Find the times without enough beams, from the last scan that was matched to the next one."""
-    fitted = [k for k, info in enumerate(infos) if info.matched or info.drawn]
-    for k, following in zip(fitted, [*fitted[1:], None], strict=True):
-        end = infos[-1 if following is None else following].t
-        gap = len(infos) - 1 - k if following is None else following - k - 1
-        if gap and end - infos[k].t > BLIND_SECONDS:
-            reason = f"no scan with enough beams for {end - infos[k].t:.1f} s: odometry alone"
-            yield {"from": float(infos[k].t), "to": None if following is None else float(end), "reason": reason}
+    since, blind = infos[0].t if infos else 0.0, False
+    for info in infos:
+        if not (info.matched or info.drawn):
+            blind = True
+            continue
+        if blind and info.t - since > BLIND_SECONDS:
+            yield _blindness(since, info.t, float(info.t))
+        since, blind = info.t, False
+    if blind and infos[-1].t - since > BLIND_SECONDS:
+        yield _blindness(since, infos[-1].t, None)
+
+
+def _blindness(begin: float, end: float, to: float | None) -> Distrust:
+    reason = f"no scan with enough beams for {end - begin:.1f} s: odometry alone"
+    return {"from": float(begin), "to": to, "reason": reason}
 
 
 def _along(infos: Sequence[StepInfo]) -> Iterator[Distrust]:

@@ -86,6 +86,7 @@ def test_the_summary_says_what_the_drive_tells_about_its_instruments_and_applies
     """Exact wheels and gyro: scales of one, to within what the grid allows; what could not be found has no error."""
     summary = json.loads((results / "summary.json").read_text())
     assert summary["lost"] == 0
+    assert summary["distrust"] == []
     found = summary["calibration"]
     assert found["applied"] is False
     for name in ("wheel_scale", "gyro_scale"):
@@ -159,12 +160,22 @@ def test_poses_that_the_truth_does_not_cover_are_counted(tmp_path):
     assert not_compared == np.count_nonzero(recording.lidar.t > truth.t[-1])
 
 
-def test_a_robot_that_was_lost_is_spoken_of():
-    words = commands.closing_words(box_recording(images=0), {"lost": 2}, "here")
-    assert words.splitlines() == [
-        "the robot seems to have been lost or moved by hand 2 times",
+def test_a_run_that_is_not_to_be_trusted_says_so_in_one_sentence():
+    recording = box_recording(images=0)
+    begin = float(recording.lidar.t[0])
+    stretches = [
+        {"from": begin + 25.0, "to": None, "reason": "scans dragged it"},
+        {"from": begin + 40.0, "to": begin + 44.6, "reason": "no scan"},
+    ]
+    sentence = "do not trust path and map from 25 s on: scans dragged it; 1 more in summary.json"
+    closing = commands.closing_words(recording, {"distrust": stretches}, "here")
+    assert closing.splitlines() == [sentence, "results are in here"]
+    closing = commands.closing_words(recording, {"distrust": stretches[1:]}, "here")
+    assert closing.splitlines() == [
+        "do not trust path and map from 40 s to 45 s: no scan",
         "results are in here",
     ]
+    assert commands.closing_words(recording, {"distrust": []}, "here") == "results are in here"
 
 
 def test_options_reach_the_filter(data, tmp_path):

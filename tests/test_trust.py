@@ -8,11 +8,21 @@ import pytest
 import pfslam
 from pfslam.config import SlamConfig
 from pfslam.evaluation.faults import first_seconds, kidnap
-from pfslam.evaluation.trajectory import relations_error
+from pfslam.evaluation.trajectory import relations_error, trajectory_error
+from pfslam.io.course import load_course
 from pfslam.io.formats import read_relations
 from pfslam.runs import run_slam
 from pfslam.slam import StepInfo
-from pfslam.trust import LEAST_PAST, LOST_BELOW, alarms, lost, score_deviation
+from pfslam.trust import (
+    ALONG_METRES,
+    DRAGGED_METRES,
+    LEAST_PAST,
+    LOST_BELOW,
+    alarms,
+    distrust,
+    lost,
+    score_deviation,
+)
 
 CONFIG = replace(SlamConfig.refined(), particles=10)
 
@@ -88,6 +98,97 @@ def test_lost_scans_do_not_become_ordinary():
     assert lost(infos(scores))[100:].all()
 
 
+# What is not to be trusted
+# ------------------------------------------------------------------------------------------------
+
+
+def steady(count=400, **what):
+    """A run of eight scans a second that drives 0.1 m between two of them; ``what[name][k]`` changes scan k."""
+    changes = [{name: values[k] for name, values in what.items()} for k in range(count)]
+    ordinary_step = {"matched": True, "drawn": True, "score": 0.95}
+    return [
+        StepInfo(k / 8, np.array([0.1 * k, 0.0, 0.0]), None, 1.0, 500, 0, **(ordinary_step | change))
+        for k, change in enumerate(changes)
+    ]
+
+
+def pulled(step, unexplained, during=slice(200, 216), count=400):
+    """Departures of ``step`` metres a scan to one side and back to none, and the share of beams unexplained."""
+    departure, share = np.zeros((count, 2)), np.zeros(count)
+    departure[during, 1], share[during] = step, unexplained
+    return {"departure": departure, "unexplained": share}
+
+
+def test_a_steady_run_is_trusted():
+    assert distrust(steady()) == []
+    assert distrust([]) == []
+    assert distrust(steady(1)) == []
+
+
+def test_scans_that_drag_the_estimate_past_unexplained_beams_are_named_from_then_on():
+    (found,) = distrust(steady(**pulled(0.03, 0.1)))
+    # The seventh scan of 0.03 m passes 0.2 m; from then on nothing takes the error out of the map.
+    assert found["from"] == 206 / 8
+    assert found["to"] is None
+    assert found["reason"].startswith("scans moved the estimate 0.21 m from its odometry within 2 s")
+
+
+@pytest.mark.parametrize(
+    ("step", "unexplained", "during"),
+    [
+        pytest.param(0.03, 0.0, slice(200, 216), id="wheels slip, and walls explain every beam"),
+        pytest.param(0.01, 0.3, slice(200, 216), id="people about, and the estimate stays"),
+        pytest.param(0.03, 0.1, slice(0, 400, 8), id="a small pull once a second"),
+    ],
+)
+def test_a_pull_or_strange_beams_alone_are_trusted(step, unexplained, during):
+    assert distrust(steady(**pulled(step, unexplained, during))) == []
+
+
+def test_pulls_to_and_fro_cancel():
+    changes = pulled(0.05, 0.1, slice(100, 300))
+    changes["departure"][::2] *= -1.0
+    assert distrust(steady(**changes)) == []
+
+
+def test_scans_far_apart_are_not_judged_by_what_odometry_says_between_them():
+    """A log with a scan every three seconds: its odometry may drift 0.3 m between two."""
+    sparse = [replace(info, t=3.0 * info.t * 8) for info in steady(**pulled(0.3, 0.1))]
+    assert distrust(sparse) == []
+    assert DRAGGED_METRES < 0.3
+
+
+@pytest.mark.parametrize(("blind", "flagged"), [(15, False), (16, True), (80, True)])
+def test_a_blind_stretch_lasts_from_the_last_scan_to_the_next(blind, flagged):
+    seen = np.ones(400, dtype=bool)
+    seen[100 : 100 + blind] = False
+    found = distrust(steady(matched=seen, drawn=seen))
+    assert [(d["from"], d["to"]) for d in found] == ([(99 / 8, (100 + blind) / 8)] if flagged else [])
+
+
+def test_a_run_that_ends_blind_stays_in_doubt():
+    seen = np.arange(400) < 300
+    (found,) = distrust(steady(matched=seen, drawn=seen))
+    assert (found["from"], found["to"]) == (299 / 8, None)
+
+
+def test_ten_metres_of_bare_corridor_are_in_doubt_and_nine_are_not():
+    for metres, flagged in ((0.9 * ALONG_METRES, False), (1.1 * ALONG_METRES, True)):
+        free = [np.array([1.0, 0.0]) if 100 <= k < 100 + 10 * metres else None for k in range(400)]
+        found = distrust(steady(free_direction=free))
+        assert bool(found) == flagged
+        assert all(d["to"] is None and "no wall shows the way along" in d["reason"] for d in found)
+
+
+def test_reasons_come_in_order_of_time():
+    scores = np.append(ordinary(300), np.full(100, 0.3))
+    seen = np.ones(400, dtype=bool)
+    seen[200:240] = False
+    found = distrust(steady(score=scores, matched=seen, drawn=seen, **pulled(0.04, 0.1, slice(100, 120))))
+    assert [d["from"] for d in found] == sorted(d["from"] for d in found)
+    assert [d["reason"].split()[0] for d in found] == ["scans", "no", "scans"]
+
+
 # Whole runs
 # ------------------------------------------------------------------------------------------------
 
@@ -137,3 +238,23 @@ def test_sparse_real_scans_raise_no_alarm(real_data):
     known = read_relations(real_data / "intel" / "intel.relations").at_stamps(log.lidar.t)
     assert relations_error(result.trajectory, known.t1, known.t2, known.poses)[0].mean() < 0.03
     assert len(alarms(result.infos)) == 0
+    assert result.distrust == []
+
+
+@pytest.mark.slow
+def test_a_robot_that_was_carried_off_is_in_doubt_from_then_on(carried):
+    taken, result = carried
+    first = result.distrust[0]
+    assert 0.0 <= first["from"] - (taken.encoders.t[0] + 50.0) <= 1.0
+    assert first["to"] is None
+
+
+@pytest.mark.slow
+def test_a_robot_among_people_says_that_it_was_dragged_along(real_data):
+    """Seven people about, one walking ahead: the run is off by more than 0.3 m from 81 s on, and said so before."""
+    recording = load_course("20", real_data / "hard" / "people20")
+    result = run_slam(recording, replace(CONFIG, particles=200))
+    found = trajectory_error(result.trajectory, recording.truth)
+    assert found.ate_max_m > 0.3, "then this drive is no test any more"
+    assert result.distrust[0]["from"] - recording.lidar.t[0] < 82.0
+    assert result.distrust[0]["to"] is None
