@@ -87,8 +87,11 @@ class LidarModel(Settings):
         return (self.angle_max - self.angle_min) / max(self.beams - 1, 1)
 
     def valid(self, ranges: np.ndarray) -> np.ndarray:
-        """Which ranges are measurements: finite, at least ``range_min`` and at most ``range_max``."""
-        return np.isfinite(ranges) & (ranges >= self.range_min) & (ranges <= self.range_max)
+        """Which ranges are measurements: at least ``range_min`` and below ``range_max``.
+
+        Exactly ``range_max`` is what many scanners write where nothing came back: as a measurement it would be a wall.
+        """
+        return np.isfinite(ranges) & (ranges >= self.range_min) & (ranges < self.range_max)
 
 
 _OPTICAL_TO_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])

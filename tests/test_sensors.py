@@ -30,10 +30,6 @@ def test_readings_that_are_none_give_no_point():
     np.testing.assert_allclose(scan_points(ranges, FIVE), [[3.2, 0.1]])
 
 
-def test_range_limits_belong_to_the_valid_ranges():
-    np.testing.assert_array_equal(FIVE.valid(np.array([0.1, 30.0])), [True, True])
-
-
 def test_scan_without_any_reading_has_no_points():
     assert scan_points(np.full(5, np.inf), FIVE).shape == (0, 2)
 
@@ -105,3 +101,10 @@ def test_the_two_presets_differ_only_in_the_camera():
     assert (sheet.camera.roll, sheet.camera.pitch, sheet.camera.yaw) == (0.0, 0.36, 0.021)
     assert report.lidar.position_b == (0.13323, 0.0, 0.51435)
     assert report.encoders.metres_per_count == 0.0022
+
+
+def test_a_range_of_exactly_the_maximum_is_no_wall():
+    """Many scanners write it where nothing came back."""
+    lidar = LidarModel(angle_min=-0.2, angle_max=0.2, beams=5, range_min=0.1, range_max=8.0)
+    ranges = np.array([0.1, np.nextafter(8.0, 0.0), 8.0, np.inf, np.nextafter(0.1, 0.0)])
+    np.testing.assert_array_equal(lidar.valid(ranges), [True, True, False, False, False])

@@ -63,7 +63,7 @@
 
   /** Whether a range (m) is a measurement: finite and within the LiDAR's limits. */
   function isValid(range, lidar) {
-    return range >= lidar.rangeMin && range <= lidar.rangeMax;  // false for NaN
+    return range >= lidar.rangeMin && range < lidar.rangeMax;  // false for NaN
   }
 
   /** End points (body frame) of the valid beams of `ranges` Float64Array(beams), m. Eq. 7. */
