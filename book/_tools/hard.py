@@ -1,6 +1,6 @@
 """What the filter makes of drives that are not clean, and whether the run says so: the table on the page about trust.
 
-``python book/_tools/hard.py DATA [--seeds 3] [--out FILE]`` runs the refined filter with its defaults over the built-in
+``python book/_tools/hard.py DATA [--seeds 3] [--out FILE]`` runs the refined filter with its defaults over simulated
 drives, over ``DATA/corridor20`` and over every folder in ``DATA/hard``. Those recordings are never stored.
 """
 
@@ -23,7 +23,18 @@ from pfslam.io.files import write_text
 from pfslam.poses import compose, invert
 from pfslam.recording import Recording
 from pfslam.runs import SlamResult, run_slam
+from pfslam.simulator import Hazards, simulate
 
+HAZARDS = {
+    "people": Hazards(people=6),
+    "doors": Hazards(doors=3),
+    "glass": Hazards(glass=0.1),
+    "sweep": Hazards(sweep=0.025),
+    "bumps": Hazards(bumps=4),
+    "slip": Hazards(slip=3),
+    "everything": Hazards(people=6, doors=3, glass=0.1, sweep=0.025, bumps=4, slip=3),
+}
+"""What is added to the simulated hall, one hazard at a time and all together."""
 BAD_METRES = 0.3
 """A position so far from the truth is wrong enough to need a word."""
 COLUMNS = (
@@ -36,7 +47,7 @@ COLUMNS = (
 
 
 class Outcome(NamedTuple):
-    """One run: root mean square error (m); for each scan with a known truth, its error (m) and whether it is in doubt."""
+    """One run: root mean square error (m), and for every scan with a known truth its error (m) and any doubt."""
 
     ate: float
     error: np.ndarray
@@ -44,12 +55,19 @@ class Outcome(NamedTuple):
 
 
 def drives(data: Path) -> dict[str, Callable[[], Recording]]:
-    """Find the drives by name, each with the call that loads it."""
+    """Find the drives by name, each with the call that loads it; clean ones first."""
     folders = [data / "corridor20", *sorted((data / "hard").glob("*"))]
     real = {
         folder.name: partial(load_course, folder.name[-2:], folder) for folder in folders if folder.is_dir()
     }
-    return {name: partial(pfslam.load, name) for name in ("hall", "ramp")} | real
+    clean = {name: partial(pfslam.load, name) for name in ("hall", "ramp")}
+    hard = {f"hall, {name}": partial(simulated, hazards) for name, hazards in HAZARDS.items()}
+    return clean | real | hard | {"ring": partial(pfslam.load, "ring")}
+
+
+def simulated(hazards: Hazards) -> Recording:
+    """Drive through the hall with these hazards."""
+    return simulate("hall", hazards=hazards).recording
 
 
 def outcome(load: Callable[[], Recording], seed: int) -> Outcome:
