@@ -106,7 +106,7 @@ def _draw_axes(
         tip = np.add(origin, AXIS * np.array([np.cos(tilt + turn), np.sin(tilt + turn)]))
         arrow = {"arrowstyle": "-|>", "color": COLOURS["estimate"], "linewidth": 2}
         axes.annotate("", tip, origin, arrowprops=arrow, zorder=5)
-        axes.text(*np.add(tip, at), f"${label}$", color=COLOURS["estimate"], zorder=6)
-    axes.text(
-        *np.add(origin, name_at), f"${name}$", color=COLOURS["estimate"], ha="right", fontsize=15, zorder=6
-    )
+        x, y = np.add(tip, at)
+        axes.text(x, y, f"${label}$", color=COLOURS["estimate"], zorder=6)
+    x, y = np.add(origin, name_at)
+    axes.text(x, y, f"${name}$", color=COLOURS["estimate"], ha="right", fontsize=15, zorder=6)

@@ -53,8 +53,9 @@ def lattice_picture(particles: int = 9, seed: int = 5) -> Picture:
     axes.scatter(*cloud.T, s=16, color=COLOURS["particles"], label="particle", zorder=3)
     ends = nodes[[np.argmin(nodes.sum(axis=1)), np.argmax(nodes.sum(axis=1))]]
     for node, style in zip(ends, ("-", "--"), strict=True):
-        look = {"fill": False, "edgecolor": COLOURS["highlight"], "linestyle": style, "linewidth": 1.5}
-        axes.add_patch(Rectangle(node - side / 2, side, side, **look))
+        frame = Rectangle(node - side / 2, side, side, fill=False, linestyle=style, linewidth=1.5)
+        frame.set_edgecolor(COLOURS["highlight"])
+        axes.add_patch(frame)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", xlim=(-0.36, 0.36), ylim=(-0.36, 0.36))
     axes.set(xticks=(-0.2, 0, 0.2), yticks=(-0.2, 0, 0.2))
     axes.grid(False)

@@ -118,7 +118,8 @@ def exact_ends(values: np.ndarray, level: float) -> np.ndarray:
 
 def check_median_interval(median_interval: Callable) -> Check:
     """Check that ``median_interval(values, rng)`` is a 95 % bootstrap interval ``(low, high)`` of the median."""
-    found, drew = [], []
+    found: list = []
+    drew: list[bool] = []
     for values in SAMPLES:
         answers = [
             answer_to(
@@ -334,7 +335,9 @@ DIFFERENCE_MISTAKES = [
 
 def check_difference(difference: Callable) -> Check:
     """Check that ``difference(before, after, rng)`` returns (difference of medians, low, high)."""
-    found, right, drew = [], [], []
+    found: list = []
+    right: list = []
+    drew: list[bool] = []
     for before, after in EXPERIMENTS:
         expected = np.mean(
             [difference_ends(before, after, np.random.default_rng(s)) for s in range(20)], axis=0
