@@ -376,8 +376,7 @@ def _nearest_mistake(found: list[np.ndarray], right: list[np.ndarray]) -> tuple[
     nearest, words = min(0.012, _apart(found, right)), ""
     for wrong, about in DIFFERENCE_MISTAKES:
         others = [
-            np.mean([wrong(*case, np.random.default_rng(s)) for s in range(3)], axis=0)
-            for case in EXPERIMENTS
+            np.mean([wrong(*case, np.random.default_rng(s)) for s in SEEDS], axis=0) for case in EXPERIMENTS
         ]
         if _apart(found, others) < nearest:
             nearest, words = _apart(found, others), about
