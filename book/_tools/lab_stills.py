@@ -12,6 +12,9 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
+from pfslam.datasets import load
 from pfslam.grid import GridSpec
 from pfslam.io.files import atomic_write
 from pfslam.teaching.show import lab
@@ -21,6 +24,7 @@ MOMENTS = {
     "drive": "for (let k = 0; k < 20 * 60; k++) lab.state.tick();",
     "cells": "lab.state.look(); for (let k = 0; k < 3; k++) { lab.state.move(); lab.state.look(); }",
     "journey": "",
+    "slide": "",
 }
 WIDTH, QUALITY = 688, 0.85
 DRAWN = """async ([name, moment, quality]) => {
@@ -34,6 +38,13 @@ DRAWN = """async ([name, moment, quality]) => {
 @cache
 def default_options(name: str) -> dict:
     """What a laboratory cannot do without."""
+    if name == "slide":
+        from pfslam.teaching import ch04
+        from pfslam.teaching.ch04.live import slide_options
+
+        hall = load("hall")
+        corner, corridor = ch04.place_at(hall, 14.5), ch04.place_at(hall, 27.0)
+        return slide_options(corner=corner.lost(-0.1, 0.1, np.deg2rad(-2)), corridor=corridor)
     if name != "journey":
         return {}
     from pfslam.teaching import ch06

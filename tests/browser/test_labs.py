@@ -10,6 +10,7 @@ import pytest
 from lab_stills import page as lab_page
 
 from pfslam.correlation import score_field
+from pfslam.datasets import load
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
 from pfslam.particles import (
     ControlNoise,
@@ -21,7 +22,7 @@ from pfslam.particles import (
 )
 from pfslam.poses import average_pose, transform_points
 from pfslam.sensors import LidarModel, scan_points
-from pfslam.teaching import ch06
+from pfslam.teaching import ch04, ch06
 from pfslam.teaching.ch03.corridor import CELLS, STEP, TRUE_START, predict_belief, update_belief
 from pfslam.teaching.show.lab import FOLDER
 from pfslam.teaching.show.style import COLOURS
@@ -485,3 +486,78 @@ def test_the_journey_of_a_pixel_by_key(open_lab):
     v, u = np.argwhere(shot_of_the_still().disparity == NO_READING)[0].tolist()
     page.evaluate(f"([u, v]) => {{ {LAB}.state.choose(u, v); {LAB}.stage.redraw(); }}", [u, v])
     assert_the_pixel_agrees(page, u, v)
+
+
+def assert_the_fit_agrees(page) -> dict:
+    """The share and the scores of all shifts are those of the package at the pose that the browser shows."""
+    found = page.evaluate(
+        f"() => (({{place, kind, turn, shift, pose, share, surface}}) => "
+        f"({{place, kind, turn, shift, pose, share}}))({LAB}.state)"
+    )
+    surface = page.evaluate(f"() => Array.from({LAB}.state.surface())")
+    hall = load("hall")
+    start = {
+        "corner": ch04.place_at(hall, 14.5).lost(-0.1, 0.1, np.deg2rad(-2)),
+        "corridor": ch04.place_at(hall, 27.0),
+    }[found["place"]]
+    field = score_field(start.grid.occupied, found["kind"])
+
+    def share(dx, dy):
+        cells = start.grid.spec.world_to_cell(start.moved(dx, dy, np.deg2rad(found["turn"])))
+        ix, iy = cells[start.grid.spec.contains(cells)].T
+        return field.values[iy, ix].sum() / (field.top * len(cells))
+
+    assert found["share"] == pytest.approx(share(*found["shift"]), abs=1.5 / len(start.points_b))
+    steps = 0.05 * np.arange(-8, 9)
+    expected = [share(dx, dy) for dy in steps for dx in steps]
+    np.testing.assert_allclose(surface, expected, atol=1.5 / len(start.points_b))
+    return found
+
+
+def test_the_scan_slides_by_mouse(open_lab):
+    page = open_lab("slide")
+    before = assert_the_fit_agrees(page)["share"]
+    box = page.locator(".pfslam-plan canvas").bounding_box()
+    metre = box["width"] / 7.0
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 0.1 * metre, y + 0.1 * metre, steps=4)
+    page.mouse.up()
+    found = assert_the_fit_agrees(page)
+    np.testing.assert_allclose(found["shift"], [0.1, -0.1], atol=0.011)
+    turn = page.get_by_role("slider", name="Turn")
+    turn.scroll_into_view_if_needed()
+    turn.focus()
+    for _ in range(20):
+        page.keyboard.press("ArrowRight")
+    found = assert_the_fit_agrees(page)
+    assert found["turn"] == pytest.approx(2.0)
+    assert found["share"] > 0.6 > 2 * before
+
+
+def test_the_scan_slides_by_finger(open_lab):
+    page = open_lab("slide", width=390, has_touch=True, is_mobile=True)
+    page.get_by_label("corridor").tap()
+    page.get_by_label("likelihood field").tap()
+    found = assert_the_fit_agrees(page)
+    assert (found["place"], found["kind"]) == ("corridor", "distance")
+    assert found["share"] > 0.8
+    page.locator(".pfslam-plan canvas").evaluate(
+        """c => { const b = c.getBoundingClientRect(), at = (type, x) => c.dispatchEvent(new PointerEvent(type,
+          {pointerId: 1, pointerType: 'touch', button: 0, clientX: b.left + x, clientY: b.top + 60, bubbles: true}));
+          c.setPointerCapture = () => {}; at('pointerdown', 100); at('pointermove', 115); at('pointerup', 115); }"""
+    )
+    assert assert_the_fit_agrees(page)["shift"][0] > 0.2
+
+
+def test_the_scan_slides_by_key(open_lab):
+    page = open_lab("slide")
+    page.locator(".pfslam-plan").focus()
+    for key in ["q"] * 4 + ["ArrowRight"] * 10 + ["ArrowDown"] * 11 + ["ArrowUp", "e", "q"]:
+        page.keyboard.press(key)
+    found = assert_the_fit_agrees(page)
+    np.testing.assert_allclose([*found["shift"], found["turn"]], [0.1, -0.1, 2.0], atol=1e-9)
+    assert found["share"] > 0.6
+    page.keyboard.press("n")
+    assert assert_the_fit_agrees(page)["turn"] == 0

@@ -1,0 +1,133 @@
+/* Slide the scan (chapter 04): drag and turn a scan over the map; its score and the scores of all shifts follow. */
+(function (root) {
+  "use strict";
+  const {core, draw, lab} = root.pfslam;
+
+  const REACH = 3.5, SHIFT = 0.05, SHIFTS = 8;  // m around the robot; m from one shift to the next, so many each way
+  const LIMIT = SHIFT * SHIFTS, TURN = 10, RADIUS = 0.2;  // m and degrees that the guess may be moved; m
+  const FULL = {occupied: 1, distance: 1000};  // what a point scores at most
+  const RADIANS = Math.PI / 180;
+
+  /** A map, a scan in it, and the guess of where the scan was taken. */
+  class Guess {
+    constructor({places}) {
+      Object.assign(this, {places, kind: "occupied"});
+      this.stand(Object.keys(places)[0]);
+    }
+
+    /** Go to a place: the map as it was then, its scan, and the pose from which the guess starts. */
+    stand(name) {
+      const {pose, points, occupied, spec} = this.places[name];
+      Object.assign(this, {place: name, start: pose, spec, shift: [0, 0], turn: 0, points_b: Float64Array.from(points)});
+      this.cells = new Uint8Array(spec.shape[0] * spec.shape[1]);
+      for (const k of occupied) this.cells[k] = 1;
+      Object.assign(this, {fields: {}, grid: {spec, logOdds: Float32Array.from(this.cells)}});
+    }
+
+    get field() { return (this.fields[this.kind] = this.fields[this.kind] || core.scoreField(this.cells, this.spec, this.kind)); }
+
+    get pose() {
+      const [x, y, theta] = this.start;
+      return [x + this.shift[0], y + this.shift[1], theta + this.turn * RADIANS];
+    }
+
+    /** Move the guess to a shift (m) from where it started, as far as is allowed. */
+    slide(dx, dy) { this.shift = [dx, dy].map(value => Math.max(-LIMIT, Math.min(LIMIT, value))); }
+
+    /** The share of the best possible score at each of these poses. Eq. 6 to 9. */
+    shares(poses) {
+      const full = FULL[this.kind] * this.points_b.length / 2;
+      return core.scores(this.field, this.spec, this.points_b, poses).map(score => score / full);
+    }
+
+    get share() { return this.shares(Float64Array.from(this.pose))[0]; }
+
+    /** The shares of all shifts at the present heading, row by row from the lowest. */
+    surface() {
+      const poses = [], [x, y] = this.start, theta = this.pose[2];
+      for (let j = -SHIFTS; j <= SHIFTS; j++) {
+        for (let i = -SHIFTS; i <= SHIFTS; i++) poses.push(x + SHIFT * i, y + SHIFT * j, theta);
+      }
+      return this.shares(Float64Array.from(poses));
+    }
+  }
+
+  lab("slide", stage => {
+    const guess = new Guess(stage.options);
+    const window = () => [guess.start[0] - REACH, guess.start[0] + REACH, guess.start[1] - 0.7 * REACH, guess.start[1] + 0.7 * REACH];
+    const plan = stage.plan({
+      name: "The map and the scan as it lies from the guessed pose",
+      help: "Drag the scan. Keys: arrows slide it by a centimetre, the letters Q and E turn it.",
+      window: window(), touch: "pinch-zoom",
+    });
+    const map = stage.chart({name: "The scores of all shifts at this heading; the cross is the guess", height: 180});
+    const turned = value => { guess.turn = value; };
+    const turn = stage.slider({name: "Turn", min: -TURN, max: TURN, step: 0.1, value: 0, unit: "°", digits: 1, change: turned});
+    const go = () => { plan.window = window(); turn.value = 0; turn.dispatchEvent(new Event("input")); };
+    stage.choice({name: "Place", options: Object.fromEntries(Object.keys(guess.places).map(name => [name, name])),
+                  value: guess.place, change: name => { guess.stand(name); go(); }});
+    stage.choice({name: "Score by", options: {occupied: "count of points on walls", distance: "likelihood field"}, value: guess.kind,
+                  change: kind => { guess.kind = kind; }});
+    stage.button({name: "Start again", key: "n", press: () => { guess.stand(guess.place); go(); }});
+    let held = null;
+    stage.drag(plan, {
+      start: (x, y) => { held = [x - guess.shift[0], y - guess.shift[1]]; },
+      move: (x, y) => guess.slide(x - held[0], y - held[1]),
+    });
+    const by = (dx, dy) => down => { if (down) guess.slide(guess.shift[0] + dx, guess.shift[1] + dy); };
+    const spin = by_ => down => {
+      if (!down) return;
+      turn.value = Number(turn.value) + by_;
+      turn.dispatchEvent(new Event("input"));
+    };
+    stage.keys(plan, {ArrowLeft: by(-0.01, 0), ArrowRight: by(0.01, 0), ArrowUp: by(0, 0.01), ArrowDown: by(0, -0.01),
+                      q: spin(0.5), e: spin(-0.5)});
+    return {
+      state: guess,
+      draw() { paintMap(plan, stage.colours, guess); paintScores(map, stage.colours, guess); },
+      describe: () => sentence(guess),
+    };
+  });
+
+  function paintMap(plan, colours, guess) {
+    const {pose, points_b, spec, cells} = guess, points_w = core.transformPoints(pose, points_b), on = [], off = [];
+    plan.clear(colours.free);
+    draw.grid(plan, guess.grid, {...colours, paper: colours.free}, 1);
+    const places = core.worldToCell(spec, points_w);
+    for (let k = 0; k < points_w.length; k += 2) {
+      const hit = core.contains(spec, places[k], places[k + 1]) && cells[places[k + 1] * spec.shape[1] + places[k]];
+      (hit ? on : off).push(points_w[k], points_w[k + 1]);
+    }
+    draw.dots(plan, off, colours.hits, 1.8);
+    draw.dots(plan, on, colours.clear, 2.6);
+    draw.robot(plan, pose, colours.estimate, {radius: RADIUS});
+    draw.text(plan, `${(100 * guess.share).toFixed(0)} % of the best possible score`, 8, 20, colours.ink, {size: 16});
+  }
+
+  /** The scores of all shifts, blue the worst and white-hot the best, with a cross at the guess. */
+  function paintScores(map, colours, guess) {
+    const {context} = map, n = 2 * SHIFTS + 1, size = map.height / n, left = (map.width - map.height) / 2, surface = guess.surface();
+    map.clear(colours.paper);
+    surface.forEach((share, k) => {
+      context.fillStyle = `hsl(${220 - 175 * share}, 75%, ${12 + 75 * share}%)`;
+      context.fillRect(left + (k % n) * size, (n - 1 - Math.floor(k / n)) * size, size + 0.5, size + 0.5);
+    });
+    const [x, y] = [left + (guess.shift[0] / SHIFT + SHIFTS + 0.5) * size, (SHIFTS + 0.5 - guess.shift[1] / SHIFT) * size];
+    for (const [colour, width] of [["#1b1b1b", 5], ["#ffffff", 2]]) {
+      Object.assign(context, {strokeStyle: colour, lineWidth: width});
+      context.beginPath();
+      context.moveTo(x - 8, y);
+      context.lineTo(x + 8, y);
+      context.moveTo(x, y - 8);
+      context.lineTo(x, y + 8);
+      context.stroke();
+    }
+    draw.text(map, "scores of all shifts", 8, 18, colours.ink, {size: map.width < 500 ? 12 : 14});
+  }
+
+  function sentence(guess) {
+    const [dx, dy] = guess.shift, best = Math.max(...guess.surface());
+    return `Moved by ${dx.toFixed(2)}, ${dy.toFixed(2)} metres and turned by ${guess.turn.toFixed(1)} degrees, the scan reaches ` +
+      `${(100 * guess.share).toFixed(0)} percent; the best shift at this heading reaches ${(100 * best).toFixed(0)}.`;
+  }
+})(globalThis);
