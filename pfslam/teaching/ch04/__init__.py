@@ -1,10 +1,10 @@
 """What the notebook of chapter 04 calls."""
 
 from pfslam.teaching.ch04.checks import check_choose, check_count_on_walls, check_transform_test
+from pfslam.teaching.ch04.live import slide_lab
 from pfslam.teaching.ch04.scores import (
     LATTICE,
     field_picture,
-    fit_explorer,
     heading_picture,
     patches_picture,
     question_picture,
@@ -47,7 +47,6 @@ __all__ = [
     "field_picture",
     "fine_scores_picture",
     "first_index_walk",
-    "fit_explorer",
     "heading_picture",
     "keep",
     "lattice_picture",
@@ -57,6 +56,7 @@ __all__ = [
     "question_picture",
     "sharpness_explorer",
     "show_source",
+    "slide_lab",
     "surfaces_picture",
     "trials",
     "walls_picture",

@@ -7,8 +7,8 @@ import numpy as np
 from pfslam.teaching.show.drives import Place
 from pfslam.teaching.show.lab import Laboratory, show_lab
 
-ALT = """A piece of the map with its walls, and the points of a scan beside them, since the guessed pose is wrong. Below,
-the scores of all shifts of the scan at this heading as a small square map, with a cross at the guess."""
+ALT = """A piece of the map with its walls, and the points of a scan beside them, since the guessed pose is wrong.
+Below, the scores of all shifts of the scan at this heading as a small square map, with a cross at the guess."""
 
 
 def slide_options(**places: Place) -> dict:

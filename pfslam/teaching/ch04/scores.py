@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from pfslam.correlation import map_correlation, score_field
+from pfslam.correlation import score_field
 from pfslam.search.lattice import Lattice
 from pfslam.search.volume import score_volume
 from pfslam.teaching.show.drives import Place
 from pfslam.teaching.show.figures import draw_map
-from pfslam.teaching.show.pictures import Picture, steady
+from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, new_figure
-from pfslam.teaching.show.widgets import Explorer, Slider
 
 LATTICE = Lattice(step_xy=0.05, step_yaw=0.005)
 """The report's steps: one cell of 5 cm in x and y, 0.005 rad in heading."""
@@ -110,41 +106,6 @@ def heading_picture(place: Place) -> Picture:
     alt = f"""Share of end points on walls against heading error: {at[0.0]:.2f} at the true heading, {at[1.0]:.2f} at
     1 degree, {at[4.0]:.2f} at 4 degrees. A dotted line marks the truth."""
     return Picture(figure, alt)
-
-
-def draw_guess(place: Place, x: float, y: float, theta: float) -> Figure:
-    """The scan on the map from a guessed pose, and the scores of all shifts at that heading (degrees)."""
-    figure, (left, right) = new_figure(5.1, 3.7, columns=2, width_ratios=[1.25, 1])
-    points = place.moved(x, y, np.deg2rad(theta))
-    draw_fit(left, place, points, reach=3.5, size=6)
-    share = map_correlation(place.grid.occupied, place.grid.spec, points) / len(points)
-    left.set_title(f"{share:.0%} on walls")
-    draw_surface(right, surface(place, np.deg2rad(theta)) / len(points), 1.0, (x, y))
-    right.set_title("scores")
-    return figure
-
-
-def describe_guess(place: Place, x: float, y: float, theta: float) -> str:
-    """The same in words."""
-    count = map_correlation(place.grid.occupied, place.grid.spec, place.moved(x, y, np.deg2rad(theta)))
-    best = int(surface(place, np.deg2rad(theta)).max())
-    return f"""Scan moved by {x:.2f} m in x, {y:.2f} m in y and turned by {theta:.1f} degrees: {count} of
-    {len(place.points_b)} end points on walls. The best position at this heading scores {best}."""
-
-
-def fit_explorer(place: Place) -> Explorer:
-    """Three sliders that move the scan over the map until it fits."""
-    metres, live = {"unit": "m", "form": ".2f"}, (-0.4, 0.4, 0.01)
-    return Explorer(
-        steady(partial(draw_guess, place)),
-        [
-            Slider("x", [0.0, 0.05, 0.1, 0.15], 0, "Shift in x", **metres, live=live),
-            Slider("y", [-0.15, -0.1, -0.05, 0.0], 3, "Shift in y", **metres, live=live),
-            Slider("theta", [0.0, 1.0, 2.0], 0, "Turn", "deg", ".1f", (-6.0, 6.0, 0.1)),
-        ],
-        alt=partial(describe_guess, place),
-        title="Slide the scan over the map",
-    )
 
 
 # ---- patches, and the likelihood field
