@@ -20,13 +20,13 @@ COLUMNS = ("chapter", "words", "widgets", "exercises", "startup_s", "run_s", "me
 
 
 def content(notebook) -> dict[str, int]:
-    """How much there is to read and to do: words of prose, widgets (by their saved outputs), exercises."""
+    """How much there is to read and to do: words of prose, widgets and laboratories (by their saved outputs), exercises."""
     prose = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
     shown = str([cell.outputs for cell in notebook.cells if cell.cell_type == "code"])
     tags = [tag for cell in notebook.cells for tag in cell.metadata.get("tags", [])]
     return {
         "words": len(prose.split()),
-        "widgets": shown.count("[explorer: "),
+        "widgets": shown.count("[explorer: ") + shown.count("[laboratory: "),
         "exercises": sum(bool(re.fullmatch(r"exercise-\d+", tag)) for tag in tags),
     }
 

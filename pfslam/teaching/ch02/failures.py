@@ -87,8 +87,8 @@ def glass_map(recording: Recording, rule: str) -> OccupancyGrid:
     """Return the one scan on an empty map, by one of ``GLASS_RULES``."""
     longest = recording.robot.lidar.range_max
     if rule == GLASS_RULES[0]:
-        scans = recording.scans()
-        recording = replace(recording, lidar=LidarScans(scans.t, np.minimum(scans.ranges, longest)))
+        scans, wall = recording.scans(), np.nextafter(longest, 0.0)  # exactly range_max would be no return
+        recording = replace(recording, lidar=LidarScans(scans.t, np.minimum(scans.ranges, wall)))
     scan = placed(recording, recording.true_path(), 0)
     beams = np.arange(len(scan.beams)) if rule == GLASS_RULES[1] else scan.beams
     around = scan.sensor + longest * np.array([[-1.0, -1.0], [1.0, 1.0]])
