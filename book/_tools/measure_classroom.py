@@ -20,7 +20,7 @@ COLUMNS = ("chapter", "words", "widgets", "exercises", "startup_s", "run_s", "me
 
 
 def content(notebook) -> dict[str, int]:
-    """How much there is to read and to do: words of prose, widgets and laboratories (by their saved outputs), exercises."""
+    """Count words of prose, widgets and laboratories (by their saved outputs), and exercises."""
     prose = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
     shown = str([cell.outputs for cell in notebook.cells if cell.cell_type == "code"])
     tags = [tag for cell in notebook.cells for tag in cell.metadata.get("tags", [])]
