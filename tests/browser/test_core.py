@@ -321,7 +321,7 @@ SLIPS = {
     "motionModel": ("dt * speed * Math.sin", "dt * speed * Math.cos"),
     "predict": ("normals[n + k]", "normals[k]"),
     "beamAngles": ("lidar.beams - 1, 1", "lidar.beams, 1"),
-    "isValid": ("range <= lidar", "range < lidar"),
+    "isValid": ("range < lidar", "range <= lidar"),
     "scanPoints": ("+ lidar.position[1]", "- lidar.position[1]"),
     "transformPoints": ("pose[1] + s * points_b[k] + c", "pose[1] + s * points_b[k] - c"),
     "worldToCell": ("Math.floor((points_w", "Math.round((points_w"),
