@@ -1,5 +1,6 @@
 """The committed notebooks: text outputs only, small, in the book, and in reading order."""
 
+import ast
 import json
 import re
 from pathlib import Path
@@ -122,3 +123,35 @@ def test_chapters_are_in_reading_order():
     lines = (ROOT / "_toc.yml").read_text(encoding="utf-8").splitlines()
     chapters = [line.split("notebooks/")[1].strip() for line in lines if "file: notebooks/" in line]
     assert chapters == sorted(chapters)
+
+
+def given(source: str) -> set[str]:
+    """The names that a cell gives a value to, at its top level and in its loops, not inside its functions."""
+    names: set[str] = set()
+
+    def visit(node):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+            return
+        if isinstance(node, ast.Lambda | ast.ListComp | ast.SetComp | ast.DictComp | ast.GeneratorExp):
+            return
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            names.add(node.id)
+        for child in ast.iter_child_nodes(node):
+            visit(child)
+
+    visit(ast.parse(source))
+    return names
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_a_name_that_a_sentence_quotes_keeps_its_value(path):
+    """JupyterLab evaluates sentences when all cells have run: a name used again below would change them."""
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    quoted: set[str] = set()
+    for cell in cells:
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "code":
+            assert quoted & given(source) == set()
+        for text in re.findall(r"\{eval\}`([^`]+)`", source if cell["cell_type"] == "markdown" else ""):
+            quoted |= {node.id for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Name)}
