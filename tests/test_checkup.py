@@ -11,7 +11,7 @@ from pfslam.evaluation.checkup import check_up, effective_track, scan_turn_fit, 
 from pfslam.evaluation.faults import first_seconds
 from pfslam.poses import Trajectory
 from pfslam.recording import LidarScans, Recording
-from pfslam.teaching.ch11.robot import FAULTS, HEALTHY
+from pfslam.teaching.ch13.robot import FAULTS, HEALTHY
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Checks of the exercises of chapter 11: each takes the reader's function and says what is wrong in words."""
+"""Checks of the exercises of chapter 13: each takes the reader's function and says what is wrong in words."""
 
 from __future__ import annotations
 

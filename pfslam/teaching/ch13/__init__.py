@@ -1,8 +1,8 @@
-"""What the notebook of chapter 11 calls."""
+"""What the notebook of chapter 13 calls."""
 
-from pfslam.teaching.ch11.bag import record_bag
-from pfslam.teaching.ch11.checks import check_classify, check_increments, check_track
-from pfslam.teaching.ch11.robot import (
+from pfslam.teaching.ch13.bag import record_bag
+from pfslam.teaching.ch13.checks import check_classify, check_increments, check_track
+from pfslam.teaching.ch13.robot import (
     calibration_table,
     check_up_table,
     complaints,

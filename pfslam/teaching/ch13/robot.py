@@ -1,4 +1,4 @@
-"""Chapter 11, your own robot: faults of real recordings, the check-up that finds them, a run on whatever is there."""
+"""Chapter 13, your own robot: faults of real recordings, the check-up that finds them, a run on whatever is there."""
 
 from __future__ import annotations
 
