@@ -88,6 +88,7 @@ def build_parser() -> Parser:
     command.epilog = "Exit codes: 0 no check failed, 1 at least one did, 2 the data set cannot be read."
     _add_dataset(command, out=False)
     _command(commands, "run", "trajectory, map and floor texture of a data set").later = _add_run
+    _command(commands, "locate", "where a robot is in a known map, from its drive").later = _add_locate
     _add_dataset(_command(commands, "report", "the report's figures for a data set"))
     _add_convert(commands)
     command = _command(commands, "study", "many runs over parameters, seeds and data sets")
@@ -150,6 +151,19 @@ def _add_run(command: Parser) -> None:
     command.add_argument("--texture", action=argparse.BooleanOptionalAction, default=None, help=texture)
 
 
+def _add_locate(command: Parser) -> None:
+    from pfslam.config import MAX_PARTICLES
+
+    command.add_argument(
+        "map", type=Path, metavar="MAP.yaml", help="a ROS map: the .yaml file beside its image"
+    )
+    _add_dataset(command, default="out/DATASET-located")
+    particles = "the most after the first scan, which has ten times as many (default 10000)"
+    command.add_argument("--particles", type=whole(1, MAX_PARTICLES), metavar="N", help=particles)
+    seed = "of the filter's random numbers (default 0)"
+    command.add_argument("--seed", type=SEED, default=0, metavar="S", help=seed)
+
+
 def _command(commands, name: str, what: str) -> Parser:
     return commands.add_parser(
         name, help=what, description=what[0].upper() + what[1:] + ".", allow_abbrev=False
@@ -165,7 +179,7 @@ _TOPICS = {
 }
 
 
-def _add_dataset(command: Parser, out: bool = True) -> None:
+def _add_dataset(command: Parser, out: bool = True, default: str = "out/DATASET") -> None:
     what = "hall, ramp, ring, a set's number, or the path of a ROS bag, an .npz recording, or a CARMEN log"
     command.add_argument("dataset", metavar="DATASET", help=what)
     command.add_argument(
@@ -173,7 +187,7 @@ def _add_dataset(command: Parser, out: bool = True) -> None:
     )
     if out:
         command.add_argument(
-            "--out", type=Path, metavar="DIR", help="folder to write to (default out/DATASET)"
+            "--out", type=Path, metavar="DIR", help=f"folder to write to (default {default})"
         )
     bags = command.add_argument_group("for ROS bags", "Topics are found by their type if they are not named.")
     for name, kind in _TOPICS.items():

@@ -25,6 +25,7 @@ ORDER = [
     "matching",
     "refinement",
     "events",
+    "localization",
     "slam",
     "per_particle",
     "trust",

@@ -484,5 +484,5 @@ def test_a_built_in_set_written_and_loaded_gives_the_same_results(tmp_path):
 def test_help_names_every_command():
     done = pfslam("--help")
     assert done.returncode == 0
-    for name in ("simulate", "run", "report", "study", "bench"):
+    for name in ("simulate", "run", "locate", "report", "study", "bench"):
         assert name in done.stdout

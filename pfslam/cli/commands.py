@@ -19,6 +19,7 @@ import numpy.random  # and a Ctrl-C that comes during an import can be lost
 from tqdm import tqdm
 
 from pfslam.cli.look import check_table, describe, topic_table
+from pfslam.cli.search import closing_words_of_search, picture_of_search, summarise_search
 from pfslam.cli.summary import closing_words, summarise
 from pfslam.config import PRESETS
 from pfslam.datasets import dataset_name, load
@@ -28,9 +29,11 @@ from pfslam.io.bag_images import choose_images
 from pfslam.io.bags import BagOptions, choose_topics
 from pfslam.io.course import save_course
 from pfslam.io.files import atomic_write, check_writable, write_text
-from pfslam.io.formats import write_map, write_texture, write_tum
+from pfslam.io.formats import read_known_map, write_map, write_texture, write_tum
+from pfslam.io.images import write_png
 from pfslam.io.messages import Log, is_bag, list_topics
 from pfslam.io.recordings import save
+from pfslam.localization import LocalizationConfig, locate
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
@@ -198,6 +201,31 @@ def write_results(
     return [*files, "summary.json"]
 
 
+def locate_command(arguments: argparse.Namespace) -> None:
+    """Find the robot of a data set in a known map; trajectory, summary and a picture go to one folder."""
+    config = LocalizationConfig()
+    if arguments.particles is not None:
+        most = arguments.particles
+        config = replace(config, first=10 * most, particles=most, least=min(config.least, most))
+    grid, watch = read_known_map(arguments.map), Stopwatch()
+    out = arguments.out or Path("out") / f"{dataset_name(arguments.dataset)}-located"
+    with watch.stage("load"):
+        recording = load_dataset(arguments)
+    check_writable(out)
+    with watch.stage("locate"):
+        rng = np.random.default_rng(arguments.seed)
+        bar = progress_bar("locating")
+        result = locate(grid, recording, config, rng=rng, progress=bar, keep_particles=False)
+    write_tum(out / "trajectory.tum", result.trajectory)
+    write_png(out / "located.png", picture_of_search(grid, result))
+    about = {"map": str(arguments.map), "dataset": recording.name, "seed": arguments.seed}
+    about |= {"config": replace(config, every=config.every or recording.default_every)}
+    about |= {"seconds": watch.seconds, "files": ["trajectory.tum", "located.png", "summary.json"]}
+    summary = about | summarise_search(recording, result)
+    write_text(out / "summary.json", json.dumps(plain(summary), indent=2, allow_nan=False) + "\n")
+    print(closing_words_of_search(recording, result, out))
+
+
 def report_command(arguments: argparse.Namespace) -> None:
     """Draw the report's figures as PNG files."""
     try:
@@ -242,6 +270,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "info": info_command,
     "check": check_command,
     "run": run_command,
+    "locate": locate_command,
     "report": report_command,
     "convert": convert_command,
     "study": study_command,

@@ -111,12 +111,32 @@ def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
         for key in ("resolution", "negate", "occupied_thresh", "free_thresh")
     )
     x, y, yaw = numbers(path, "origin", keys["origin"].strip("[]").split(","), 3)
+    if negate not in (0.0, 1.0):
+        raise DataError(path, "negate", keys["negate"], "0 or 1")
+    if not 0.0 <= free < occupied <= 1.0:
+        found = f"{keys['free_thresh']}, {keys['occupied_thresh']}"
+        raise DataError(path, "free_thresh, occupied_thresh", found, "probabilities, the lesser first")
     if yaw != 0.0:
         raise DataError(path, "origin", f"a map rotated by {yaw:g} rad", "a third value of 0")
     pixels = _read_pgm(path.parent / keys["image"].strip("'\""))
     share = pixels[::-1] / 255.0 if negate else (255.0 - pixels[::-1]) / 255.0
     cells = (share > occupied).astype(np.int8) - (share < free).astype(np.int8)
-    return GridSpec((x, y), resolution, pixels.shape), cells
+    try:
+        return GridSpec((x, y), resolution, pixels.shape), cells
+    except DataError as error:
+        raise DataError(path, error.field, error.found, error.expected) from error
+
+
+def read_known_map(path: str | Path) -> OccupancyGrid:
+    """Read a ROS map_server map as a grid to localize in: log-odds 1, -1 and 0 for occupied, free and unknown.
+
+    Raises ``DataError`` for what ``read_map`` refuses, and for a map without walls or without free cells.
+    """
+    spec, cells = read_map(path)
+    for value, what in ((1, "occupied"), (-1, "free")):
+        if not (cells == value).any():
+            raise DataError(path, "image", f"no {what} cell", "a map with walls and with free floor")
+    return OccupancyGrid(spec, cells.astype(np.float32))
 
 
 def _read_pgm(path: Path) -> np.ndarray:

@@ -1,0 +1,328 @@
+"""Where in a known map? Monte Carlo localization: the map is given, and the pose is searched in all of it.
+
+The particles begin everywhere. Those that a scan contradicts die out, and their number follows the room that the cloud
+takes (Fox, KLD sampling). Where scans fit worse than they used to, some particles are drawn anew from the whole map:
+that finds a robot which was carried away (augmented MCL, "Probabilistic Robotics", 8.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from statistics import NormalDist
+from typing import Annotated
+
+import cv2
+import numpy as np
+
+from pfslam.config import MAX_EVERY, MAX_PARTICLES, MotionNoise, SlamConfig
+from pfslam.errors import DataError
+from pfslam.events import Drive, ScanEvent
+from pfslam.grid import OccupancyGrid
+from pfslam.particles import Particles, effective_sample_size, reweight
+from pfslam.poses import Trajectory, average_pose, compose, transform_points, wrap_angle
+from pfslam.recording import Recording
+from pfslam.settings import Range, Settings
+
+NEAR_METRES, NEAR_RADIANS = 1.0, 0.5
+"""A particle counts for the estimate if it lies no farther from it than this."""
+AT_ONCE = 10_000
+"""Particles that are scored together; more would only take memory."""
+Share = Annotated[float, Range(0.0, 1.0)]
+Metres = Annotated[float, Range(1e-3, 1e3)]
+Radians = Annotated[float, Range(1e-3, np.pi)]
+
+
+@dataclass(frozen=True)
+class LocalizationConfig(Settings):
+    """Collect all settings of a search for the pose in a known map."""
+
+    first: Annotated[int, Range(1, 10 * MAX_PARTICLES)] = 100_000
+    """Particles for the first scan, spread over the map: every place that may be right needs a few from the start."""
+    particles: Annotated[int, Range(1, MAX_PARTICLES)] = 10_000
+    """The most there will be afterwards."""
+    least: Annotated[int, Range(1, MAX_PARTICLES)] = 500
+    """The fewest particles that adaptive resampling leaves."""
+    epsilon: Annotated[float, Range(1e-4, 10.0)] = 0.05
+    """Greatest Kullback-Leibler distance from the cloud to what it stands for ..."""
+    delta: Annotated[float, Range(1e-9, 0.5)] = 0.01
+    """... which may be exceeded with this probability."""
+    bin_metres: Metres = 0.5
+    bin_radians: Radians = float(np.deg2rad(10.0))
+    """Size of the bins that the cloud's extent is counted in."""
+    sigma: Metres = 0.2
+    """Distance (m) from a wall at which an end point's likelihood has fallen to exp(-1/2)."""
+    random: Annotated[float, Range(1e-6, 1.0)] = 0.1
+    """Likelihood of an end point that no wall explains; 1 on a wall."""
+    beams: Annotated[int, Range(1, 20_000)] = 60
+    """About how many beams of a scan are scored."""
+    effective_beams: Annotated[float, Range(1e-3, 1e4)] = 5.0
+    """How many independent beams a scan is worth: neighbours see the same wall, so their errors are shared."""
+    inject: bool = True
+    """Whether some particles are drawn anew from the whole map where scans fit worse than they should."""
+    slow: Share = 0.01
+    fast: Share = 0.2
+    """Rates of the two averages of the fit; the injected share is what the fast one lacks of the slow one."""
+    expected: Share = 0.9
+    """Fit of a right pose. The slow average starts there, so that particles keep coming until one explains the scan."""
+    resample_below: Share = 0.5
+    """Resample when N_eff is at most this share of N, or when particles are to be injected."""
+    step_metres: Metres = 0.1
+    step_radians: Radians = 0.1
+    """A scan is used after moving or turning by at least so much: scans from one place say the same."""
+    found: Share = 0.95
+    """The pose counts as found when this share of the weight lies near the estimate."""
+    noise: MotionNoise = field(default_factory=MotionNoise)
+    every: Annotated[int, Range(1, MAX_EVERY)] | None = None
+    """Every how-many-th scan is looked at; None takes the recording's own default."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.least > self.particles:
+            expected = f"at most particles, {self.particles}"
+            raise DataError("LocalizationConfig", "least", self.least, expected)
+
+
+def kld_bound(bins, epsilon: float, delta: float):
+    """Return how many particles a cloud over ``bins`` bins needs, by Fox's bound ("Adapting the sample size", 2003).
+
+    So many draws keep the Kullback-Leibler distance to the true distribution below ``epsilon`` with probability
+    1 - ``delta``: the chi-square quantile with bins - 1 degrees of freedom, divided by 2 epsilon, with that quantile
+    by Wilson and Hilferty's cube. ``bins`` is a number or an array; one bin needs one particle.
+
+    >>> round(float(kld_bound(100, epsilon=0.05, delta=0.01)))
+    1347
+    """
+    k = np.maximum(np.asarray(bins, dtype=float) - 1.0, 1.0)
+    z = NormalDist().inv_cdf(1.0 - delta)
+    a = 2.0 / (9.0 * k)
+    return np.where(np.asarray(bins) > 1, k / (2.0 * epsilon) * (1.0 - a + np.sqrt(a) * z) ** 3, 1.0)[()]
+
+
+def spread(grid: OccupancyGrid, n: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw ``n`` poses ``(n, 3)`` evenly over the free cells of a map and over all headings."""
+    free = np.flatnonzero(grid.free)
+    if len(free) == 0:
+        raise DataError("map", "free cells", "none", "a map that says where the robot can be")
+    iy, ix = np.divmod(rng.choice(free, n), grid.spec.shape[1])
+    corner = np.column_stack([ix, iy]) * grid.spec.resolution + grid.spec.origin
+    position = corner + rng.uniform(0.0, grid.spec.resolution, (n, 2))
+    return np.column_stack([position, rng.uniform(-np.pi, np.pi, n)])
+
+
+def likelihood_field(grid: OccupancyGrid, config: LocalizationConfig) -> np.ndarray:
+    """Compute the log-likelihood ``(H, W)`` float32 of an end point in each cell, from its distance to a wall.
+
+    log(random + (1 - random) exp(-d^2 / 2 sigma^2)): the likelihood field of ``correlation``, as wide as a robot needs
+    that does not know where it is, and with a floor, so that no single beam can rule a pose out.
+    """
+    if not grid.occupied.any():
+        raise DataError("map", "occupied cells", "none", "a map with walls, or no scan says anything")
+    away = cv2.distanceTransform((~grid.occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    near = np.exp(-0.5 * (away * (grid.spec.resolution / config.sigma)) ** 2)
+    return np.log(config.random + (1.0 - config.random) * near).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownMap:
+    """A map, and what is computed from it once: ``field (H, W)`` float32 (see ``likelihood_field``)."""
+
+    grid: OccupancyGrid
+    field: np.ndarray
+    config: LocalizationConfig
+
+    @classmethod
+    def of(cls, grid: OccupancyGrid, config: LocalizationConfig) -> KnownMap:
+        """Prepare a map for the settings of a search."""
+        return cls(grid, likelihood_field(grid, config), config)
+
+    def log_likelihood(self, poses: np.ndarray, points_b: np.ndarray) -> np.ndarray:
+        """Compute the log-likelihood ``(N,)`` of a scan with end points ``(M, 2)`` from each of the poses ``(N, 3)``.
+
+        The mean over about ``beams`` end points times ``effective_beams``. End points outside the map are unexplained,
+        and so are all of them for a robot that would stand on a cell which is not free.
+        """
+        points = points_b[:: max(len(points_b) // self.config.beams, 1)]
+        parts = np.array_split(poses, -(-len(poses) // AT_ONCE))
+        mean = np.concatenate([self._at(transform_points(part, points)).mean(axis=1) for part in parts])
+        cells = self.grid.spec.world_to_cell(poses[:, :2])
+        stands = self.grid.spec.contains(cells)
+        stands[stands] = self.grid.free[cells[stands, 1], cells[stands, 0]]
+        return self.config.effective_beams * np.where(stands, mean, np.log(self.config.random))
+
+    def _at(self, points_w: np.ndarray) -> np.ndarray:
+        """Look up the field at points ``(..., 2)``; outside the map nothing explains them."""
+        cells = self.grid.spec.world_to_cell(points_w)
+        inside = self.grid.spec.contains(cells)
+        values = np.full(inside.shape, np.log(self.config.random))
+        ix, iy = cells[inside].T
+        values[inside] = self.field[iy, ix]
+        return values
+
+
+@dataclass(frozen=True, eq=False)
+class LocalizationState:
+    """What the next step needs: the particles, the two averages of the fit, and the motion ``(3,)`` since a scan."""
+
+    particles: Particles
+    slow: float | None = None
+    fast: float | None = None
+    pending: np.ndarray | None = None
+    """All three are None before the first scan, which is used wherever the robot stands."""
+
+
+@dataclass(frozen=True, eq=False)
+class LocalizationInfo:
+    """What happened at one scan.
+
+    ``estimate (3,)`` is the mean of the particles around the densest place of the cloud, ``share`` their part of the
+    weight; ``particles`` the cloud before resampling, None where it was not kept. ``fit`` is the mean likelihood of a
+    beam, from ``random`` to 1, and ``injected`` the share of particles that were drawn anew from the whole map.
+    """
+
+    t: float
+    estimate: np.ndarray
+    share: float
+    particles: Particles | None
+    number: int
+    used: bool = True
+    fit: float = 0.0
+    injected: float = 0.0
+
+
+def localization_step(
+    state: LocalizationState, event: ScanEvent, known: KnownMap, rng: np.random.Generator
+) -> tuple[LocalizationState, LocalizationInfo]:
+    """Process one scan: predict, reweight, estimate, and resample as many particles as the cloud's extent asks for."""
+    config = known.config
+    motion = event.motion if state.pending is None else compose(state.pending, event.motion)
+    moved = np.hypot(*motion[:2]) >= config.step_metres or abs(motion[2]) >= config.step_radians
+    if len(event.points_b) == 0 or not (moved or state.pending is None):
+        ahead = Particles(compose(state.particles.poses, motion), state.particles.log_weights)
+        return replace(state, pending=motion), describe(event.t, ahead, config, used=False)
+    sigma_xy, sigma_yaw = config.noise.sigmas(float(np.hypot(*motion[:2])), abs(float(motion[2])))
+    noise = [sigma_xy, sigma_xy, sigma_yaw] * rng.standard_normal((len(state.particles), 3))
+    particles = Particles(compose(state.particles.poses, motion + noise), state.particles.log_weights)
+    particles, evidence = reweight(particles, known.log_likelihood(particles.poses, event.points_b))
+    fit = float(np.exp(evidence / config.effective_beams))
+    slow = config.expected if state.slow is None else state.slow + config.slow * (fit - state.slow)
+    fast = fit if state.fast is None else state.fast + config.fast * (fit - state.fast)
+    share = injected_share(slow, fast) if config.inject else 0.0
+    info = describe(event.t, particles, config, fit=fit, injected=share)
+    if share or effective_sample_size(particles.weights) <= config.resample_below * len(particles):
+        particles = resample_adaptively(particles, share, known.grid, config, rng)
+    return LocalizationState(particles, slow, fast, np.zeros(3)), info
+
+
+def injected_share(slow: float, fast: float) -> float:
+    """Return the share of particles to draw anew: 1 - fast / slow, and none while scans fit as well as ever.
+
+    >>> injected_share(slow=0.8, fast=0.6), injected_share(slow=0.8, fast=0.9)
+    (0.25, 0.0)
+    """
+    return max(0.0, 1.0 - fast / slow) if slow > 0.0 else 0.0
+
+
+def resample_adaptively(
+    particles: Particles, share: float, grid: OccupancyGrid, config: LocalizationConfig, rng
+) -> Particles:
+    """Resample as many particles as Fox's bound asks for; a ``share`` of them is spread over the whole map."""
+    trial = rng.permutation(_drawn(particles, share, config.particles, grid, rng))
+    n = enough(trial, config)
+    return Particles(_drawn(particles, share, n, grid, rng), np.zeros(n))
+
+
+def enough(poses: np.ndarray, config: LocalizationConfig) -> int:
+    """Count how many of the poses ``(N, 3)``, taken in order, meet Fox's bound for the bins that they lie in."""
+    first = np.unique(_bins(poses, config), return_index=True)[1]
+    occupied = np.cumsum(np.bincount(first, minlength=len(poses)))
+    number = np.arange(1, len(poses) + 1)
+    needed = np.maximum(kld_bound(occupied, config.epsilon, config.delta), config.least)
+    return int(np.argmax(number >= needed)) + 1 if (number >= needed).any() else len(poses)
+
+
+def _drawn(particles: Particles, share: float, n: int, grid: OccupancyGrid, rng) -> np.ndarray:
+    """Draw ``n`` poses: a share from the whole map, the others by weight at equal strides (systematically)."""
+    fresh = int(rng.binomial(n, share))
+    edges = np.cumsum(particles.weights)
+    positions = edges[-1] * (np.arange(n - fresh) + rng.random()) / max(n - fresh, 1)
+    kept = np.minimum(np.searchsorted(edges, positions, side="right"), len(particles) - 1)
+    return np.concatenate([particles.poses[kept], spread(grid, fresh, rng)])
+
+
+def _bins(poses: np.ndarray, config: LocalizationConfig) -> np.ndarray:
+    """Number the bins ``(N,)`` that poses ``(N, 3)`` lie in."""
+    size = [config.bin_metres, config.bin_metres, config.bin_radians]
+    cells = np.floor(poses / size).astype(np.int64)
+    cells -= cells.min(axis=0)
+    return np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1))
+
+
+def describe(t: float, particles: Particles, config: LocalizationConfig, **what) -> LocalizationInfo:
+    """Say where the cloud is: the mean of what lies near its heaviest bin, and the share of the weight that does."""
+    _, place = np.unique(_bins(particles.poses, config), return_inverse=True)
+    weights = particles.weights
+    heaviest = place == np.argmax(np.bincount(place, weights))
+    centre = average_pose(particles.poses[heaviest], weights[heaviest])
+    for _ in range(2):  # the heaviest bin may hold only one side of its cluster
+        offset = particles.poses - centre
+        near = np.hypot(*offset[:, :2].T) <= NEAR_METRES
+        near &= np.abs(wrap_angle(offset[:, 2])) <= NEAR_RADIANS
+        centre = average_pose(particles.poses[near], weights[near]) if near.any() else centre
+    return LocalizationInfo(t, centre, float(weights[near].sum()), particles, len(particles), **what)
+
+
+@dataclass(frozen=True, eq=False)
+class LocalizationResult:
+    """A finished search: the estimate as it was at each scan (never revised), and one info per scan."""
+
+    trajectory: Trajectory
+    infos: tuple[LocalizationInfo, ...]
+    config: LocalizationConfig
+    dropped: dict[str, int]
+
+    @property
+    def located(self) -> np.ndarray:
+        """Tell at which scans ``(K,)`` the pose counts as found: enough of the weight lies near the estimate."""
+        return np.array([info.share >= self.config.found for info in self.infos])
+
+    @property
+    def found_at(self) -> float | None:
+        """The time (s, data's clock) at which the pose first counts as found; None if it never does."""
+        return float(self.trajectory.t[np.argmax(self.located)]) if self.located.any() else None
+
+
+def locate(
+    grid: OccupancyGrid,
+    recording: Recording,
+    config: LocalizationConfig | None = None,
+    *,
+    rng: np.random.Generator | None = None,
+    start: Particles | None = None,
+    progress: Callable | None = None,
+    keep_particles: bool = True,
+) -> LocalizationResult:
+    """Find a robot in a known map, from nothing but what it measures as it drives.
+
+    ``rng=None`` is seed 0. ``start`` takes the place of particles spread over the whole map. Poses are in the map's
+    frame. Without ``keep_particles`` the infos hold no clouds; ``progress`` may wrap the loop, as tqdm does.
+    """
+    config = LocalizationConfig() if config is None else config
+    rng = np.random.default_rng(0) if rng is None else rng
+    drive = Drive.of(recording, replace(SlamConfig.refined(), every=config.every))
+    steps = _steps(drive, KnownMap.of(grid, config), rng, start)
+    steps = progress(steps, total=len(drive)) if progress else steps
+    infos = tuple(info if keep_particles else replace(info, particles=None) for info in steps)
+    t, poses = zip(*((info.t, info.estimate) for info in infos), strict=True)
+    return LocalizationResult(Trajectory(np.array(t), np.array(poses)), infos, config, drive.dropped)
+
+
+def _steps(
+    drive: Drive, known: KnownMap, rng: np.random.Generator, start: Particles | None
+) -> Iterator[LocalizationInfo]:
+    n = known.config.first
+    everywhere = Particles(spread(known.grid, n, rng), np.zeros(n)) if start is None else start
+    state = LocalizationState(everywhere)
+    for event in drive.events():
+        state, info = localization_step(state, event, known, rng)
+        yield info

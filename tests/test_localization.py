@@ -1,0 +1,429 @@
+"""Localization in a known map: the bound, the field, the filter against an exact one, symmetry, and kidnapping."""
+
+import json
+
+import numpy as np
+import pytest
+from rooms import ROOM, box, distance_to_walls, scan
+from scipy.stats import chi2
+
+import pfslam
+from pfslam.__main__ import main
+from pfslam.config import MotionNoise
+from pfslam.errors import DataError
+from pfslam.events import ScanEvent
+from pfslam.grid import GridSpec, OccupancyGrid
+from pfslam.io.formats import read_known_map, read_tum, write_map
+from pfslam.localization import (
+    KnownMap,
+    LocalizationConfig,
+    LocalizationState,
+    describe,
+    enough,
+    injected_share,
+    kld_bound,
+    likelihood_field,
+    localization_step,
+    locate,
+    resample_adaptively,
+    spread,
+)
+from pfslam.particles import Particles
+from pfslam.poses import Trajectory, between, compose, transform_points, wrap_angle
+from pfslam.recording import LidarScans, Recording
+from pfslam.sensors import LidarModel, RobotModel, scan_points
+
+LIDAR = LidarModel(beams=91, range_max=8.0, position_b=(0.0, 0.0, 0.5))
+
+
+def known_map(walls, resolution=0.05):
+    """The map of a rectangular room with boxes in it; the first four walls are the room's own."""
+    low, high = walls[:4].reshape(-1, 2).min(axis=0), walls[:4].reshape(-1, 2).max(axis=0)
+    spec = GridSpec.around(np.array([low, high]), resolution, margin=0.3)
+    ix, iy = np.meshgrid(np.arange(spec.shape[1]), np.arange(spec.shape[0]))
+    centres = spec.cell_to_world(np.stack([ix, iy], axis=-1)).reshape(-1, 2)
+    free = ((centres > low) & (centres < high)).all(axis=1)
+    for corners in walls[4:].reshape(-1, 4, 2, 2):
+        a, b = corners.reshape(-1, 2).min(axis=0), corners.reshape(-1, 2).max(axis=0)
+        free &= ~((centres > a) & (centres < b)).all(axis=1)
+    log_odds = np.where(free, -1.0, 0.0)
+    log_odds[distance_to_walls(centres, walls) < 0.5 * resolution] = 1.0
+    return OccupancyGrid(spec, log_odds.reshape(spec.shape).astype(np.float32))
+
+
+def recorded(walls, *paths, lidar=LIDAR):
+    """A recording at 10 scans a second along paths ``(K, 3)``; between two of them the robot is carried."""
+    odometry = [np.zeros(3)]
+    for path in paths:
+        if len(odometry) > 1:
+            odometry.append(odometry[-1])
+        for motion in between(path[:-1], path[1:]):
+            odometry.append(compose(odometry[-1], motion))
+    poses = np.vstack(paths)
+    t = 0.1 * np.arange(len(poses))
+    ranges = np.array([scan(walls, pose, lidar) for pose in poses])
+    robot, moved = RobotModel(lidar=lidar), Trajectory(t, np.array(odometry))
+    return Recording(
+        "by hand", robot, odometry=moved, lidar=LidarScans(t, ranges), truth=Trajectory(t, poses)
+    )
+
+
+def straight(start, metres, step=0.05):
+    x, y, theta = start
+    s = np.arange(0.0, metres, step)
+    return np.column_stack([x + s * np.cos(theta), y + s * np.sin(theta), np.full(len(s), theta)])
+
+
+def errors(result, recording):
+    return np.hypot(*(result.trajectory.poses - recording.truth.at(result.trajectory.t))[:, :2].T)
+
+
+def weight_near(info, pose):
+    offset = info.particles.poses - pose
+    near = (np.hypot(*offset[:, :2].T) < 1.0) & (np.abs(wrap_angle(offset[:, 2])) < 0.5)
+    return info.particles.weights[near].sum()
+
+
+# ---- how many particles
+
+
+@pytest.mark.parametrize("epsilon", [0.01, 0.05, 0.3])
+@pytest.mark.parametrize("delta", [0.001, 0.01, 0.1])
+def test_the_bound_is_the_chi_square_quantile(epsilon, delta):
+    bins = np.array([10, 30, 100, 1000, 20_000])
+    exact = chi2.ppf(1.0 - delta, bins - 1) / (2.0 * epsilon)
+    np.testing.assert_allclose(kld_bound(bins, epsilon, delta), exact, rtol=0.008)
+    np.testing.assert_allclose(
+        kld_bound(2, epsilon, delta), chi2.ppf(1.0 - delta, 1) / (2 * epsilon), rtol=0.06
+    )
+    assert kld_bound(1, epsilon, delta) == 1.0
+
+
+def test_so_many_draws_keep_the_promise_of_the_bound():
+    """Fox's statement itself: K-L distance of empirical to true distribution, above epsilon in a share delta."""
+    rng, k, epsilon, delta = np.random.default_rng(0), 40, 0.05, 0.1
+    n = int(np.ceil(kld_bound(k, epsilon, delta)))
+    truth = rng.dirichlet(5.0 * np.ones(k))
+    drawn = rng.multinomial(n, truth, size=4000) / n
+    distance = np.sum(drawn * np.log(np.where(drawn > 0, drawn / truth, 1.0)), axis=1)
+    assert 0.07 < np.mean(distance > epsilon) < 0.13
+
+
+def test_particles_are_counted_until_they_suffice():
+    config = LocalizationConfig(least=10)
+    rng = np.random.default_rng(1)
+    poses = rng.uniform([0.0, 0.0, -3.0], [20.0, 20.0, 3.0], (20_000, 3))
+    size = [config.bin_metres, config.bin_metres, config.bin_radians]
+    seen, n = set(), 0
+    for pose in poses:  # Fox's loop, one particle at a time
+        seen.add(tuple(np.floor(pose / size).astype(int)))
+        n += 1
+        if n >= max(kld_bound(len(seen), config.epsilon, config.delta), config.least):
+            break
+    assert n == enough(poses, config)
+    assert enough(np.tile(poses[0], (500, 1)), config) == 10
+    assert enough(poses[:50], config) == 50
+
+
+def test_the_number_follows_the_extent_of_the_cloud():
+    grid, rng, config = known_map(ROOM), np.random.default_rng(2), LocalizationConfig()
+    wide = Particles(spread(grid, 10_000, rng), np.zeros(10_000))
+    narrow = Particles(np.array([1.0, 0.0, 0.0]) + 0.02 * rng.standard_normal((10_000, 3)), np.zeros(10_000))
+    assert len(resample_adaptively(wide, 0.0, grid, config, rng)) > 5000
+    assert len(resample_adaptively(narrow, 0.0, grid, config, rng)) == config.least
+
+
+def test_mean_offspring_follow_the_weights():
+    grid, rng, config = (
+        known_map(ROOM),
+        np.random.default_rng(3),
+        LocalizationConfig(least=1000, particles=1000),
+    )
+    poses = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [2.0, 1.0, 2.0]])
+    drawn = resample_adaptively(Particles(poses, np.log([0.6, 0.25, 0.15])), 0.0, grid, config, rng)
+    counts = [(drawn.poses == pose).all(axis=1).sum() for pose in poses]
+    np.testing.assert_allclose(counts, [600, 250, 150], atol=1)
+    half = resample_adaptively(Particles(poses, np.log([0.6, 0.25, 0.15])), 0.5, grid, config, rng)
+    assert 0.45 < 1.0 - np.isin(half.poses[:, 0], poses[:, 0]).mean() < 0.55
+
+
+# ---- where particles may be, and how well they explain a scan
+
+
+def test_poses_are_spread_evenly_over_the_free_cells():
+    grid, rng = known_map(ROOM), np.random.default_rng(4)
+    poses = spread(grid, 40_000, rng)
+    ix, iy = grid.spec.world_to_cell(poses[:, :2]).T
+    assert grid.free[iy, ix].all()
+    west = grid.free[:, : grid.spec.shape[1] // 2].sum() / grid.free.sum()
+    assert np.mean(ix < grid.spec.shape[1] // 2) == pytest.approx(west, abs=0.01)
+    assert np.histogram(poses[:, 2], 8, (-np.pi, np.pi))[0] == pytest.approx(np.full(8, 5000), rel=0.1)
+
+
+def test_the_field_is_the_likelihood_of_the_distance_to_the_nearest_wall():
+    grid, config = known_map(ROOM), LocalizationConfig(sigma=0.3, random=0.2)
+    iy, ix = np.nonzero(grid.occupied)
+    rng = np.random.default_rng(5)
+    for y, x in rng.integers(0, grid.spec.shape, (200, 2)):
+        d = 0.05 * np.sqrt(((iy - y) ** 2 + (ix - x) ** 2).min())
+        expected = np.log(0.2 + 0.8 * np.exp(-0.5 * (d / 0.3) ** 2))
+        assert likelihood_field(grid, config)[y, x] == pytest.approx(expected, abs=1e-4)
+
+
+def test_the_true_pose_explains_a_scan_best_and_outside_explains_nothing():
+    known = KnownMap.of(known_map(ROOM), LocalizationConfig())
+    pose = np.array([1.0, 0.2, 0.7])
+    points = scan_points(scan(ROOM, pose, LIDAR), LIDAR)
+    there, wrong, outside = known.log_likelihood(np.array([pose, [0.0, 0.0, -1.0], [50.0, 0.0, 0.0]]), points)
+    assert there > -1.0
+    assert wrong < there - 1.5
+    assert outside == pytest.approx(5.0 * np.log(0.1))
+    in_a_wall = known.log_likelihood(np.array([[1.5, 1.95, 0.7]]), points)  # inside a pillar
+    assert in_a_wall[0] == pytest.approx(5.0 * np.log(0.1))
+
+
+def test_many_particles_are_scored_as_few_are():
+    known = KnownMap.of(known_map(ROOM), LocalizationConfig())
+    poses = spread(known.grid, 25_000, np.random.default_rng(6))
+    points = scan_points(scan(ROOM, np.zeros(3), LIDAR), LIDAR)
+    together = known.log_likelihood(poses, points)
+    np.testing.assert_array_equal(together[::100], known.log_likelihood(poses[::100], points))
+
+
+# ---- the filter
+
+
+def event_of(pose, motion, t=0.0):
+    points = scan_points(scan(SMALL, pose, LIDAR), LIDAR)
+    nothing = (np.zeros(0), np.zeros(0), np.zeros(0))
+    return ScanEvent(t, points, np.arange(len(points)), np.zeros(2), 0, np.asarray(motion), nothing)
+
+
+SMALL = np.vstack([box(-1.5, -1.0, 1.5, 1.0), box(0.6, 0.4, 1.1, 0.8)])
+
+
+def total_variation(p, q):
+    return 0.5 * np.abs(p - q).sum()
+
+
+def test_the_cloud_agrees_with_a_histogram_filter():
+    """The exact recursion on a grid of 15 x 10 places and 24 headings, with the model's own densities."""
+    noise = MotionNoise(xy=0.15, xy_per_metre=0.0, yaw=0.2, yaw_per_radian=0.0, yaw_per_metre=0.0)
+    config = LocalizationConfig(
+        particles=30_000, least=30_000, sigma=0.3, effective_beams=4.0, noise=noise, inject=False
+    )
+    known = KnownMap.of(known_map(SMALL), config)
+    path = np.array([[-1.0, -0.5, 0.0], [-0.6, -0.5, 0.0], [-0.2, -0.5, 0.2], [0.2, -0.4, 0.4]])
+    motions = [np.zeros(3), *between(path[:-1], path[1:])]
+    x, y = -1.5 + 0.2 * (np.arange(15) + 0.5), -1.0 + 0.2 * (np.arange(10) + 0.5)
+    theta = -np.pi + np.pi / 12 * (np.arange(24) + 0.5)
+    nodes = np.stack(np.meshgrid(x, y, theta, indexing="ij"), axis=-1).reshape(-1, 3)
+    cells = known.grid.spec.world_to_cell(nodes[:, :2])
+    belief = known.grid.free[cells[:, 1], cells[:, 0]].astype(float)
+    state = LocalizationState(
+        Particles(spread(known.grid, 30_000, np.random.default_rng(7)), np.zeros(30_000))
+    )
+
+    def coarse(poses, weights):
+        edges = [np.linspace(-1.5, 1.5, 6), np.linspace(-1.0, 1.0, 6), np.linspace(-np.pi, np.pi, 9)]
+        return np.histogramdd(poses, edges, weights=weights)[0]
+
+    apart, still = [], []
+    for pose, motion in zip(path, motions, strict=True):
+        there = between(compose(nodes, motion)[:, None].astype(np.float32), nodes[None].astype(np.float32))
+        density = np.exp(
+            -0.5 * ((there[..., :2] / 0.15) ** 2).sum(axis=-1) - 0.5 * (there[..., 2] / 0.2) ** 2
+        )
+        # The density of the noise is that of the motion in the frame of its start; turned by the motion's own yaw it
+        # is the same for equal sigmas in x and y.
+        belief = (belief / belief.sum()) @ density
+        event = event_of(pose, motion)
+        belief *= np.exp(known.log_likelihood(nodes, event.points_b))
+        belief /= belief.sum()
+        state, info = localization_step(state, event, known, np.random.default_rng(8))
+        exact = coarse(nodes, belief)
+        apart.append(total_variation(exact, coarse(info.particles.poses, info.particles.weights)))
+        still.append(total_variation(exact, coarse(nodes, np.full(len(nodes), 1.0 / len(nodes)))))
+    assert max(apart) < 0.12, apart
+    assert min(still) > 0.35, still  # so that the bound says something
+
+
+def test_a_robot_is_found_in_a_room_and_its_path_followed():
+    path = np.vstack([straight((-1.5, -0.8, 0.0), 3.0), straight((1.45, -0.8, 1.2), 2.0)])
+    recording = recorded(ROOM, path)
+    result = locate(known_map(ROOM), recording, LocalizationConfig(every=1))
+    assert result.found_at < 4.0
+    assert errors(result, recording)[result.located].max() < 0.4
+    assert errors(result, recording)[-1] < 0.1
+    assert result.infos[0].number == 100_000
+    assert result.infos[-1].number == 500
+    again = locate(known_map(ROOM), recording, LocalizationConfig(every=1))
+    np.testing.assert_array_equal(result.trajectory.poses, again.trajectory.poses)
+
+
+def test_scans_from_one_place_count_once():
+    recording = recorded(ROOM, np.tile([0.0, 0.0, 0.5], (20, 1)))
+    result = locate(known_map(ROOM), recording, LocalizationConfig(every=1, first=2000))
+    assert [info.used for info in result.infos] == [True] + 19 * [False]
+
+
+CORRIDOR = np.vstack([box(-9.0, -1.5, 9.0, 1.5), box(1.0, 1.0, 1.6, 1.5), box(-1.6, -1.5, -1.0, -1.0)])
+MARK = box(7.0, -1.5, 7.5, -0.9)
+"""Half a turn about the origin leaves the corridor as it was; the mark is on one end only."""
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_clouds_live_until_the_mark_decides(seed):
+    near_sighted = LidarModel(beams=91, range_max=4.0, position_b=(0.0, 0.0, 0.5))
+    walls = np.vstack([CORRIDOR, MARK])
+    recording = recorded(walls, straight((-2.0, 0.1, 0.0), 8.0), lidar=near_sighted)
+    result = locate(known_map(walls), recording, LocalizationConfig(every=1), rng=np.random.default_rng(seed))
+    twin = recording.truth.poses * [-1, -1, 1] + [0, 0, np.pi]
+    x = recording.truth.poses[:, 0]
+    both = [
+        [weight_near(i, p) for p in (a, b)]
+        for i, a, b in zip(result.infos, recording.truth.poses, twin, strict=True)
+    ]
+    settled = (x > 0.0) & (x < 2.9)
+    assert np.sum(both, axis=1)[settled].min() > 0.8
+    assert np.min(both, axis=1)[settled].min() > 0.15
+    assert not result.located[x < 2.9].any()
+    assert both[-1][0] > 0.99
+    assert result.located[-1]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_kidnapped_robot_is_found_again_only_with_injection(seed):
+    first, then = straight((-1.5, -0.8, 0.0), 3.0), straight((3.5, 2.0, -2.4), 3.5)
+    recording = recorded(ROOM, first, then)
+    start = Particles.at(first[0], 500)
+    ends = {}
+    for inject in (True, False):
+        config = LocalizationConfig(every=1, inject=inject)
+        result = locate(known_map(ROOM), recording, config, rng=np.random.default_rng(seed), start=start)
+        assert errors(result, recording)[len(first) - 1] < 0.2
+        ends[inject] = errors(result, recording)[-1]
+        assert (max(info.injected for info in result.infos) > 0.1) == inject
+    assert ends[True] < 0.2
+    assert ends[False] > 0.5
+
+
+def test_the_share_injected_is_what_the_fast_average_lacks():
+    assert injected_share(0.8, 0.6) == pytest.approx(0.25)
+    assert injected_share(0.6, 0.8) == injected_share(0.8, 0.8) == injected_share(0.0, 0.0) == 0.0
+
+
+def test_the_estimate_is_one_cloud_and_never_between_two():
+    rng = np.random.default_rng(9)
+    poses = np.vstack([rng.normal([0, 0, 3.1], 0.1, (600, 3)), rng.normal([10, 0, 0], 0.1, (400, 3))])
+    info = describe(0.0, Particles(poses, np.zeros(1000)), LocalizationConfig())
+    np.testing.assert_allclose(info.estimate[:2], [0, 0], atol=0.05)
+    assert abs(wrap_angle(info.estimate[2] - 3.1)) < 0.05
+    assert info.share == pytest.approx(0.6, abs=0.02)
+
+
+# ---- bad input
+
+
+def test_maps_without_walls_or_floor_are_refused():
+    spec = GridSpec((0.0, 0.0), 0.05, (20, 20))
+    recording = recorded(ROOM, straight((0.0, 0.0, 0.0), 0.5))
+    for value, words in ((-1.0, "occupied cells"), (1.0, "free cells"), (0.0, "occupied cells")):
+        grid = OccupancyGrid(spec, np.full(spec.shape, value, dtype=np.float32))
+        with pytest.raises(DataError, match=words):
+            locate(grid, recording)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("particles", 0), ("epsilon", 0.0), ("sigma", -1.0), ("random", 0.0), ("found", 1.5), ("least", 20_000)],
+)
+def test_settings_out_of_range_are_refused(key, value):
+    with pytest.raises(DataError, match=key):
+        LocalizationConfig(**{key: value})
+
+
+# ---- the command line
+
+
+@pytest.fixture
+def files(tmp_path):
+    write_map(tmp_path / "room.yaml", OccupancyGrid(known_map(ROOM).spec, 5.0 * known_map(ROOM).log_odds))
+    recording = recorded(
+        ROOM, np.vstack([straight((-1.5, -0.8, 0.0), 3.0), straight((1.45, -0.8, 1.2), 2.0)])
+    )
+    pfslam.save(recording, tmp_path / "drive.npz")
+    return tmp_path
+
+
+def test_locate_writes_trajectory_summary_and_picture(files, capsys):
+    out = files / "out"
+    assert main(["locate", str(files / "room.yaml"), str(files / "drive.npz"), "--out", str(out)]) == 0
+    assert "found after" in capsys.readouterr().out
+    assert sorted(p.name for p in out.iterdir()) == ["located.png", "summary.json", "trajectory.tum"]
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["located_at_end"]
+    assert 0.0 <= summary["seconds_to_find"] < 4.0
+    assert summary["particles"]["most"] == 100_000
+    assert summary["config"]["every"] == 1
+    path = read_tum(out / "trajectory.tum")
+    truth = pfslam.load(str(files / "drive.npz")).truth
+    assert np.hypot(*(path.poses[-1] - truth.at(path.t[-1]))[:2]) < 0.1
+    from cv2 import imread
+
+    assert imread(str(out / "located.png")).shape[:2] == known_map(ROOM).spec.shape
+
+
+def test_the_seed_and_the_number_are_the_users(files):
+    for name in ("a", "b"):
+        options = ["--out", str(files / name), "--seed", "3", "--particles", "300"]
+        assert main(["locate", str(files / "room.yaml"), str(files / "drive.npz"), *options]) == 0
+    assert (files / "a/trajectory.tum").read_bytes() == (files / "b/trajectory.tum").read_bytes()
+    assert json.loads((files / "a/summary.json").read_text())["particles"]["most"] == 3000
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("image: room.pgm", "image: none.pgm", "none.pgm"),
+        ("resolution: 0.05", "resolution: 0", "room.yaml: resolution: found 0"),
+        ("resolution: 0.05", "resolution: -0.05", "room.yaml: resolution: found -0.05"),
+        ("resolution: 0.05", "size: 0.05", "a key named resolution"),
+        (", 0.0]", ", 0.5]", "rotated by 0.5"),
+        ("negate: 0", "negate: maybe", "negate: found 'maybe'"),
+        ("negate: 0", "negate: 2", "room.yaml: negate: found 2, expected 0 or 1"),
+        ("free_thresh: 0.196", "free_thresh: 0.9", "free_thresh, occupied_thresh"),
+    ],
+)
+def test_bad_maps_are_one_clear_line(files, capsys, old, new, words):
+    text = (files / "room.yaml").read_text()
+    assert old in text
+    (files / "room.yaml").write_text(text.replace(old, new))
+    code = main(["locate", str(files / "room.yaml"), str(files / "drive.npz"), "--out", str(files / "out")])
+    complaint = capsys.readouterr()
+    assert code == 2
+    assert complaint.err.count("\n") == 1
+    assert words in complaint.err
+    assert not (files / "out").exists()
+
+
+def test_a_map_without_floor_or_file_is_one_clear_line(files, capsys):
+    pixels = (files / "room.pgm").read_bytes()
+    (files / "room.pgm").write_bytes(pixels.replace(b"\xfe", b"\xcd"))
+    for name, words in (("room.yaml", "no free cell"), ("nowhere.yaml", "nowhere.yaml")):
+        assert main(["locate", str(files / name), str(files / "drive.npz")]) == 2
+        assert words in capsys.readouterr().err
+
+
+def test_a_map_is_read_as_it_was_written(files):
+    grid = read_known_map(files / "room.yaml")
+    assert grid.spec == known_map(ROOM).spec
+    np.testing.assert_array_equal(np.sign(grid.log_odds), np.sign(known_map(ROOM).log_odds))
+
+
+def test_transform_of_a_found_scan_lies_on_the_walls():
+    path = straight((-1.5, -0.8, 0.0), 3.0)
+    recording = recorded(ROOM, path)
+    result = locate(known_map(ROOM), recording, LocalizationConfig(every=1))
+    points = transform_points(result.trajectory.poses[-1], scan_points(scan(ROOM, path[-1], LIDAR), LIDAR))
+    assert np.median(distance_to_walls(points)) < 0.06
