@@ -23,6 +23,7 @@ from pfslam.teaching.show import lab
 MOMENTS = {
     "drive": "for (let k = 0; k < 20 * 60; k++) lab.state.tick();",
     "cells": "lab.state.look(); for (let k = 0; k < 3; k++) { lab.state.move(); lab.state.look(); }",
+    "maps": "for (let k = 0; k < 18; k++) lab.state.step(); lab.state.resample();",
     "journey": "",
     "slide": "",
 }

@@ -37,6 +37,7 @@ from pfslam.sensors import LidarModel, scan_points
 from pfslam.simulator.ground import rotations
 from pfslam.simulator.lidar import Sensor, cast
 from pfslam.simulator.world import Person
+from pfslam.teaching.ch05.cells import SEEN_AT_DOOR, SEEN_AT_WALL, door_after
 
 pytestmark = pytest.mark.browser
 
@@ -196,6 +197,11 @@ def map_cases(rng):
         yield "mapCorrelation", [grid.occupied, SPEC, points], map_correlation(grid.occupied, SPEC, points)
     for value in (0.0, LOG_4, -3.0, 40.0, -40.0):
         yield "probability", [value], probability(value)
+    for door in (0.0, 0.3, 1.0, *rng.random(5)):
+        for sees in (True, False):
+            after, likelihood = door_after(door, sees)
+            expected = {"door": after, "likelihood": likelihood}
+            yield "doorAfter", [door, sees, SEEN_AT_DOOR, SEEN_AT_WALL], expected
 
 
 def score_cases(rng):
@@ -338,6 +344,7 @@ SLIPS = {
     "chosen": ("3 * from + 3", "3 * from + 2"),
     "averagePose": ("c += weights[k] * Math.cos", "c += Math.cos"),
     "probability": ("Math.exp(-logOdds)", "Math.exp(logOdds)"),
+    "doorAfter": ("+ (1 - door) * atWall", "+ door * atWall"),
     "traceRay": ("Math.abs(dy) + n", "Math.abs(dy)"),
     "freeCells": ("+ ray[j]] = 1", "+ ray[j]] = 2"),
     "integrateScan": ("= -config.free", "= config.free"),

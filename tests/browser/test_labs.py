@@ -24,6 +24,7 @@ from pfslam.poses import average_pose, transform_points
 from pfslam.sensors import LidarModel, scan_points
 from pfslam.teaching import ch04, ch06
 from pfslam.teaching.ch03.corridor import CELLS, STEP, TRUE_START, predict_belief, update_belief
+from pfslam.teaching.ch05 import cells as ch05_cells
 from pfslam.teaching.show.lab import FOLDER
 from pfslam.teaching.show.style import COLOURS
 from pfslam.texture.floor import NO_READING, associate_rgb, back_project, depth_from_disparity, to_world
@@ -561,3 +562,98 @@ def test_the_scan_slides_by_key(open_lab):
     assert found["share"] > 0.6
     page.keyboard.press("n")
     assert assert_the_fit_agrees(page)["turn"] == 0
+
+
+def walk_after(found: dict) -> tuple:
+    """Cells, weights and maps of the particles with a map each, by the package, along the record of a walk."""
+    n, steps = found["settings"]["particles"], np.cumsum(list(ch05_cells.STEP.values()))
+    cells, weights, maps = np.zeros(n, dtype=int), np.full(n, 1 / n), ch05_cells.blank_maps(n)
+    for event in found["trace"]:
+        if "numbers" in event:
+            cells = (cells + np.searchsorted(steps, event["numbers"], "right")) % CELLS
+        elif "sees" in event:
+            weights, maps = ch05_cells.look(
+                cells, weights, maps, event["sees"], event["truth"] == 0, not event["shared"]
+            )
+        else:
+            chosen = systematic_resample(weights, Handed(event["u"]))
+            cells, weights, maps = cells[chosen], np.full(n, 1 / n), maps[chosen]
+    return cells, weights, maps
+
+
+def assert_the_walk_agrees(page, doors=ch05_cells.DOORS) -> dict:
+    """Particles, weights and maps are those of the package; what is said is true of them."""
+    found = page.evaluate(STATE)
+    cells, weights, maps = walk_after(found)
+    np.testing.assert_array_equal(found["cells"], cells)
+    np.testing.assert_allclose(found["weights"], weights, atol=1e-12)
+    np.testing.assert_allclose(found["maps"], maps, atol=1e-12)
+    right = np.sum((weights @ maps > 0.5) == np.isin(np.arange(CELLS), doors))
+    here = weights[cells == found["truth"]].sum()
+    said = f"{here:.2f} of the weight is in the robot's cell {found['truth']}. "
+    page.wait_for_function(f"said => {STATUS}.includes(said)", arg=said)
+    assert page.locator("[role=status]").text_content().endswith(f"right: {right} of {CELLS}.")
+    return found
+
+
+def test_a_map_for_each_particle_by_mouse(open_lab):
+    page = open_lab("maps")
+    for name in ("Look", "Move", "Look", "Move", "Look", "Resample", "Move", "Look"):
+        page.get_by_role("button", name=name, exact=False).first.click()
+    found = assert_the_walk_agrees(page)
+    assert (found["looks"], found["moves"]) == (4, 3)
+    for _ in range(41):
+        page.get_by_role("button", name="Step").click()
+    assert assert_the_walk_agrees(page)["moves"] == 44
+    box = page.locator(".pfslam-plan canvas").bounding_box()
+    page.mouse.click(box["x"] + 0.6 * box["width"], box["y"] + 0.99 * box["height"])
+    assert page.evaluate(f"{LAB}.state.chosen") == 39
+    page.mouse.click(box["x"] + 0.99 * box["width"], box["y"] + 8)  # a door at 14
+    assert page.evaluate(f"[...{LAB}.state.doors]") == [1, 4, 10, 14]
+
+
+def test_a_map_for_each_particle_by_finger(open_lab):
+    page = open_lab("maps", width=390, has_touch=True, is_mobile=True)
+    page.get_by_label("One shared map").tap()
+    for _ in range(20):
+        page.get_by_role("button", name="Step").tap()
+    found = assert_the_walk_agrees(page)
+    assert all(event["shared"] for event in found["trace"] if "sees" in event)
+    assert len({tuple(one) for one in found["maps"]}) == 1
+    plan = page.locator(".pfslam-plan canvas")
+    plan.tap(position={"x": 200, "y": plan.bounding_box()["height"] - 4})
+    assert page.evaluate(f"{LAB}.state.chosen") == 39
+
+
+def test_a_map_for_each_particle_by_key(open_lab):
+    page = open_lab("maps")
+    slider = page.get_by_role("slider", name="Particles")
+    slider.focus()
+    slider.press("End")
+    page.locator(".pfslam-plan").focus()
+    for key in ["ArrowRight", "ArrowRight", "Enter", "ArrowDown", *"lmlmlrml", *[" "]]:
+        page.keyboard.press(key)
+    page.wait_for_function(f"() => {LAB}.state.moves >= 5")
+    page.keyboard.press(" ")
+    found = assert_the_walk_agrees(page, doors=[1, 3, 4, 10])
+    assert len(found["cells"]) == 100
+    assert found["chosen"] == 1
+    assert page.evaluate(f"[...{LAB}.state.doors]") == [1, 4, 10, 3]
+    page.keyboard.press("n")
+    assert page.evaluate(STATE)["trace"] == []
+
+
+def test_the_histories_of_a_round_die_out_and_a_shared_map_goes_wrong(open_lab):
+    page, right = open_lab("maps"), {}
+    for shared in (False, True):
+        left = page.evaluate(
+            """([shared]) => { const walk = document.querySelector('figure.pfslam-lab').lab.state, left = [];
+            walk.settings.shared = shared; walk.reset();
+            while (walk.moves < 44) { walk.step(); left.push([walk.round, walk.histories]); }
+            return left; }""",
+            [shared],
+        )
+        right[shared] = page.evaluate(f"{LAB}.state.right")
+        histories = [count for number, count in left if number == 2]
+        assert histories[0] > 2 * histories[-1]
+    assert right[False] == CELLS > right[True] + 2

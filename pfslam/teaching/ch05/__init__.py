@@ -1,9 +1,9 @@
 """What the notebook of chapter 05 calls."""
 
 from pfslam.evaluation.faults import first_seconds
-from pfslam.teaching.ch05.cells import slam_explorer, success
+from pfslam.teaching.ch05.cells import success
 from pfslam.teaching.ch05.checks import check_mean_pose, check_resample, check_update
-from pfslam.teaching.ch05.live import drive_lab
+from pfslam.teaching.ch05.live import drive_lab, maps_lab
 from pfslam.teaching.ch05.measurements import (
     GENTLE,
     LATTICE_TABLE,
@@ -69,6 +69,7 @@ __all__ = [
     "first_seconds",
     "keep",
     "map_along",
+    "maps_lab",
     "moved_to_best",
     "my_filter",
     "odometry_at",
@@ -79,7 +80,6 @@ __all__ = [
     "read_table",
     "results_picture",
     "show_source",
-    "slam_explorer",
     "slip_picture",
     "slow_motion_explorer",
     "step",

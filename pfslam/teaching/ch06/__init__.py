@@ -8,7 +8,7 @@ from pfslam.teaching.ch06.checks import (
     check_optical_point,
     check_to_body,
 )
-from pfslam.teaching.ch06.explorers import PIXELS, floor_explorer
+from pfslam.teaching.ch06.explorers import PIXELS, floor_picture
 from pfslam.teaching.ch06.geometry import (
     calibration_picture,
     floor_votes,
@@ -62,7 +62,7 @@ __all__ = [
     "climb",
     "depth_error_picture",
     "fitted_camera",
-    "floor_explorer",
+    "floor_picture",
     "floor_votes",
     "frames_picture",
     "journey_lab",

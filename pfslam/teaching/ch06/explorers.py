@@ -1,8 +1,6 @@
-"""Chapter 06: the picture in which sliders choose the floor."""
+"""Chapter 06: the pixels that count as floor when the assumed pitch is wrong."""
 
 from __future__ import annotations
-
-from functools import lru_cache
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,11 +13,11 @@ from pfslam.teaching.ch06.pairs import (
     points_of,
     registered_colours,
 )
-from pfslam.teaching.show.pictures import steady
+from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, new_figure
-from pfslam.teaching.show.widgets import Explorer, Slider
 from pfslam.texture.floor import nearest_floor
 
+FARTHEST = 10.0  # m
 PIXELS = {
     "letter, near": (310, 413),
     "letter, far": (268, 118),
@@ -27,46 +25,16 @@ PIXELS = {
 """Depth pixels (u, v) of the chapter's shot."""
 
 
-def floor_explorer(shot: Shot) -> Explorer:
-    """Choose a pitch, a tolerance and a Z_MAX, and see which pixels count as floor."""
-    true_pitch = np.rad2deg(shot.camera.pitch)
-
-    @lru_cache(maxsize=8)
-    def cloud(pitch: float):
-        return points_of(shot, pitched(shot.camera, pitch - true_pitch))
-
-    @lru_cache(maxsize=4)
-    def choice(pitch: float, tolerance: float, z_max: float):
-        points = cloud(pitch)
-        chosen = chosen_as_floor(points, tolerance / 100, z_max)
-        return points, chosen, floor_shares(shot, points, chosen)
-
-    def draw(pitch: float, tolerance: float, z_max: float) -> Figure:
-        points, chosen, (found, wrong) = choice(pitch, tolerance, z_max)
-        return draw_floor_choice(shot, points, chosen, tolerance, found, wrong)
-
-    def alt(pitch: float, tolerance: float, z_max: float) -> str:
-        points, chosen, (found, wrong) = choice(pitch, tolerance, z_max)
-        far = points.points_b[chosen, 0].max() if chosen.any() else 0.0
-        return (
-            f"Pitch {pitch:g} degrees (true: 18), tolerance {tolerance:g} cm, greatest depth {z_max:g} m: "
-            f"{100 * found:.0f} % of the floor's pixels count as floor, the farthest {far:.1f} m ahead; "
-            f"{100 * wrong:.1f} % of those that count are not floor."
-        )
-
-    controls = [
-        Slider(
-            "pitch",
-            [15.0, 18.0, 19.0, 20.6],
-            start=1,
-            label="Pitch",
-            unit="degrees",
-            live=(14, 22, 0.1),
-        ),
-        Slider("tolerance", [1.0, 3.0, 10.0], label="Tolerance", unit="cm", live=(0.2, 15, 0.1)),
-        Slider("z_max", [3.0, 10.0], start=1, label="Greatest depth", unit="m", live=(0.5, 10, 0.1)),
-    ]
-    return Explorer(steady(draw), controls, alt=alt, title="Which pixels are floor?")
+def floor_picture(shot: Shot, pitch: float, tolerance: float) -> Picture:
+    """Show which pixels count as floor for an assumed pitch (degrees) and a tolerance (cm)."""
+    points = points_of(shot, pitched(shot.camera, pitch - np.rad2deg(shot.camera.pitch)))
+    chosen = chosen_as_floor(points, tolerance / 100, FARTHEST)
+    found, wrong = floor_shares(shot, points, chosen)
+    far = points.points_b[chosen, 0].max()
+    alt = f"""Assumed pitch {pitch:g} degrees (true: 18), tolerance {tolerance:g} cm: {100 * found:.0f} % of the floor's
+    pixels count as floor, the farthest {far:.1f} m ahead; {100 * wrong:.1f} % of those that count are not floor. From
+    the side the points of the floor sink below the two lines of the tolerance."""
+    return Picture(draw_floor_choice(shot, points, chosen, tolerance, found, wrong), alt)
 
 
 def draw_floor_choice(shot: Shot, points, chosen, tolerance: float, found: float, wrong: float) -> Figure:

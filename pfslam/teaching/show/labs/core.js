@@ -220,6 +220,13 @@
     return 1 / (1 + Math.exp(-logOdds));
   }
 
+  /** Bayes for one cell of a map of doors: the probability `door` after a look, and how probable that look was. */
+  function doorAfter(door, seesDoor, seenAtDoor, seenAtWall) {
+    const atDoor = seesDoor ? seenAtDoor : 1 - seenAtDoor, atWall = seesDoor ? seenAtWall : 1 - seenAtWall;
+    const likelihood = door * atDoor + (1 - door) * atWall;
+    return {door: (door * atDoor) / likelihood, likelihood};
+  }
+
   /** The cells that a ray crosses from cell `start` [ix, iy] to cell `end`, the end left out: Bresenham, whole numbers. */
   function traceRay(start, end) {
     const dx = end[0] - start[0], dy = end[1] - start[1], n = Math.max(Math.abs(dx), Math.abs(dy));
@@ -320,7 +327,7 @@
   const core = {
     wrapAngle, motionModel, predict, beamAngles, isValid, scanPoints, transformPoints, worldToCell, contains, occupied,
     mapCorrelation, scoreField, scores, logLikelihood, logSumExp, reweight, effectiveSampleSize, systematicResample,
-    chosen, averagePose, probability, traceRay, freeCells, integrateScan, castRays, generator,
+    chosen, averagePose, probability, doorAfter, traceRay, freeCells, integrateScan, castRays, generator,
   };
   root.pfslam = Object.assign(root.pfslam || {}, {core});
 })(globalThis);
