@@ -24,6 +24,7 @@ MOMENTS = {
     "drive": "for (let k = 0; k < 20 * 60; k++) lab.state.tick();",
     "cells": "lab.state.look(); for (let k = 0; k < 3; k++) { lab.state.move(); lab.state.look(); }",
     "maps": "for (let k = 0; k < 18; k++) lab.state.step(); lab.state.resample();",
+    "calibrate": "",
     "journey": "",
     "slide": "",
 }
@@ -46,6 +47,10 @@ def default_options(name: str) -> dict:
         hall = load("hall")
         corner, corridor = ch04.place_at(hall, 14.5), ch04.place_at(hall, 27.0)
         return slide_options(corner=corner.lost(-0.1, 0.1, np.deg2rad(-2)), corridor=corridor)
+    if name == "calibrate":
+        from pfslam.teaching.ch01.live import calibrate_options
+
+        return calibrate_options(load("hall"))
     if name != "journey":
         return {}
     from pfslam.teaching import ch06

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from pfslam.correlation import map_correlation, score_field
+from pfslam.evaluation.checkup import turned_by_wheels
+from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import (
     LOG_4,
     GridSpec,
@@ -22,7 +24,7 @@ from pfslam.grid import (
     probability,
     trace_rays,
 )
-from pfslam.motion import motion_model
+from pfslam.motion import Controls, integrate, motion_model
 from pfslam.particles import (
     ControlNoise,
     Particles,
@@ -33,7 +35,8 @@ from pfslam.particles import (
     systematic_resample,
 )
 from pfslam.poses import average_pose, transform_points, wrap_angle
-from pfslam.sensors import LidarModel, scan_points
+from pfslam.recording import Encoders
+from pfslam.sensors import EncoderModel, ImuModel, LidarModel, scan_points
 from pfslam.simulator.ground import rotations
 from pfslam.simulator.lidar import Sensor, cast
 from pfslam.simulator.world import Person
@@ -89,10 +92,14 @@ def js(value):
         x, y, _ = value.position_b
         limits = {"rangeMin": value.range_min, "rangeMax": value.range_max, "position": [x, y]}
         return {"angleMin": value.angle_min, "angleMax": value.angle_max, "beams": value.beams} | limits
+    if isinstance(value, ImuModel):
+        return {"gyroBias": value.gyro_bias, "gyroScale": value.gyro_scale}
     if isinstance(value, OccupancyGrid):
         return {"spec": js(value.spec), "logOdds": js(value.log_odds)}
     if isinstance(value, MapConfig):
         return {"hit": value.hit, "free": value.free, "clamp": value.clamp}
+    if isinstance(value, dict):
+        return {name: js(part) for name, part in value.items()}
     if isinstance(value, ControlNoise):
         sigmas = {"sigmaV": value.sigma_v, "sigmaOmega": value.sigma_omega}
         return sigmas | {"perRootSecond": value.per_root_second}
@@ -167,6 +174,28 @@ def motion_cases(rng):
         )
         yield "predict", [poses, 0.7, -0.3, 0.1, noise, normals], moved.poses
     yield "averagePose", [poses, weights := weights_of(rng, 40)], average_pose(poses, weights)
+
+
+def wheels_and_gyro_cases(rng):
+    """A short drive with wrong wheels and a wrong gyro, and how far its path is from another."""
+    rates, sides = rng.normal(size=60), rng.integers(-20, 80, (2, 61))
+    imu = ImuModel(gyro_bias=0.02, gyro_scale=1.03)
+    yield "yawRate", [rates, imu], imu.yaw_rate(np.column_stack([rates, rates, rates]))
+    stamps, counts = 0.1 * np.arange(61.0), sides[[1, 0, 1, 0]].T  # FR, FL, RR, RL
+    model = EncoderModel(track=0.7)
+    robot = SimpleNamespace(encoders=model)
+    drive = SimpleNamespace(wheels_and_gyro=lambda: (Encoders(stamps, counts), None), robot=robot)
+    turns = np.diff(turned_by_wheels(drive, stamps, model.track))
+    left, right = sides[:, 1:] * model.metres_per_count
+    yield "wheelTurns", [left, right, model.track], turns
+    v, start = rng.uniform(0, 1, 60), [0.3, -0.2, 2.5]
+    path = integrate(Controls(stamps, v, rates), start)
+    yield "integrate", [{"v": v, "omega": rates, "dt": 0.1}, start], path.poses
+    other = integrate(Controls(stamps, 1.1 * v, rates + 0.4), start)
+    error = trajectory_error(other, path)
+    expected = {"ateRmse": error.ate_rmse_m, "ateMax": error.ate_max_m}
+    expected["headingRmse"] = error.heading_rmse_deg
+    yield "trajectoryError", [other.poses, path.poses], expected
 
 
 def scan_cases(rng):
@@ -313,6 +342,7 @@ def random_cases(rng):
 
 FAMILIES = (
     motion_cases,
+    wheels_and_gyro_cases,
     scan_cases,
     map_cases,
     score_cases,
@@ -325,6 +355,10 @@ FAMILIES = (
 SLIPS = {
     "wrapAngle": ("rest < 0", "rest > 0"),
     "motionModel": ("dt * speed * Math.sin", "dt * speed * Math.cos"),
+    "yawRate": ("rate - imu", "rate + imu"),
+    "wheelTurns": ("right[k] - distance", "right[k] + distance"),
+    "integrate": ("dt * v[k] * Math.sin", "dt * v[k] * Math.cos"),
+    "trajectoryError": ("squares += d2", "squares = d2"),
     "predict": ("normals[n + k]", "normals[k]"),
     "beamAngles": ("lidar.beams - 1, 1", "lidar.beams, 1"),
     "isValid": ("range < lidar", "range <= lidar"),

@@ -11,7 +11,9 @@ from lab_stills import page as lab_page
 
 from pfslam.correlation import score_field
 from pfslam.datasets import load
+from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
+from pfslam.motion import Controls, dead_reckoning, integrate
 from pfslam.particles import (
     ControlNoise,
     Particles,
@@ -21,8 +23,9 @@ from pfslam.particles import (
     systematic_resample,
 )
 from pfslam.poses import average_pose, transform_points
-from pfslam.sensors import LidarModel, scan_points
+from pfslam.sensors import ImuModel, LidarModel, scan_points
 from pfslam.teaching import ch04, ch06
+from pfslam.teaching.ch01.live import calibrate_options, true_path
 from pfslam.teaching.ch03.corridor import CELLS, STEP, TRUE_START, predict_belief, update_belief
 from pfslam.teaching.ch05 import cells as ch05_cells
 from pfslam.teaching.show.lab import FOLDER
@@ -259,7 +262,8 @@ def test_it_is_for_everybody(open_lab, name, theme):
     page.evaluate(AXE)
     assert page.evaluate(FINDINGS) == []
     assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
-    for control in page.locator(".pfslam-lab :is(button, input[type=range], label:has(input))").all():
+    controls = page.locator(".pfslam-lab :is(button, input[type=range], label:has(input))")
+    for control in controls.locator("visible=true").all():
         assert control.bounding_box()["height"] >= 40, control.text_content()
     for target in page.locator(".pfslam-plan, .pfslam-lab :is(button, input)").all():
         if target.is_visible() and target.is_enabled():
@@ -657,3 +661,118 @@ def test_the_histories_of_a_round_die_out_and_a_shared_map_goes_wrong(open_lab):
         histories = [count for number, count in left if number == 2]
         assert histories[0] > 2 * histories[-1]
     assert right[False] == CELLS > right[True] + 2
+
+
+@cache
+def drive_of_the_calibration() -> tuple[dict, object]:
+    """What the page gets of the drive, and the true path in it."""
+    options = calibrate_options(load("hall"))
+    return options, true_path(options)
+
+
+def assert_the_path_agrees(page) -> dict:
+    """Path and errors are those of the package, for the robot and the numbers that the browser shows."""
+    found = page.evaluate(
+        f"() => (({{by, robot, guess, answer, error, apart, moment}}) => "
+        f"({{by, robot, guess, answer, error, apart, moment}}))({LAB}.state)"
+    )
+    options, truth = drive_of_the_calibration()
+    guess, answer, right, dt = found["guess"], found["answer"], options["right"], 1 / options["hertz"]
+    left, across, turned = (
+        options["units"][name] * np.array(options["steps"][name]) for name in ("left", "right", "turned")
+    )
+    size = guess["wheels"] * right["wheels"] / answer["wheels"]  # what the reader's robot counts, in metres
+    v = size * (left + across) / 2 / dt
+    if found["by"] == "gyro":
+        true_rate = ImuModel(gyro_bias=right["bias"], gyro_scale=right["gyro"]).yaw_rate(
+            np.column_stack(3 * [turned / dt])
+        )
+        measured = true_rate / answer["gyro"] + answer["bias"]
+        gyro = ImuModel(gyro_bias=guess["bias"], gyro_scale=guess["gyro"])
+        omega = gyro.yaw_rate(np.column_stack(3 * [measured]))
+    else:
+        omega = size * (across - left) * answer["track"] / right["track"] / guess["track"] / dt
+    path = integrate(Controls(truth.t, v, omega))
+    error = trajectory_error(path, truth)
+    assert found["error"]["ateRmse"] == pytest.approx(error.ate_rmse_m, rel=1e-9)
+    assert found["error"]["headingRmse"] == pytest.approx(error.heading_rmse_deg, rel=1e-9)
+    k = found["moment"]
+    assert found["apart"] == pytest.approx(np.hypot(*(path.poses[k] - truth.poses[k])[:2]), rel=1e-9)
+    page.wait_for_function(f"() => {STATUS}.includes('is {error.ate_rmse_m:.2f} metres (rms)')")
+    return found
+
+
+def at_part(slider, part: float) -> dict:
+    """Where to press on a slider to set it to this part of its range, about."""
+    box = slider.bounding_box()
+    return {"x": part * box["width"], "y": 0.5 * box["height"]}
+
+
+def test_the_robot_is_calibrated_by_mouse(open_lab):
+    page = open_lab("calibrate")
+    assert assert_the_path_agrees(page)["error"]["ateRmse"] > 3
+    sliders = {
+        name: page.get_by_role("slider", name=name) for name in ("Gyro bias", "Gyro scale", "Wheel scale")
+    }
+    answer = page.evaluate(f"{LAB}.state.answer")
+    wanted = {"Gyro bias": answer["bias"], "Gyro scale": answer["gyro"], "Wheel scale": answer["wheels"]}
+    for name, slider in sliders.items():
+        low, high = float(slider.get_attribute("min")), float(slider.get_attribute("max"))
+        slider.click(position=at_part(slider, (wanted[name] - low) / (high - low)))
+        assert float(slider.input_value()) == pytest.approx(wanted[name], abs=0.06 * (high - low))
+    found = assert_the_path_agrees(page)
+    assert found["error"]["ateRmse"] < 1.5
+    page.get_by_label("Tell the numbers").check()
+    page.wait_for_function(f"() => {STATUS}.includes('The right numbers: gyro bias {answer['bias']:.4f}')")
+    plan = page.locator(".pfslam-plan canvas")
+    plan.click(position={"x": 0.2 * plan.bounding_box()["width"], "y": 10})
+    moment = page.evaluate(f"{LAB}.state.moment")
+    truth = drive_of_the_calibration()[1].poses[:, :2]
+    place = page.evaluate(f"() => {LAB}.stage.sheets[0].world({0.2 * plan.bounding_box()['width']}, 10)")
+    away = np.hypot(*(truth - place).T)
+    assert away[moment] == pytest.approx(away.min(), abs=0.15)
+    assert_the_path_agrees(page)
+    page.get_by_role("button", name="Another robot").click()
+    assert assert_the_path_agrees(page)["answer"] != answer
+
+
+def test_the_robot_is_calibrated_by_finger(open_lab):
+    page = open_lab("calibrate", width=390, has_touch=True, is_mobile=True)
+    page.get_by_label("the wheels alone").tap()
+    assert not page.get_by_role("slider", name="Gyro bias").is_visible()
+    assert assert_the_path_agrees(page)["error"]["headingRmse"] > 50, "the tape measure is far off"
+    track = page.get_by_role("slider", name="Track width")
+    part = (page.evaluate(f"{LAB}.state.answer.track") - 0.3) / 0.9
+    track.tap(position=at_part(track, part))
+    found = assert_the_path_agrees(page)
+    assert found["by"] == "wheels"
+    assert found["error"]["headingRmse"] < 20
+    page.get_by_label("the one of the drive hall").tap()
+    assert assert_the_path_agrees(page)["guess"]["track"] == pytest.approx(0.394)
+
+
+def test_the_robot_is_calibrated_by_key(open_lab):
+    page = open_lab("calibrate")
+    page.get_by_label("the one of the drive hall").focus()
+    page.keyboard.press("Space")
+    before = assert_the_path_agrees(page)
+    whole = trajectory_error(dead_reckoning(load("hall")), load("hall").true_path())
+    assert before["error"]["ateRmse"] == pytest.approx(whole.ate_rmse_m, abs=0.02), (
+        "the drive as chapter 01 has it"
+    )
+    for name, presses in (("Gyro bias", 25), ("Gyro scale", 60), ("Wheel scale", -16)):
+        page.get_by_role("slider", name=name).focus()
+        for _ in range(abs(presses)):
+            page.keyboard.press("ArrowRight" if presses > 0 else "ArrowLeft")
+    found = assert_the_path_agrees(page)
+    np.testing.assert_allclose(
+        [found["guess"][name] for name in ("bias", "gyro", "wheels")], [0.0005, 1.03, 0.992], atol=1e-9
+    )
+    assert found["error"]["ateRmse"] < 0.1
+    page.locator(".pfslam-plan").focus()
+    for key in ("ArrowLeft", "ArrowLeft", "ArrowRight", "ArrowLeft"):
+        page.keyboard.press(key)
+    found = assert_the_path_agrees(page)
+    assert found["moment"] == len(drive_of_the_calibration()[1].t) - 1 - 40
+    page.keyboard.press("n")
+    assert assert_the_path_agrees(page)["error"] == before["error"]

@@ -6,10 +6,10 @@ from pfslam.teaching.ch01.checks import (
     check_gyro_bias,
     check_path_length,
 )
+from pfslam.teaching.ch01.live import calibrate_lab
 from pfslam.teaching.ch01.odometry import (
     arcs_picture,
     calibrated,
-    calibration_explorer,
     circle_picture,
     distance,
     heading_error_picture,
@@ -29,8 +29,8 @@ from pfslam.teaching.show.source import show_source
 __all__ = [
     "arcs_picture",
     "at_rate",
+    "calibrate_lab",
     "calibrated",
-    "calibration_explorer",
     "check_arc",
     "check_dead_reckon",
     "check_gyro_bias",

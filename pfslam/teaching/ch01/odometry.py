@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import aligned_at_first, trajectory_error
 from pfslam.motion import Controls, controls, dead_reckoning, integrate, motion_model, motion_model_arc
-from pfslam.poses import Trajectory, wrap_angle
+from pfslam.poses import wrap_angle
 from pfslam.recording import Recording
 from pfslam.teaching.show.drives import at_rate, length
 from pfslam.teaching.show.figures import draw_trajectory
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, LINE_STYLES, metric_axes, new_figure
-from pfslam.teaching.show.widgets import Explorer, Slider
 
 DRAW_EVERY = 10  # of 100 poses a second, ten are enough for a line
 
@@ -233,56 +230,3 @@ def heading_error_picture(recording: Recording, calibrations: dict[str, dict]) -
     axes.set(xlabel="time [s]", ylabel="heading error [deg]")
     axes.legend(loc="upper center", bbox_to_anchor=(0.45, -0.18), ncols=1)
     return Picture(figure, f"Heading error over the drive in degrees: {'; '.join(words)}.")
-
-
-def draw_calibration(recording: Recording, bias: float, scale: float, diameter: float) -> Figure:
-    """Draw the dead-reckoned path for a gyro bias (rad/s), a gyro scale and a wheel diameter (mm), over the truth."""
-    odometry, truth = _sketch(recording, bias, scale, diameter), recording.true_path()
-    figure, axes = new_figure(4.8, 5.4)
-    figure.set_layout_engine("none")
-    axes.set_position((0.14, 0.2, 0.83, 0.73))
-    draw_trajectory(axes, Trajectory(truth.t[::4], truth.poses[::4]), "truth")
-    draw_trajectory(axes, odometry, "odometry", "dead reckoning")
-    low, high = truth.poses[:, :2].min(axis=0) - 4.0, truth.poses[:, :2].max(axis=0) + 4.0
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    error = trajectory_error(odometry, truth)
-    metric_axes(axes, f"rms error {error.ate_rmse_m:.2f} m, path {length(odometry):.1f} m")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
-    return figure
-
-
-def describe_calibration(recording: Recording, bias: float, scale: float, diameter: float) -> str:
-    """Describe the picture of these values in words."""
-    odometry = _sketch(recording, bias, scale, diameter)
-    error = trajectory_error(odometry, recording.true_path())
-    x, y = odometry.poses[-1, :2]
-    return f"""Gyro bias {bias:g} rad/s removed, rate times {scale:g}, wheels of {diameter:g} mm: the path is
-    {length(odometry):.1f} m long and ends at ({x:.1f}, {y:.1f}) m; it is {error.ate_rmse_m:.2f} m (rms) and at
-    most {error.ate_max_m:.2f} m from the truth."""
-
-
-def _sketch(recording: Recording, bias: float, scale: float, diameter: float) -> Trajectory:
-    odometry = dead_reckoning(calibrated(recording, bias, scale, np.pi * diameter / 360e3))
-    return Trajectory(odometry.t[::DRAW_EVERY], odometry.poses[::DRAW_EVERY])
-
-
-def calibration_explorer(recording: Recording) -> Explorer:
-    """Make the explorer with three sliders that bend the trajectory."""
-    return Explorer(
-        partial(draw_calibration, recording),
-        [
-            Slider(
-                "bias",
-                (-0.003, 0.0, 0.0005, 0.003),
-                1,
-                "Gyro bias removed",
-                "rad/s",
-                "g",
-                (-0.005, 0.005, 0.0005),
-            ),
-            Slider("scale", (1.0, 1.03, 1.06), 0, "Gyro scale", "", ".3f", (0.95, 1.08, 0.005)),
-            Slider("diameter", (240.0, 252.1, 254.0), 1, "Wheel diameter", "mm", ".1f", (230.0, 270.0, 0.1)),
-        ],
-        alt=partial(describe_calibration, recording),
-        title="Find the calibration that brings the path onto the truth",
-    )

@@ -38,6 +38,42 @@
     return moved;
   }
 
+  /** The true-scale yaw rates Float64Array(K) of measured ones, rad/s. `imu` is {gyroBias (rad/s), gyroScale}. */
+  function yawRate(measured, imu) {
+    return Float64Array.from(measured, rate => imu.gyroScale * (rate - imu.gyroBias));
+  }
+
+  /** The turns Float64Array(K) in rad of a robot whose sides run the distances `left` and `right` (m), `track` m apart. */
+  function wheelTurns(left, right, track) {
+    return Float64Array.from(left, (distance, k) => (right[k] - distance) / track);
+  }
+
+  /** Apply the motion model, control after control, from `start`: poses Float64Array(3 (K + 1)), headings unwrapped. Eq. 5. */
+  function integrate({v, omega, dt}, start) {
+    const poses = new Float64Array(3 * (v.length + 1));
+    poses.set(start);
+    for (let k = 0; k < v.length; k++) {
+      const at = 3 * k, theta = poses[at + 2];
+      poses[at + 3] = poses[at] + dt * v[k] * Math.cos(theta);
+      poses[at + 4] = poses[at + 1] + dt * v[k] * Math.sin(theta);
+      poses[at + 5] = theta + dt * omega[k];
+    }
+    return poses;
+  }
+
+  /** How far `poses` are from `truePoses` at the same times: {ateRmse (m), ateMax (m), headingRmse (degrees)}. */
+  function trajectoryError(poses, truePoses) {
+    let squares = 0, turns = 0, most = 0;
+    for (let at = 0; at < poses.length; at += 3) {
+      const d2 = (poses[at] - truePoses[at]) ** 2 + (poses[at + 1] - truePoses[at + 1]) ** 2;
+      squares += d2;
+      turns += wrapAngle(poses[at + 2] - truePoses[at + 2]) ** 2;
+      most = Math.max(most, d2);
+    }
+    const n = poses.length / 3;
+    return {ateRmse: Math.sqrt(squares / n), ateMax: Math.sqrt(most), headingRmse: Math.sqrt(turns / n) * 180 / Math.PI};
+  }
+
   /** Drive every particle for `dt` s by its own noisy control. Eq. 11.
    *
    * `noise` is {sigmaV (m/s), sigmaOmega (rad/s), perRootSecond}: the last reads both as densities, so that the spread
@@ -325,7 +361,7 @@
   }
 
   const core = {
-    wrapAngle, motionModel, predict, beamAngles, isValid, scanPoints, transformPoints, worldToCell, contains, occupied,
+    wrapAngle, motionModel, yawRate, wheelTurns, integrate, trajectoryError, predict, beamAngles, isValid, scanPoints, transformPoints, worldToCell, contains, occupied,
     mapCorrelation, scoreField, scores, logLikelihood, logSumExp, reweight, effectiveSampleSize, systematicResample,
     chosen, averagePose, probability, doorAfter, traceRay, freeCells, integrateScan, castRays, generator,
   };
