@@ -33,13 +33,15 @@ Share = Annotated[float, Range(0.0, 1.0)]
 class Basics(Settings):
     """Name what a run works on, its method, and the seed of its random numbers.
 
-    Dead reckoning takes only the choice of scans from a filter's configuration.
+    Dead reckoning takes only the choice of scans from a filter's configuration. With ``clouds`` the spread of the
+    particles is compared with the truth, which keeps every cloud of a run in memory.
     """
 
     dataset: str = "hall"
     method: Literal["report", "refined", "per-particle", "matching", "dead-reckoning"] = "refined"
     seed: Seed = 0
     data_dir: str | None = None
+    clouds: bool | None = None
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import numpy as np
 
 from pfslam.config import SlamConfig
 from pfslam.datasets import data_folder, load
+from pfslam.evaluation.cloud import cloud_consistency
 from pfslam.evaluation.faults import disturb
 from pfslam.evaluation.trajectory import aligned_at_first, map_agreement, relations_error, trajectory_error
 from pfslam.events import Drive
@@ -76,8 +77,10 @@ def figures(case: Case) -> dict[str, Any]:
             Trajectory(t, odometry.at(t)), odometry, recording, source.relations
         )
     rng = np.random.default_rng(case.get("seed"))
-    result = run_slam(recording, config, rng=rng, keep_particles=False)
+    result = run_slam(recording, config, rng=rng, keep_particles=bool(case.get("clouds")))
     found = counts(result, config) | errors(result.trajectory, odometry, recording, source.relations)
+    if case.get("clouds") and recording.truth is not None:
+        found |= consistency(result, recording.truth)
     return found | (agreement(result, source.simulation) if source.simulation else {})
 
 
@@ -111,6 +114,14 @@ def errors(
             metres, radians = relations_error(estimate, known.t1, known.t2, known.poses)
             row |= {"relation_xy_m": float(metres.mean()), "relation_deg": float(np.rad2deg(radians.mean()))}
     return row
+
+
+def consistency(result: SlamResult, truth: Trajectory) -> dict[str, float]:
+    """Say how often the ellipsoids of a run's clouds held the truth, and how wide and how wrong the clouds were."""
+    cloud = cloud_consistency(result.infos, truth)
+    row = {f"inside_{100 * claim:.0f}": share for claim, share in cloud.inside.items()}
+    row["nees_median"] = float(np.median(cloud.nees))
+    return row | {"cloud_claimed_m": cloud.claimed_m, "cloud_actual_m": cloud.actual_m}
 
 
 def agreement(result: SlamResult, simulation: Simulation) -> dict[str, float]:
