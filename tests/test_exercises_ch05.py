@@ -336,6 +336,16 @@ def test_the_reports_settings_and_exact_scoring_as_the_chapter_says():
     assert np.ptp(scoring["exact"]) < np.ptp(scoring["lattice"])
 
 
+def test_the_reports_cloud_is_small_and_wrong_and_the_refined_one_as_wide_as_its_error():
+    study = read_table("ch05_report")
+    inside, claimed, actual = (
+        errors_by_label(study, column) for column in ("inside_90", "cloud_claimed_m", "cloud_actual_m")
+    )
+    assert inside["report"].max() < 0.1 < 0.5 < inside["refined"].min() < 0.9
+    assert claimed["report"].max() < 0.1 * actual["report"].min()
+    assert np.all(claimed["refined"] > actual["refined"])
+
+
 def test_in_fifteen_cells_maps_of_their_own_come_out_right_and_a_shared_one_does_not():
     own, shared = (cells.success(own_maps, runs=40) for own_maps in (True, False))
     assert own["map"] > 0.3 > 0.1 > shared["map"]

@@ -14,6 +14,7 @@ from study_cases import box_study, deadly_with_row, write_box
 
 from pfslam import DataError, SlamConfig, load, run_slam, trajectory_error
 from pfslam.__main__ import main
+from pfslam.evaluation.cloud import cloud_consistency
 from pfslam.evaluation.faults import DISTURBANCES, disturb
 from pfslam.particles import ControlNoise
 from pfslam.settings import type_hints
@@ -132,6 +133,21 @@ def test_the_built_in_hall_has_its_map_compared():
     assert 0 < row["ate_rmse_m"] < 0.02
     assert 0.1 < row["map_iou_occupied"] <= 1  # one second of motion shows few walls
     assert row["end_error_m"] <= row["ate_max_m"]
+
+
+def test_clouds_are_compared_with_the_truth_where_a_study_asks_for_it():
+    common = {"disturb.seconds": 11, "particles": 20, "clouds": [False, True], "method": "report"}
+    without, row = (run_case(case) for case in make_study({"name": "x", "common": common}).cases)
+    assert row["error"] == ""
+    assert not {"nees_median", "inside_90", "cloud_claimed_m"} & set(without)
+    recording = disturb(load("hall"), {"seconds": 11}, 0)
+    result = run_slam(
+        recording, replace(SlamConfig.report(), particles=20), rng=np.random.default_rng(0)
+    )
+    cloud = cloud_consistency(result.infos, recording.truth)
+    assert [row[f"inside_{share}"] for share in (50, 90, 99)] == list(cloud.inside.values())
+    assert (row["cloud_claimed_m"], row["cloud_actual_m"]) == (cloud.claimed_m, cloud.actual_m)
+    assert row["ate_rmse_m"] == without["ate_rmse_m"]  # the comparison changes nothing of the run
 
 
 def test_intel_has_relations(real_data, monkeypatch):

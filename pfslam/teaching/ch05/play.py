@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -12,6 +11,7 @@ from matplotlib.figure import Figure
 
 from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.events import Drive
 from pfslam.grid import OccupancyGrid
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, transform_points
@@ -65,16 +65,14 @@ class Played:
 
 def play(recording: Recording, config: SlamConfig, seed: int = 0) -> Played:
     """Run the filter and keep what the film shows; the last frame is the last step."""
-    steps = list(_steps(recording, config, np.random.default_rng(seed)))
-    shown = np.linspace(0, len(steps) - 1, FRAMES + 1).astype(int)[1:]
-    maps = tuple(OccupancyGrid(steps[k][0].spec, steps[k][0].log_odds) for k in shown)
-    return Played(recording, config, tuple(info for _, info in steps), shown, maps)
-
-
-def _steps(recording: Recording, config: SlamConfig, rng) -> Iterator[tuple[OccupancyGrid | None, StepInfo]]:
-    """Map and info of every step; a step's map shares memory with the next as long as nothing is drawn."""
-    for state, info in slam_steps(recording, config, rng):
-        yield state.grid, info
+    steps = len(Drive.of(recording, config).t)
+    shown = np.linspace(0, steps - 1, FRAMES + 1).astype(int)[1:]
+    infos, maps = [], []
+    for k, (state, info) in enumerate(slam_steps(recording, config, np.random.default_rng(seed))):
+        infos.append(info)
+        if k in shown:  # the maps of all steps would fill gigabytes
+            maps.append(OccupancyGrid(state.grid.spec, state.grid.log_odds))
+    return Played(recording, config, tuple(infos), shown, tuple(maps))
 
 
 def odometry_at(recording: Recording, t: np.ndarray) -> Trajectory:
