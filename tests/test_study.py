@@ -141,9 +141,7 @@ def test_clouds_are_compared_with_the_truth_where_a_study_asks_for_it():
     assert row["error"] == ""
     assert not {"nees_median", "inside_90", "cloud_claimed_m"} & set(without)
     recording = disturb(load("hall"), {"seconds": 11}, 0)
-    result = run_slam(
-        recording, replace(SlamConfig.report(), particles=20), rng=np.random.default_rng(0)
-    )
+    result = run_slam(recording, replace(SlamConfig.report(), particles=20), rng=np.random.default_rng(0))
     cloud = cloud_consistency(result.infos, recording.truth)
     assert [row[f"inside_{share}"] for share in (50, 90, 99)] == list(cloud.inside.values())
     assert (row["cloud_claimed_m"], row["cloud_actual_m"]) == (cloud.claimed_m, cloud.actual_m)
