@@ -23,6 +23,7 @@ from pfslam.teaching.show import lab
 MOMENTS = {
     "drive": "for (let k = 0; k < 20 * 60; k++) lab.state.tick();",
     "cells": "lab.state.look(); for (let k = 0; k < 3; k++) { lab.state.move(); lab.state.look(); }",
+    "cloud": "",
     "maps": "for (let k = 0; k < 18; k++) lab.state.step(); lab.state.resample();",
     "calibrate": "",
     "journey": "",
@@ -51,6 +52,10 @@ def default_options(name: str) -> dict:
         from pfslam.teaching.ch01.live import calibrate_options
 
         return calibrate_options(load("hall"))
+    if name == "cloud":
+        from pfslam.teaching.ch03.live import cloud_options
+
+        return cloud_options(load("hall"))
     if name != "journey":
         return {}
     from pfslam.teaching import ch06

@@ -13,7 +13,7 @@ from pfslam.correlation import score_field
 from pfslam.datasets import load
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
-from pfslam.motion import Controls, dead_reckoning, integrate
+from pfslam.motion import Controls, dead_reckoning, integrate, motion_model
 from pfslam.particles import (
     ControlNoise,
     Particles,
@@ -22,7 +22,7 @@ from pfslam.particles import (
     reweight,
     systematic_resample,
 )
-from pfslam.poses import average_pose, transform_points
+from pfslam.poses import average_pose, transform_points, wrap_angle
 from pfslam.sensors import ImuModel, LidarModel, scan_points
 from pfslam.teaching import ch04, ch06
 from pfslam.teaching.ch01.live import calibrate_options, true_path
@@ -776,3 +776,96 @@ def test_the_robot_is_calibrated_by_key(open_lab):
     assert found["moment"] == len(drive_of_the_calibration()[1].t) - 1 - 40
     page.keyboard.press("n")
     assert assert_the_path_agrees(page)["error"] == before["error"]
+
+
+CLOUD = f"""() => {{ const fan = {LAB}.state, {{v, omega, dt, start}} = fan.controls;
+  const poses = Array.from(fan.poses()), dice = fan.dice.slice(0, fan.step).map(numbers => Array.from(numbers));
+  return {{v, omega, dt, start, dice, noise: fan.noise, step: fan.step,
+           poses, spread: fan.spread, points: fan.points, settings: fan.settings}}; }}"""
+
+
+def assert_the_cloud_agrees(page) -> dict:
+    """The particles are those of the package with the same random numbers; what is said is true of them."""
+    found, n = page.evaluate(CLOUD), page.evaluate(f"{LAB}.state.settings.particles")
+    noise = ControlNoise(found["noise"]["sigmaV"], found["noise"]["sigmaOmega"], per_root_second=True)
+    cloud = Particles.at(found["start"], n)
+    for v, omega, dice in zip(found["v"], found["omega"], found["dice"], strict=False):
+        cloud = predict(cloud, v, omega, found["dt"], noise, Handed(dice[:n], dice[n:]))
+    np.testing.assert_allclose(np.reshape(found["poses"], (-1, 3)), cloud.poses, atol=1e-9)
+    metres = np.sqrt(np.var(cloud.poses[:, :2], axis=0).sum())
+    turns = wrap_angle(cloud.poses[:, 2] - average_pose(cloud.poses, cloud.weights)[2])
+    assert found["spread"]["metres"] == pytest.approx(metres)
+    assert found["spread"]["heading"] == pytest.approx(np.sqrt(np.mean(turns**2)))
+    page.wait_for_function(f"said => {STATUS}.includes(said)", arg=f"are {metres:.2f} metres away")
+    return found
+
+
+def end_of_dead_reckoning(found: dict) -> np.ndarray:
+    pose = np.array(found["start"], dtype=float)
+    for v, omega in zip(found["v"][: found["step"]], found["omega"], strict=False):
+        pose = motion_model(pose, v, omega, found["dt"])
+    return pose
+
+
+def test_the_cloud_grows_by_mouse(open_lab):
+    page = open_lab("cloud")
+    early = assert_the_cloud_agrees(page)
+    driven = page.get_by_role("slider", name="Driven")
+    driven.scroll_into_view_if_needed()
+    box = driven.bounding_box()
+    page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 0.5 * box["height"])
+    late = assert_the_cloud_agrees(page)
+    assert late["step"] > 2 * early["step"]
+    assert late["spread"]["metres"] > 1.2 * early["spread"]["metres"]
+    assert late["spread"]["heading"] > 1.2 * early["spread"]["heading"]
+    page.get_by_role("button", name="New dice").click()
+    assert assert_the_cloud_agrees(page)["dice"] != late["dice"]
+    plan = page.locator(".pfslam-plan canvas")
+    plan.scroll_into_view_if_needed()
+    box = plan.bounding_box()
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.7 * box["height"])
+    page.mouse.down()
+    for across, down in ((0.5, 0.7), (0.6, 0.5), (0.4, 0.3)):
+        page.mouse.move(box["x"] + across * box["width"], box["y"] + down * box["height"], steps=8)
+    page.mouse.up()
+    drawn = assert_the_cloud_agrees(page)
+    assert page.get_by_label("your own").is_checked()
+    np.testing.assert_allclose(end_of_dead_reckoning(drawn)[:2], drawn["points"][-1], atol=1e-9)
+    np.testing.assert_allclose(drawn["points"][-1], [-14 + 0.4 * 45, 23.5 - 0.3 * 32], atol=0.5)
+
+
+def test_the_cloud_grows_by_finger(open_lab):
+    page = open_lab("cloud", width=390, has_touch=True, is_mobile=True)
+    plan = page.locator(".pfslam-plan canvas")
+    box = plan.bounding_box()
+    for across, down in ((0.6, 0.6), (0.6, 0.2)):
+        plan.tap(position={"x": across * box["width"], "y": down * box["height"]})
+    found = assert_the_cloud_agrees(page)
+    assert (found["settings"]["path"], len(found["points"])) == ("own", 3)
+    np.testing.assert_allclose(end_of_dead_reckoning(found)[:2], [13.0, 23.5 - 0.2 * 32], atol=0.3)
+    page.get_by_label("the drive hall").tap()
+    assert assert_the_cloud_agrees(page)["step"] > 1000
+
+
+def test_the_cloud_grows_by_key(open_lab):
+    page = open_lab("cloud")
+    for name, key in (("Yaw rate noise", "Home"), ("Particles", "End")):
+        page.get_by_role("slider", name=name).focus()
+        page.keyboard.press(key)
+    found = assert_the_cloud_agrees(page)
+    assert found["spread"]["heading"] == pytest.approx(0, abs=1e-9)
+    assert len(found["poses"]) == 3000
+    page.locator(".pfslam-plan").focus()
+    for key in ["ArrowUp"] * 6 + ["ArrowLeft"] * 6 + ["ArrowUp"] * 4:
+        page.keyboard.press(key)
+    found = assert_the_cloud_agrees(page)
+    np.testing.assert_allclose(end_of_dead_reckoning(found), [3.0, 2.0, np.pi / 2], atol=1e-9)
+    page.keyboard.press("Backspace")
+    assert page.evaluate(CLOUD)["points"] == []
+    page.keyboard.press("n")
+    page.get_by_label("the drive hall").check()
+    page.locator(".pfslam-plan").focus()
+    page.keyboard.press("Space")
+    page.wait_for_function(f"() => {LAB}.state.settings.part > 3")
+    page.keyboard.press("Space")
+    assert_the_cloud_agrees(page)

@@ -101,6 +101,8 @@ def test_the_site_is_light(site):
     assert weight <= 60e6
     heavy = {path.name: path.stat().st_size for path in site.rglob("*.html") if path.stat().st_size > 3e6}
     assert heavy == {}, "at most 3 MB a page"
+    chapters = {path.name: path.stat().st_size for path in (site / "notebooks").glob("*.html")}
+    assert {name: size for name, size in chapters.items() if size > 2e6} == {}, "at most 2 MB a chapter"
 
 
 def test_page_is_quiet_and_asks_nobody(shared_visit):

@@ -13,7 +13,6 @@ from pfslam.teaching.ch03.checks import (
     check_track,
 )
 from pfslam.teaching.ch03.cloud import (
-    cloud_explorer,
     end_spreads,
     fans_picture,
     honesty,
@@ -24,7 +23,7 @@ from pfslam.teaching.ch03.corridor import (
     corridor_walk,
     door_likelihood,
 )
-from pfslam.teaching.ch03.live import cells_lab, corridor_lab
+from pfslam.teaching.ch03.live import cells_lab, cloud_lab, corridor_lab
 from pfslam.teaching.ch03.mean import means_picture
 from pfslam.teaching.ch03.models import (
     MODELS,
@@ -46,7 +45,7 @@ __all__ = [
     "check_heading_spread",
     "check_predict",
     "check_track",
-    "cloud_explorer",
+    "cloud_lab",
     "corridor_lab",
     "corridor_walk",
     "door_likelihood",

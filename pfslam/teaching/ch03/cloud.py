@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
-from matplotlib.figure import Figure
 
 from pfslam.evaluation.trajectory import aligned_at_first
 from pfslam.motion import Controls, controls, dead_reckoning
@@ -14,12 +11,10 @@ from pfslam.poses import wrap_angle
 from pfslam.recording import Recording
 from pfslam.teaching.show.drives import at_rate
 from pfslam.teaching.show.figures import draw_trajectory
-from pfslam.teaching.show.pictures import Picture, steady
+from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, LINE_STYLES, metric_axes, new_figure
-from pfslam.teaching.show.widgets import Explorer, Slider
 
 IMU_INTERVAL = 0.01  # s
-SKETCH_RATE = 20.0  # controls a second in the explorer
 
 
 def fan(inputs: Controls, noise: ControlNoise, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -44,11 +39,6 @@ def _summed(steps: np.ndarray) -> np.ndarray:
 def spread(poses: np.ndarray) -> float:
     """Root mean square distance (m) of the particles ``(n, 3)`` from their middle."""
     return float(np.sqrt(np.sum(np.var(poses[:, :2], axis=0))))
-
-
-def heading_spread(poses: np.ndarray) -> float:
-    """Standard deviation of the headings of the particles ``(n, 3)``, in degrees."""
-    return float(np.rad2deg(np.std(poses[:, 2])))
 
 
 def end_spreads(recording: Recording, noise: ControlNoise, seeds: range, n: int = 5) -> np.ndarray:
@@ -150,49 +140,3 @@ def honesty_picture(recording: Recording, sigmas: tuple[float, ...]) -> Picture:
     alt = f"""The true heading error reaches {np.abs(error).max():.1f} degrees. The spread that the noise predicts
     grows with the root of time; at the end it is {ends}."""
     return Picture(figure, alt)
-
-
-def draw_cloud(inputs: Controls, part: int, sigma_v: float, sigma_omega: float) -> Figure:
-    """The cloud after a part of the drive (percent), over the path without noise."""
-    cloud, straight = _cloud(inputs, part, sigma_v, sigma_omega)
-    figure, axes = new_figure(4.7, 4.8)
-    axes.plot(*straight[:, :2].T, color=COLOURS["odometry"], linestyle=LINE_STYLES["odometry"], linewidth=1.2)
-    axes.scatter(*cloud[:, :2].T, s=10, color=COLOURS["particles"], alpha=0.7, linewidths=0, zorder=3)
-    axes.set(xlim=(-9, 27), ylim=(-12, 27), xticks=(0, 10, 20), yticks=(-10, 0, 10, 20))
-    metric_axes(axes, f"spread {spread(cloud):.1f} m, {heading_spread(cloud):.0f}°")
-    return figure
-
-
-def describe_cloud(inputs: Controls, part: int, sigma_v: float, sigma_omega: float) -> str:
-    """The same in words."""
-    cloud, _ = _cloud(inputs, part, sigma_v, sigma_omega)
-    return f"""After {part} % of the drive, {len(cloud)} particles with sigma_v {sigma_v:.2g} m/s and sigma_omega
-    {sigma_omega:.2g} rad/s are {spread(cloud):.1f} m (rms) away from their middle, and their headings differ by
-    {heading_spread(cloud):.0f} degrees."""
-
-
-def _cloud(
-    inputs: Controls, part: int, sigma_v: float, sigma_omega: float, n: int = 250
-) -> tuple[np.ndarray, np.ndarray]:
-    """Poses ``(n, 3)`` after a part of the drive, and the path ``(K, 3)`` without noise."""
-    root = np.sqrt(IMU_INTERVAL)
-    noise = ControlNoise(sigma_v * root, sigma_omega * root, per_root_second=True)
-    paths = fan(inputs, noise, n, np.random.default_rng(0))
-    straight = fan(inputs, ControlNoise(0.0, 0.0), 1, np.random.default_rng(0))[:, 0]
-    return paths[part * (len(paths) - 1) // 100], straight
-
-
-def cloud_explorer(recording: Recording) -> Explorer:
-    """Three sliders: how far along the drive, and how much noise on speed and yaw rate."""
-    inputs = at_rate(controls(recording), SKETCH_RATE)
-    speeds, turns = (0.0, 0.316, 2.0), (0.0, 0.02, 0.141, 0.5)
-    return Explorer(
-        steady(partial(draw_cloud, inputs)),
-        [
-            Slider("part", (15, 30, 70, 100), 1, "Driven", "%"),
-            Slider("sigma_v", speeds, 1, "Speed noise", "m/s", ".2f", (0.0, 4.0, 0.05)),
-            Slider("sigma_omega", turns, 2, "Yaw rate noise", "rad/s", ".3f", (0.0, 0.6, 0.01)),
-        ],
-        alt=partial(describe_cloud, inputs),
-        title="The cloud along the drive, for the noise you choose",
-    )

@@ -1,7 +1,12 @@
-"""Chapter 03: the corridor of fifteen cells as a laboratory in the page."""
+"""Chapter 03: the corridor of fifteen cells and the cloud along a drive as laboratories in the page."""
 
 from __future__ import annotations
 
+import numpy as np
+
+from pfslam.motion import controls
+from pfslam.recording import Recording
+from pfslam.teaching.show.drives import at_rate
 from pfslam.teaching.show.lab import Laboratory, show_lab
 
 ALT = """A corridor of fifteen cells with doors at 1, 4 and 10; the robot is at door 4. Under each cell stand the
@@ -18,3 +23,21 @@ def corridor_lab() -> Laboratory:
 def cells_lab() -> Laboratory:
     """Make the same laboratory with particles under the histogram."""
     return show_lab("cells", "Fifteen cells with particles", ALT)
+
+
+SKETCH_RATE = 10.0  # controls a second
+CLOUD_ALT = """The path of the drive hall by dead reckoning, from above, as far as 30 % of it is driven as an
+orange dashed line with the robot at its end. Two hundred and fifty blue dots, the particles, lie around the
+robot in a cloud that is longer across the way than along it; thin blue lines are the paths of ten of them."""
+
+
+def cloud_options(recording: Recording) -> dict:
+    """Give what the script needs: the controls of the drive, made sparser."""
+    inputs = at_rate(controls(recording), SKETCH_RATE)
+    v, omega = np.round(inputs.v, 4), np.round(inputs.omega, 5)
+    return {"hall": {"dt": 1.0 / SKETCH_RATE, "v": v.tolist(), "omega": omega.tolist()}}
+
+
+def cloud_lab(recording: Recording) -> Laboratory:
+    """Make the laboratory of prediction alone: along the drive, or along a path that the reader draws."""
+    return show_lab("cloud", "The cloud along the drive", CLOUD_ALT, **cloud_options(recording))

@@ -1,0 +1,200 @@
+/* The cloud along the drive (chapter 03): prediction alone, along a real drive or along a path that the reader draws. */
+(function (root) {
+  "use strict";
+  const {core, draw, lab} = root.pfslam;
+
+  const WINDOW = [-14, 31, -8.5, 23.5], SHOWN = 10;  // m; particles whose whole paths are drawn
+  const SPEED = 0.7, TURN = 1.6, DT = 0.1;  // of the robot on a drawn path: m/s, rad/s, s
+  const KEEP = 5;  // of so many moments one is kept, from which the others follow
+  const STRIDE = 0.5, CLICK = Math.PI / 12, APART = 0.4;  // m and rad for a key; m from one point of a drawn path to the next
+  const RATE = 100;  // the noise is given for one sample of so many a second, as in the report
+
+  /** Particles that leave the same start and are predicted through all controls, each with its own errors. */
+  class Fan {
+    constructor({hall, ...options}) {
+      this.settings = {particles: 250, sigmaV: 0.316, sigmaOmega: 0.141, seed: 1, path: "hall", part: 30, ...options};
+      this.hall = {start: [0, 0, 0], dt: hall.dt, v: hall.v, omega: hall.omega};
+      this.clear();
+      this.throwDice();
+    }
+
+    get controls() { return this.settings.path === "hall" ? this.hall : this.own; }
+    get step() { return Math.round((this.settings.part / 100) * this.controls.v.length); }
+    get time() { return this.step * this.controls.dt; }
+    get noise() {
+      const {sigmaV, sigmaOmega} = this.settings, root = 1 / Math.sqrt(RATE);
+      return {sigmaV: root * sigmaV, sigmaOmega: root * sigmaOmega, perRootSecond: true};
+    }
+
+    /** An empty path of one's own. */
+    clear() {
+      Object.assign(this, {points: [], heading: 0, own: {start: [0, 0, 0], dt: DT, v: [], omega: []}});
+      this.forget();
+    }
+
+    /** New random numbers for every particle and moment, drawn as they are needed. */
+    throwDice() {
+      Object.assign(this, {generator: core.generator(this.settings.seed), dice: []});
+      this.forget();
+    }
+
+    /** Nothing that has been predicted holds any more; the random numbers stay. */
+    forget() { Object.assign(this, {kept: null, reckoned: null}); }
+
+    /** Drive on from the end of one's own path to a point: turn on the spot, then straight ahead. */
+    extend(x, y) {
+      const {own, points} = this;
+      if (!points.length) { points.push([x, y]); own.start = [x, y, this.heading]; this.forget(); return; }
+      const [px, py] = points[points.length - 1], length = Math.hypot(x - px, y - py), goal = Math.atan2(y - py, x - px);
+      if (points.length === 1 && !own.v.length) { own.start = [px, py, goal]; this.heading = goal; this.forget(); }
+      this.turn(core.wrapAngle(goal - this.heading));
+      const steps = Math.max(1, Math.round(length / (SPEED * DT)));
+      for (let k = 0; k < steps; k++) { own.v.push(length / (steps * DT)); own.omega.push(0); }
+      points.push([x, y]);
+    }
+
+    /** Turn on the spot by an angle (rad). */
+    turn(angle) {
+      const steps = Math.ceil(Math.abs(angle) / (TURN * DT) - 1e-9);
+      for (let k = 0; k < steps; k++) { this.own.v.push(0); this.own.omega.push(angle / (steps * DT)); }
+      this.heading = core.wrapAngle(this.heading + angle);
+    }
+
+    /** A stride straight ahead. */
+    stride() {
+      if (!this.points.length) this.extend(0, 0);
+      const [x, y] = this.points[this.points.length - 1];
+      this.extend(x + STRIDE * Math.cos(this.heading), y + STRIDE * Math.sin(this.heading));
+    }
+
+    /** The particles after so many controls. Eq. 11, one control after the other. */
+    poses(step = this.step) {
+      const {controls, settings: {particles: n}, noise} = this;
+      const start = () => Float64Array.from({length: 3 * n}, (_, k) => controls.start[k % 3]);
+      const kept = (this.kept = this.kept || [start()]), known = Math.min(Math.floor(step / KEEP), kept.length - 1);
+      let poses = kept[known];
+      for (let k = known * KEEP; k < step; k++) {
+        const normals = (this.dice[k] = this.dice[k] || this.generator.normals(2 * n));
+        poses = core.predict(poses, controls.v[k], controls.omega[k], controls.dt, noise, normals);
+        if ((k + 1) % KEEP === 0) kept[(k + 1) / KEEP] = poses;
+      }
+      return poses;
+    }
+
+    /** The path without noise, [x, y, theta] after each control. */
+    get straight() {
+      const {controls} = this, path = (this.reckoned = this.reckoned || [controls.start]);
+      for (let k = path.length - 1; k < controls.v.length; k++) {
+        path.push(Array.from(core.motionModel(path[k], controls.v[k], controls.omega[k], controls.dt)));
+      }
+      return path;
+    }
+
+    /** How far the particles are from their middle (m) and their headings from the mean one (rad), root mean square. */
+    get spread() {
+      const poses = this.poses(), n = poses.length / 3, [x, y, theta] = core.averagePose(poses, new Float64Array(n).fill(1 / n));
+      let metres = 0, turns = 0;
+      for (let k = 0; k < n; k++) {
+        metres += (poses[3 * k] - x) ** 2 + (poses[3 * k + 1] - y) ** 2;
+        turns += core.wrapAngle(poses[3 * k + 2] - theta) ** 2;
+      }
+      return {metres: Math.sqrt(metres / n), heading: Math.sqrt(turns / n)};
+    }
+  }
+
+  lab("cloud", stage => {
+    const fan = new Fan(stage.options), {settings} = fan, shown = {paths: true};
+    const plan = stage.plan({
+      name: "The particles, and the path without noise, from above",
+      help: "Draw a path with the mouse or a finger; a click or tap drives on to that place. Keys: up drives on by half a metre, left " +
+        "and right turn, Backspace clears your path.",
+      window: WINDOW, touch: "pinch-zoom",
+    });
+    stage.words('<span class="pfslam-dot" style="background:var(--lab-particles)"></span> <b>Each blue dot is a particle</b>, a guess ' +
+      'of where the robot is by now. <span class="pfslam-dot" style="background:var(--lab-odometry)"></span> dead reckoning, the ' +
+      'path without noise.');
+    const tick = by => {
+      driven.value = Number(driven.value) + by;
+      driven.dispatchEvent(new Event("input"));
+      if (Number(driven.value) >= 100) clock.pause();
+    };
+    const clock = stage.clock({hertz: 30, tick: () => tick(0.25), step: () => tick(5)});
+    stage.button({name: "New dice", key: "d", press: () => { settings.seed += 1; fan.throwDice(); }});
+    stage.button({name: "Back to the start", key: "n", press: () => tick(-100)});
+    stage.check({name: "Some whole paths", key: "p", value: true, change: value => { shown.paths = value; }});
+    const driven = stage.slider({name: "Driven", min: 0, max: 100, step: 0.25, value: settings.part, unit: "%", digits: 0,
+                                 change: value => { settings.part = value; }});
+    stage.slider({name: "Particles", min: 10, max: 1000, step: 10, value: settings.particles, digits: 0,
+                  change: value => { settings.particles = value; fan.throwDice(); }});
+    stage.slider({name: "Speed noise", min: 0, max: 4, step: 0.01, value: settings.sigmaV, unit: "m/s",
+                  change: value => { settings.sigmaV = value; fan.forget(); }});
+    stage.slider({name: "Yaw rate noise", min: 0, max: 0.6, step: 0.001, value: settings.sigmaOmega, unit: "rad/s",
+                  change: value => { settings.sigmaOmega = value; fan.forget(); }});
+    const change = path => { settings.path = path; fan.forget(); clock.pause(); };
+    const which = stage.choice({name: "Path", options: {hall: "the drive hall", own: "your own"}, value: "hall", change});
+
+    /** From now on the path is the reader's, shown to its end. */
+    function own() {
+      if (settings.path !== "own") change("own");
+      which.querySelector("[value=own]").checked = true;
+      clock.pause();
+      tick(100);
+    }
+    let last = null;
+    stage.drag(plan, {
+      start: (x, y) => { last = {x, y, drawn: false}; },
+      move: (x, y) => {
+        if (Math.hypot(x - last.x, y - last.y) < APART) return;
+        if (!last.drawn) { fan.clear(); fan.extend(last.x, last.y); }
+        fan.extend(x, y);
+        last = {x, y, drawn: true};
+        own();
+      },
+      end: cancelled => {
+        if (cancelled || last.drawn) return;
+        if (!fan.points.length) fan.extend(0, 0);
+        fan.extend(last.x, last.y);
+        own();
+      },
+    });
+    const key = action => down => { if (down) { action(); own(); } };
+    stage.keys(plan, {ArrowUp: key(() => fan.stride()), ArrowLeft: key(() => fan.turn(CLICK)), ArrowRight: key(() => fan.turn(-CLICK)),
+                      Backspace: key(() => fan.clear())});
+    return {state: fan, draw: () => paint(plan, stage.colours, fan, shown), describe: () => sentence(fan)};
+  });
+
+  function paint(plan, colours, fan, shown) {
+    const size = plan.width < 500 ? 13 : 16, {step, straight, spread} = fan, poses = fan.poses(), n = fan.settings.particles;
+    const flat = path => path.flatMap(([x, y]) => [x, y]);
+    plan.clear(colours.free);
+    if (!fan.controls.v.length) {
+      draw.text(plan, "Draw a path, or drive with the arrow keys.", plan.width / 2, 0.4 * plan.height, colours.ink, {size, align: "center"});
+    }
+    draw.line(plan, flat(straight), colours.muted, {width: 1});
+    if (shown.paths) {
+      for (let k = 0; k < Math.min(SHOWN, n); k++) {
+        const path = fan.kept.slice(0, Math.floor(step / KEEP) + 1).flatMap(moment => [moment[3 * k], moment[3 * k + 1]]);
+        draw.line(plan, [...path, poses[3 * k], poses[3 * k + 1]], colours.particles, {width: 1});
+      }
+    }
+    draw.line(plan, flat(straight.slice(0, step + 1)), colours.odometry, {dash: [7, 4]});
+    const places = Float64Array.from({length: 2 * n}, (_, k) => poses[3 * (k >> 1) + (k & 1)]);
+    draw.dots(plan, places, colours.particles, plan.width < 500 ? 1.8 : 2.6);
+    Object.assign(plan.context, {strokeStyle: colours.estimate, lineWidth: 0.5});
+    plan.context.stroke();
+    draw.robot(plan, straight[step], colours.odometry, {radius: 0.45});
+    const words = `after ${fan.time.toFixed(0)} s: ${spread.metres.toFixed(2)} m and ${(180 / Math.PI * spread.heading).toFixed(0)}° around their middle`;
+    draw.text(plan, words, 8, 20, colours.ink, {size, halo: colours.free});
+    const [x, y] = plan.at(WINDOW[1] - 6, WINDOW[2] + 1);
+    draw.line(plan, [WINDOW[1] - 6, WINDOW[2] + 0.8, WINDOW[1] - 1, WINDOW[2] + 0.8], colours.ink, {width: 2});
+    draw.text(plan, "5 m", x, y - 4, colours.ink, {size});
+  }
+
+  function sentence(fan) {
+    const {settings, spread, time} = fan;
+    if (!fan.controls.v.length) return "No path yet. Draw one, or drive with the arrow keys.";
+    return `After ${time.toFixed(1)} seconds of ${settings.path === "hall" ? "the drive" : "your path"}, ${settings.particles} particles ` +
+      `are ${spread.metres.toFixed(2)} metres away from their middle, root mean square, and their headings differ by ` +
+      `${(180 / Math.PI * spread.heading).toFixed(1)} degrees.`;
+  }
+})(globalThis);
