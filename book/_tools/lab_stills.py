@@ -47,7 +47,7 @@ def default_options(name: str) -> dict:
 
         hall = load("hall")
         corner, corridor = ch04.place_at(hall, 14.5), ch04.place_at(hall, 27.0)
-        return slide_options(corner=corner.lost(-0.1, 0.1, np.deg2rad(-2)), corridor=corridor)
+        return slide_options(hall, corner=corner.lost(-0.1, 0.1, np.deg2rad(-2)), corridor=corridor)
     if name == "calibrate":
         from pfslam.teaching.ch01.live import calibrate_options
 

@@ -22,12 +22,19 @@ from pfslam.particles import (
     reweight,
     systematic_resample,
 )
-from pfslam.poses import average_pose, transform_points, wrap_angle
+from pfslam.poses import average_pose, compose, transform_points, wrap_angle
 from pfslam.sensors import ImuModel, LidarModel, scan_points
+from pfslam.simulator import DEFAULT_SEED, HALL
+from pfslam.simulator.ground import rotations
+from pfslam.simulator.lidar import Sensor, cast
+from pfslam.simulator.world import make_world
 from pfslam.teaching import ch04, ch06
 from pfslam.teaching.ch01.live import calibrate_options, true_path
 from pfslam.teaching.ch03.corridor import CELLS, STEP, TRUE_START, predict_belief, update_belief
+from pfslam.teaching.ch04 import live
 from pfslam.teaching.ch05 import cells as ch05_cells
+from pfslam.teaching.show.drives import Place
+from pfslam.teaching.show.figures import map_along
 from pfslam.teaching.show.lab import FOLDER
 from pfslam.teaching.show.style import COLOURS
 from pfslam.texture.floor import NO_READING, associate_rgb, back_project, depth_from_disparity, to_world
@@ -493,6 +500,33 @@ def test_the_journey_of_a_pixel_by_key(open_lab):
     assert_the_pixel_agrees(page, u, v)
 
 
+@cache
+def map_of_the_hall():
+    return map_along(load("hall"), load("hall").true_path(), every=10)
+
+
+def place_of_the_scan(page, name: str) -> Place:
+    """The map, the scan and the pose at a place; a scan of one's own place is what the simulator's beams meet."""
+    hall = load("hall")
+    if name == "corner":
+        return ch04.place_at(hall, 14.5).lost(-0.1, 0.1, np.deg2rad(-2))
+    if name == "corridor":
+        return ch04.place_at(hall, 27.0)
+    here = page.evaluate(f"{LAB}.state.here")
+    points = np.reshape(page.evaluate(f"Array.from({LAB}.state.points_b)"), (-1, 2))
+    lidar = replace(hall.robot.lidar, beams=live.BEAMS)
+    sensor = transform_points(here, np.array([lidar.position_b[:2]]))
+    world = make_world(HALL, np.random.SeedSequence(DEFAULT_SEED))
+    pose_p = compose(world.pose_pw, np.array([*sensor[0], here[2]]))
+    turned = rotations(np.zeros(1), np.zeros(1), pose_p[None, 2])
+    met = cast(
+        world, Sensor(np.zeros(1), np.array([[*pose_p[:2], 0.5]]), turned), lidar.angles, only_walls=True
+    )[0]
+    found = np.hypot(*(points - lidar.position_b[:2]).T)
+    assert np.abs(found - met[lidar.valid(met)]).max() < 5 * live.NOISE + 0.01
+    return Place(map_of_the_hall(), points, np.array(here))
+
+
 def assert_the_fit_agrees(page) -> dict:
     """The share and the scores of all shifts are those of the package at the pose that the browser shows."""
     found = page.evaluate(
@@ -500,11 +534,7 @@ def assert_the_fit_agrees(page) -> dict:
         f"({{place, kind, turn, shift, pose, share}}))({LAB}.state)"
     )
     surface = page.evaluate(f"() => Array.from({LAB}.state.surface())")
-    hall = load("hall")
-    start = {
-        "corner": ch04.place_at(hall, 14.5).lost(-0.1, 0.1, np.deg2rad(-2)),
-        "corridor": ch04.place_at(hall, 27.0),
-    }[found["place"]]
+    start = place_of_the_scan(page, found["place"])
     field = score_field(start.grid.occupied, found["kind"])
 
     def share(dx, dy):
@@ -519,10 +549,17 @@ def assert_the_fit_agrees(page) -> dict:
     return found
 
 
+def on_the_plan(overview, x: float, y: float) -> dict:
+    """The pixel of a place (m) on the plan of the building."""
+    x0, x1, _, y1 = live.WINDOW
+    scale = overview.bounding_box()["width"] / (x1 - x0)
+    return {"x": (x - x0) * scale, "y": (y1 - y) * scale}
+
+
 def test_the_scan_slides_by_mouse(open_lab):
     page = open_lab("slide")
     before = assert_the_fit_agrees(page)["share"]
-    box = page.locator(".pfslam-plan canvas").bounding_box()
+    box = page.locator(".pfslam-plan canvas").first.bounding_box()
     metre = box["width"] / 7.0
     x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
     page.mouse.move(x, y)
@@ -539,6 +576,15 @@ def test_the_scan_slides_by_mouse(open_lab):
     found = assert_the_fit_agrees(page)
     assert found["turn"] == pytest.approx(2.0)
     assert found["share"] > 0.6 > 2 * before
+    overview = page.locator(".pfslam-plan canvas").nth(1)
+    overview.scroll_into_view_if_needed()
+    overview.click(position=on_the_plan(overview, 12.0, -0.8))
+    assert page.get_by_label("anywhere").is_checked()
+    np.testing.assert_allclose(page.evaluate(f"{LAB}.state.here"), [12.0, -0.8, 0.0], atol=0.1)
+    assert assert_the_fit_agrees(page)["place"] == "anywhere"
+    surface = page.evaluate(f"() => Array.from({LAB}.state.surface())")
+    rows = np.reshape(surface, (17, 17))
+    assert rows[8].mean() > 2 * rows[:, 8].mean(), "a ridge along the corridor"
 
 
 def test_the_scan_slides_by_finger(open_lab):
@@ -548,17 +594,21 @@ def test_the_scan_slides_by_finger(open_lab):
     found = assert_the_fit_agrees(page)
     assert (found["place"], found["kind"]) == ("corridor", "distance")
     assert found["share"] > 0.8
-    page.locator(".pfslam-plan canvas").evaluate(
+    page.locator(".pfslam-plan canvas").first.evaluate(
         """c => { const b = c.getBoundingClientRect(), at = (type, x) => c.dispatchEvent(new PointerEvent(type,
           {pointerId: 1, pointerType: 'touch', button: 0, clientX: b.left + x, clientY: b.top + 60, bubbles: true}));
           c.setPointerCapture = () => {}; at('pointerdown', 100); at('pointermove', 115); at('pointerup', 115); }"""
     )
     assert assert_the_fit_agrees(page)["shift"][0] > 0.2
+    overview = page.locator(".pfslam-plan canvas").nth(1)
+    overview.tap(position=on_the_plan(overview, 0.5, 0.0))
+    found = assert_the_fit_agrees(page)
+    assert (found["place"], found["turn"]) == ("anywhere", 0)
 
 
 def test_the_scan_slides_by_key(open_lab):
     page = open_lab("slide")
-    page.locator(".pfslam-plan").focus()
+    page.locator(".pfslam-plan").first.focus()
     for key in ["q"] * 4 + ["ArrowRight"] * 10 + ["ArrowDown"] * 11 + ["ArrowUp", "e", "q"]:
         page.keyboard.press(key)
     found = assert_the_fit_agrees(page)
@@ -566,6 +616,14 @@ def test_the_scan_slides_by_key(open_lab):
     assert found["share"] > 0.6
     page.keyboard.press("n")
     assert assert_the_fit_agrees(page)["turn"] == 0
+    page.locator(".pfslam-plan").nth(1).focus()
+    for key in ["ArrowRight"] * 5 + ["ArrowUp", "q", "q", "e", "q"]:
+        page.keyboard.press(key)
+    np.testing.assert_allclose(page.evaluate(f"{LAB}.state.here"), [0.5, 0.1, np.deg2rad(10)], atol=1e-9)
+    assert assert_the_fit_agrees(page)["place"] == "anywhere"
+    page.get_by_role("slider", name="Stand facing").press("End")
+    np.testing.assert_allclose(page.evaluate(f"{LAB}.state.here[2]"), np.pi)
+    assert_the_fit_agrees(page)
 
 
 def walk_after(found: dict) -> tuple:

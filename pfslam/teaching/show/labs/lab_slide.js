@@ -1,4 +1,5 @@
-/* Slide the scan (chapter 04): drag and turn a scan over the map; its score and the scores of all shifts follow. */
+/* Slide the scan (chapter 04): drag and turn a scan over the map; its score and the scores of all shifts follow.
+ * The scan was taken at one of the places, or it is cast wherever the reader stands in the building. */
 (function (root) {
   "use strict";
   const {core, draw, lab} = root.pfslam;
@@ -7,21 +8,38 @@
   const LIMIT = SHIFT * SHIFTS, TURN = 10, RADIUS = 0.2;  // m and degrees that the guess may be moved; m
   const FULL = {occupied: 1, distance: 1000};  // what a point scores at most
   const RADIANS = Math.PI / 180;
+  const STRIDE = 0.1, CLICK = 5;  // m and degrees for a key, when the reader walks
 
   /** A map, a scan in it, and the guess of where the scan was taken. */
   class Guess {
-    constructor({places}) {
-      Object.assign(this, {places, kind: "occupied"});
+    constructor({places, building}) {
+      Object.assign(this, {places: {...places}, building, kind: "occupied", maps: {}});
+      if (building) this.walk(...building.start);
       this.stand(Object.keys(places)[0]);
     }
+
+    /** Stand at x, y (m), facing theta (rad), and take a scan there: rays against the walls of the building, with noise. */
+    walk(x, y, theta) {
+      const {walls, lidar, spec, occupied, noise} = this.building, angles = core.beamAngles(lidar), pose = [x, y, theta];
+      const sensor = [...core.transformPoints(pose, lidar.position), theta], dice = core.generator(1).normals(lidar.beams);
+      const ranges = core.castRays(walls, [], sensor, angles).map((range, k) => range + noise * dice[k]);
+      this.places.anywhere = {pose, points: core.scanPoints(ranges, lidar), occupied, spec};
+      this.stand("anywhere");
+    }
+
+    /** Where the reader stands, if it is a place of the reader's own. */
+    get here() { return this.places.anywhere.pose; }
 
     /** Go to a place: the map as it was then, its scan, and the pose from which the guess starts. */
     stand(name) {
       const {pose, points, occupied, spec} = this.places[name];
       Object.assign(this, {place: name, start: pose, spec, shift: [0, 0], turn: 0, points_b: Float64Array.from(points)});
-      this.cells = new Uint8Array(spec.shape[0] * spec.shape[1]);
-      for (const k of occupied) this.cells[k] = 1;
-      Object.assign(this, {fields: {}, grid: {spec, logOdds: Float32Array.from(this.cells)}});
+      if (!this.maps[name]) {
+        const cells = new Uint8Array(spec.shape[0] * spec.shape[1]);
+        for (const k of occupied) cells[k] = 1;
+        this.maps[name] = {cells, fields: {}, grid: {spec, logOdds: Float32Array.from(cells)}};
+      }
+      Object.assign(this, this.maps[name]);
     }
 
     get field() { return (this.fields[this.kind] = this.fields[this.kind] || core.scoreField(this.cells, this.spec, this.kind)); }
@@ -36,7 +54,7 @@
 
     /** The share of the best possible score at each of these poses. Eq. 6 to 9. */
     shares(poses) {
-      const full = FULL[this.kind] * this.points_b.length / 2;
+      const full = FULL[this.kind] * Math.max(1, this.points_b.length / 2);  // somebody may stand where nothing is seen
       return core.scores(this.field, this.spec, this.points_b, poses).map(score => score / full);
     }
 
@@ -64,7 +82,11 @@
     const turned = value => { guess.turn = value; };
     const turn = stage.slider({name: "Turn", min: -TURN, max: TURN, step: 0.1, value: 0, unit: "°", digits: 1, change: turned});
     const go = () => { plan.window = window(); turn.value = 0; turn.dispatchEvent(new Event("input")); };
-    stage.choice({name: "Place", options: Object.fromEntries(Object.keys(guess.places).map(name => [name, name])),
+    const facing = guess.building && stage.slider({
+      name: "Stand facing", min: -180, max: 180, step: 1, value: guess.here[2] / RADIANS, unit: "°", digits: 0,
+      change: value => walk(guess.here[0], guess.here[1], value * RADIANS),
+    });
+    const where = stage.choice({name: "Place", options: Object.fromEntries(Object.keys(guess.places).map(name => [name, name])),
                   value: guess.place, change: name => { guess.stand(name); go(); }});
     stage.choice({name: "Score by", options: {occupied: "count of points on walls", distance: "likelihood field"}, value: guess.kind,
                   change: kind => { guess.kind = kind; }});
@@ -82,12 +104,69 @@
     };
     stage.keys(plan, {ArrowLeft: by(-0.01, 0), ArrowRight: by(0.01, 0), ArrowUp: by(0, 0.01), ArrowDown: by(0, -0.01),
                       q: spin(0.5), e: spin(-0.5)});
+    /** From now on the scan is one of the reader's own place. */
+    function walk(x, y, theta) {
+      guess.walk(x, y, theta);
+      where.querySelector("[value=anywhere]").checked = true;
+      go();
+    }
+    const overview = guess.building && stroll(stage, guess, walk, facing);
     return {
       state: guess,
-      draw() { paintMap(plan, stage.colours, guess); paintScores(map, stage.colours, guess); },
+      draw() {
+        paintMap(plan, stage.colours, guess);
+        paintScores(map, stage.colours, guess);
+        if (overview) paintBuilding(overview, stage.colours, guess);
+      },
       describe: () => sentence(guess),
     };
   });
+
+  /** A plan of the whole building in which the reader stands anywhere. */
+  function stroll(stage, guess, walk, facing) {
+    const overview = stage.plan({
+      name: "The whole building, and where the robot stands",
+      help: "Click, tap or drag in the building to stand there. Keys: arrows walk, the letters Q and E turn.",
+      window: guess.building.window, touch: "pinch-zoom",
+    });
+    const goTo = (x, y) => walk(x, y, guess.here[2]);
+    stage.drag(overview, {start: goTo, move: goTo});
+    const by = (dx, dy) => down => { if (down) goTo(guess.here[0] + dx * STRIDE, guess.here[1] + dy * STRIDE); };
+    const spin = degrees => down => {
+      if (!down) return;
+      facing.value = core.wrapAngle((Number(facing.value) + degrees) * RADIANS) / RADIANS;
+      facing.dispatchEvent(new Event("input"));
+    };
+    stage.keys(overview, {ArrowLeft: by(-1, 0), ArrowRight: by(1, 0), ArrowUp: by(0, 1), ArrowDown: by(0, -1),
+                          q: spin(CLICK), e: spin(-CLICK)});
+    return overview;
+  }
+
+  /** The map of the building, a frame for the piece of it above, and the robot. */
+  function paintBuilding(plan, colours, guess) {
+    const [x, y, theta] = guess.start, {cells, grid} = guess.maps.anywhere, width = grid.spec.shape[1];
+    const store = (plan.ours = plan.ours || document.createElement("canvas"));
+    plan.clear(colours.free);
+    if (plan.drawnIn !== colours || plan.drawnFor !== plan.width) {  // a wall of one cell would vanish where a pixel holds three of them
+      Object.assign(store, {width: plan.canvas.width, height: plan.canvas.height});
+      Object.assign(plan, {drawnIn: colours, drawnFor: plan.width});
+      const context = store.getContext("2d"), ratio = plan.canvas.width / plan.width;
+      context.fillStyle = colours.wall;
+      for (let k = 0; k < cells.length; k++) {
+        if (!cells[k]) continue;
+        const [px, py] = plan.at(grid.spec.origin[0] + (k % width) * grid.spec.resolution,
+                                 grid.spec.origin[1] + Math.floor(k / width) * grid.spec.resolution);
+        context.fillRect(ratio * px, ratio * py, 1.5, 1.5);
+      }
+    }
+    plan.context.drawImage(store, 0, 0, plan.width, plan.height);
+    const [left, top] = plan.at(x - REACH, y + 0.7 * REACH);
+    Object.assign(plan.context, {strokeStyle: colours.highlight, lineWidth: 2});
+    plan.context.strokeRect(left, top, 2 * REACH * plan.scale, 1.4 * REACH * plan.scale);
+    const points_w = core.transformPoints([x, y, theta], guess.points_b);
+    draw.dots(plan, points_w, colours.hits, 1);
+    draw.robot(plan, [x, y, theta], colours.estimate, {radius: 0.35});
+  }
 
   function paintMap(plan, colours, guess) {
     const {pose, points_b, spec, cells} = guess, points_w = core.transformPoints(pose, points_b), on = [], off = [];
@@ -101,7 +180,7 @@
     draw.dots(plan, off, colours.hits, 1.8);
     draw.dots(plan, on, colours.clear, 2.6);
     draw.robot(plan, pose, colours.estimate, {radius: RADIUS});
-    draw.text(plan, `${(100 * guess.share).toFixed(0)} % of the best possible score`, 8, 20, colours.ink, {size: 16});
+    draw.text(plan, `${(100 * guess.share).toFixed(0)} % of the best possible score`, 8, 20, colours.ink, {size: 16, halo: colours.free});
   }
 
   /** The scores of all shifts, blue the worst and white-hot the best, with a cross at the guess. */
@@ -127,6 +206,7 @@
 
   function sentence(guess) {
     const [dx, dy] = guess.shift, best = Math.max(...guess.surface());
+    if (!guess.points_b.length) return "Nothing is seen from here. Stand inside the building.";
     return `Moved by ${dx.toFixed(2)}, ${dy.toFixed(2)} metres and turned by ${guess.turn.toFixed(1)} degrees, the scan reaches ` +
       `${(100 * guess.share).toFixed(0)} percent; the best shift at this heading reaches ${(100 * best).toFixed(0)}.`;
   }

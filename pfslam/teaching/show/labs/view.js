@@ -120,10 +120,10 @@
 
     /** A plan that takes the focus; `help` says what keys and fingers do. */
     plan({name, help = "", window, touch = "pan-y pinch-zoom"}) {
-      const canvas = make("canvas", {role: "img", "aria-label": name});
-      const words = make("p", {class: "pfslam-note", id: `${this.id}-help`, text: help});
+      const canvas = make("canvas", {role: "img", "aria-label": name}), helpId = `${this.id}-help-${this.sheets.length}`;
+      const words = make("p", {class: "pfslam-note", id: helpId, text: help});
       const holder = make("div", {class: "pfslam-plan", tabindex: "0", role: "application", "aria-label": name,
-                                  "aria-describedby": `${this.id}-help`}, canvas);
+                                  "aria-describedby": helpId}, canvas);
       canvas.style.touchAction = touch;
       const plan = this.place(new Plan(canvas, window), holder);
       this.body.insertBefore(words, this.controls);
