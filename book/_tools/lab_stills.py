@@ -26,6 +26,7 @@ MOMENTS = {
     "cloud": "",
     "maps": "for (let k = 0; k < 18; k++) lab.state.step(); lab.state.resample();",
     "calibrate": "",
+    "grow": "lab.state.drive(4.6, 1.0);",
     "journey": "",
     "slide": "",
 }

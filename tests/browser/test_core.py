@@ -77,6 +77,7 @@ TYPES = {
     "f8": "Float64Array",
     "f4": "Float32Array",
     "i8": "Int32Array",
+    "i1": "Int8Array",
     "u1": "Uint8Array",
     "b1": "Uint8Array",
 }
@@ -298,6 +299,10 @@ def drawing_cases(rng):
         drawn, _ = integrate_scan(grid, points, np.arange(40), pose[:2], MAP)
         expected = {"spec": js(SPEC), "logOdds": drawn.log_odds}
         yield "integrateScan", [grid, points, pose[:2], MAP], expected
+        alone, _ = integrate_scan(OccupancyGrid.empty(SPEC), points, np.arange(40), pose[:2], MAP)
+        said = np.sign(alone.log_odds).astype(np.int8)
+        yield "evidence", [SPEC, points, pose[:2]], said
+        yield "addEvidence", [grid, said, MAP], expected
         grid = drawn
 
 
@@ -381,7 +386,9 @@ SLIPS = {
     "doorAfter": ("+ (1 - door) * atWall", "+ door * atWall"),
     "traceRay": ("Math.abs(dy) + n", "Math.abs(dy)"),
     "freeCells": ("+ ray[j]] = 1", "+ ray[j]] = 2"),
-    "integrateScan": ("= -config.free", "= config.free"),
+    "evidence": ("said[k] = -1", "said[k] = 1"),
+    "addEvidence": ("fround(-config.free)", "fround(config.free)"),
+    "integrateScan": ("evidence(grid.spec, points_w,", "evidence(grid.spec, points_w.map(x => -x),"),
     "castRays": ("s <= 1", "s <= 2"),
     "generator": ("b >>> 9", "b >>> 8"),
 }

@@ -12,7 +12,7 @@ from lab_stills import page as lab_page
 from pfslam.correlation import score_field
 from pfslam.datasets import load
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
+from pfslam.grid import LOG_4, GridSpec, MapConfig, OccupancyGrid, integrate_scan
 from pfslam.motion import Controls, dead_reckoning, integrate, motion_model
 from pfslam.particles import (
     ControlNoise,
@@ -719,6 +719,139 @@ def test_the_histories_of_a_round_die_out_and_a_shared_map_goes_wrong(open_lab):
         histories = [count for number, count in left if number == 2]
         assert histories[0] > 2 * histories[-1]
     assert right[False] == CELLS > right[True] + 2
+
+
+def assert_the_map_agrees(page) -> dict:
+    """Map, worn walls and diary are those of the package for the scans that the browser has cast."""
+    found = page.evaluate(
+        f"""() => {{
+          const {{state, constants}} = {LAB}, {{settings, cell, diary, pose, level, worn, area}} = state;
+          const trace = state.trace.map(scan => ({{...scan, ranges: Array.from(scan.ranges)}}));
+          const logOdds = Array.from(state.grid.logOdds);
+          return {{trace, settings, cell, diary, pose, level, worn, area, logOdds, constants}};
+        }}"""
+    )
+    spec, lidar = found["constants"]["SPEC"], found["constants"]["LIDAR"]
+    grid = OccupancyGrid.empty(GridSpec(tuple(spec["origin"]), spec["resolution"], tuple(spec["shape"])))
+    lidar = LidarModel(
+        angle_min=lidar["angleMin"],
+        angle_max=lidar["angleMax"],
+        beams=lidar["beams"],
+        range_min=lidar["rangeMin"],
+        range_max=lidar["rangeMax"],
+        position_b=(0.0, 0.0, 0.0),
+    )
+    amounts = {name: value * LOG_4 for name, value in found["settings"].items()}
+    config = MapConfig(spec["resolution"], **amounts, rays="bresenham")
+    (ix, iy), diary, hits = found["cell"], [], np.zeros(grid.spec.shape, dtype=int)
+    for number, scan in enumerate(found["trace"], start=1):
+        ranges, pose = np.array(scan["ranges"]), np.array(scan["pose"])
+        points_w = transform_points(pose, scan_points(ranges, lidar))
+        beams = np.flatnonzero(lidar.valid(ranges))
+        alone, _ = integrate_scan(OccupancyGrid.empty(grid.spec), points_w, beams, pose[:2], config)
+        hits += alone.log_odds > 0
+        grid, _ = integrate_scan(grid, points_w, beams, pose[:2], config)
+        if alone.log_odds[iy, ix]:
+            hit, level = bool(alone.log_odds[iy, ix] > 0), grid.log_odds[iy, ix] / LOG_4
+            diary.append({"scan": number, "hit": hit, "level": pytest.approx(level)})
+    np.testing.assert_array_equal(found["logOdds"], grid.log_odds.ravel())
+    assert found["diary"] == diary
+    wall = hits >= found["constants"]["SEEN"]
+    assert found["worn"] == pytest.approx(np.mean(~grid.occupied[wall]) if wall.any() else 0.0)
+    assert found["area"] == pytest.approx(np.count_nonzero(grid.free) * spec["resolution"] ** 2)
+    page.wait_for_function(f"() => {STATUS}.includes(': {found['area']:.1f} square metres free')")
+    page.wait_for_function(f"() => {STATUS}.includes('Cell {ix}, {iy}: ')")
+    return found
+
+
+def place_in_the_building(page, x: float, y: float) -> dict:
+    """The pixel of a place (m) on the canvas of the growing map."""
+    return dict(zip("xy", page.evaluate(f"([x, y]) => {LAB}.stage.sheets[0].at(x, y)", [x, y]), strict=True))
+
+
+def test_a_map_grows_by_mouse(open_lab):
+    page = open_lab("grow", {"trace": True})
+    plan = page.locator(".pfslam-plan canvas")
+    before = assert_the_map_agrees(page)
+    assert before["diary"] == [{"scan": 1, "hit": True, "level": pytest.approx(1.0)}], "the door"
+    begin, end = (place_in_the_building(page, *place) for place in (before["pose"][:2], (4.55, 1.0)))
+    box = plan.bounding_box()
+    page.mouse.move(box["x"] + begin["x"], box["y"] + begin["y"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + end["x"], box["y"] + end["y"], steps=12)
+    page.mouse.up()
+    found = assert_the_map_agrees(page)
+    assert np.hypot(*np.subtract(found["pose"][:2], (4.55, 1.0))) < 0.15
+    assert len(found["trace"]) > 30
+    assert found["worn"] > 0.02, "walls wear off where beams graze them"
+    free = page.get_by_role("slider", name="Free")
+    free.click(position=at_part(free, 0.05))
+    rewritten = assert_the_map_agrees(page)
+    assert len(rewritten["trace"]) == len(found["trace"])
+    assert rewritten["worn"] < 0.5 * found["worn"], "weak clearing leaves the walls, in all scans"
+    plan.click(position=place_in_the_building(page, 2.55, 0.95))
+    floor = assert_the_map_agrees(page)
+    assert floor["cell"] == [25, 9]
+    assert {page["hit"] for page in floor["diary"]} == {False}
+
+
+def test_a_map_grows_by_finger(open_lab):
+    page = open_lab("grow", {"trace": True}, width=390, has_touch=True, is_mobile=True)
+    for _ in range(4):
+        page.get_by_role("button", name="Step").tap()
+    assert assert_the_map_agrees(page)["level"] == pytest.approx(2.0), "at the clamp"
+    page.get_by_label("Door open").tap()
+    for _ in range(3):
+        page.get_by_role("button", name="Step").tap()
+    found = assert_the_map_agrees(page)
+    assert [entry["hit"] for entry in found["diary"]] == 5 * [True] + 3 * [False]
+    assert found["level"] == pytest.approx(-1.0)
+    places = [place_in_the_building(page, *place) for place in (found["pose"][:2], (1.9, 1.0), (1.9, 2.8))]
+    page.locator(".pfslam-plan canvas").evaluate(
+        """(c, places) => {
+          const b = c.getBoundingClientRect(), finger = {pointerId: 1, pointerType: 'touch', button: 0, bubbles: true};
+          const at = (type, {x, y}) => c.dispatchEvent(
+            new PointerEvent(type, {...finger, clientX: b.left + x, clientY: b.top + y}));
+          c.setPointerCapture = () => {};
+          at('pointerdown', places[0]);
+          for (const place of places) at('pointermove', place);
+          at('pointerup', places[2]);
+        }""",
+        places,
+    )
+    through = assert_the_map_agrees(page)
+    assert through["pose"][1] > 2.5, "through the open door"
+    assert through["area"] > found["area"] + 5
+    page.locator(".pfslam-plan canvas").tap(position=place_in_the_building(page, 5.05, 4.05))
+    assert assert_the_map_agrees(page)["cell"] == [50, 40]
+
+
+def test_a_map_grows_by_key(open_lab):
+    page = open_lab("grow", {"trace": True})
+    page.locator(".pfslam-plan").focus()
+    for key in ["ArrowRight"] * 6 + ["ArrowDown"] * 2 + ["ArrowLeft"] + ["d", "d", "w", "a", "s"]:
+        page.keyboard.press(key)
+    found = assert_the_map_agrees(page)
+    np.testing.assert_allclose(found["pose"][:2], [1.45, 0.8], atol=1e-9)
+    assert found["cell"] == [20, 17]
+    assert len(found["trace"]) == 10
+    page.keyboard.press("ArrowDown")
+    for _ in range(8):
+        page.keyboard.press("ArrowDown")
+    assert assert_the_map_agrees(page)["pose"][1] > 0.44, "the wall is in the way"
+    page.get_by_role("slider", name="Clamp").focus()
+    page.keyboard.press("End")
+    page.locator(".pfslam-plan").focus()
+    for key in ("ArrowRight", "o", ".", ".", "."):  # it does not see what is behind it
+        page.keyboard.press(key)
+    high = assert_the_map_agrees(page)
+    assert high["level"] > 5, "without a clamp it takes long"
+    page.keyboard.press("Space")
+    page.wait_for_function(f"() => {LAB}.state.level < 0")
+    page.keyboard.press("Space")
+    assert_the_map_agrees(page)
+    page.keyboard.press("n")
+    assert len(assert_the_map_agrees(page)["trace"]) == 1
 
 
 @cache

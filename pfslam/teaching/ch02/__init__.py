@@ -10,11 +10,10 @@ from pfslam.teaching.ch02.failures import (
     edge_picture,
     glass_picture,
 )
+from pfslam.teaching.ch02.live import grow_lab
 from pfslam.teaching.ch02.many_scans import (
     dead_reckoned_maps,
     dead_reckoned_picture,
-    evidence_explorer,
-    growth_explorer,
     scans_between,
     scans_to_believe,
     walls_of,
@@ -47,9 +46,8 @@ __all__ = [
     "dead_reckoned_maps",
     "dead_reckoned_picture",
     "edge_picture",
-    "evidence_explorer",
     "glass_picture",
-    "growth_explorer",
+    "grow_lab",
     "keep",
     "logistic_picture",
     "question_picture",

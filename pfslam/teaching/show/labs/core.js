@@ -287,22 +287,33 @@
     return mask;
   }
 
+  /** What one scan says about each cell, Int8Array(H W): 1 if a beam ended in it, else -1 if one passed, else 0. */
+  function evidence(spec, points_w, sensor_w) {
+    const said = new Int8Array(spec.shape[0] * spec.shape[1]), ends = worldToCell(spec, points_w);
+    freeCells(spec, points_w, sensor_w).forEach((crossed, k) => { if (crossed) said[k] = -1; });
+    for (let k = 0; k < ends.length; k += 2) {
+      if (contains(spec, ends[k], ends[k + 1])) said[ends[k + 1] * spec.shape[1] + ends[k]] = 1;
+    }
+    return said;
+  }
+
+  /** Add what a scan says to the map and return the new grid; `config` as for `integrateScan`. Eq. 15. */
+  function addEvidence(grid, said, config) {
+    const {spec} = grid, logOdds = grid.logOdds.slice(), clamp = Math.fround(config.clamp);
+    const change = [Math.fround(-config.free), 0, Math.fround(config.hit)];
+    for (let k = 0; k < said.length; k++) {
+      if (said[k]) logOdds[k] = Math.max(-clamp, Math.min(clamp, Math.fround(logOdds[k] + change[said[k] + 1])));
+    }
+    return {spec, logOdds};
+  }
+
   /** Write one scan into the map and return the new grid. Eq. 15.
    *
    * `config` is {hit, free, clamp}, positive amounts of log-odds. Every cell is written once per scan, hit or free, and a
    * hit wins. The sums are float32, as in the package.
    */
   function integrateScan(grid, points_w, sensor_w, config) {
-    const {spec} = grid, change = new Float32Array(grid.logOdds.length), logOdds = grid.logOdds.slice();
-    freeCells(spec, points_w, sensor_w).forEach((crossed, k) => { if (crossed) change[k] = -config.free; });
-    const ends = worldToCell(spec, points_w), clamp = Math.fround(config.clamp);
-    for (let k = 0; k < ends.length; k += 2) {
-      if (contains(spec, ends[k], ends[k + 1])) change[ends[k + 1] * spec.shape[1] + ends[k]] = config.hit;
-    }
-    for (let k = 0; k < change.length; k++) {
-      if (change[k]) logOdds[k] = Math.max(-clamp, Math.min(clamp, Math.fround(logOdds[k] + change[k])));
-    }
-    return {spec, logOdds};
+    return addEvidence(grid, evidence(grid.spec, points_w, sensor_w), config);
   }
 
   /** Distances Float64Array(beams) in m from the sensor at `pose` to what each beam at `angles` meets first.
@@ -363,7 +374,8 @@
   const core = {
     wrapAngle, motionModel, yawRate, wheelTurns, integrate, trajectoryError, predict, beamAngles, isValid, scanPoints, transformPoints, worldToCell, contains, occupied,
     mapCorrelation, scoreField, scores, logLikelihood, logSumExp, reweight, effectiveSampleSize, systematicResample,
-    chosen, averagePose, probability, doorAfter, traceRay, freeCells, integrateScan, castRays, generator,
+    chosen, averagePose, probability, doorAfter, traceRay, freeCells, evidence, addEvidence, integrateScan, castRays,
+    generator,
   };
   root.pfslam = Object.assign(root.pfslam || {}, {core});
 })(globalThis);

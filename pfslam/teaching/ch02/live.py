@@ -1,0 +1,15 @@
+"""Chapter 02: a map that grows while the reader drives, as a laboratory in the page."""
+
+from __future__ import annotations
+
+from pfslam.teaching.show.lab import Laboratory, show_lab
+
+TITLE = "A map grows: drag the robot, and click a cell for its diary"
+ALT = """The map of a small building after a drive along its corridor: the corridor is free, its walls are occupied
+with some gaps, a white fan reaches through a doorway into a room, and the rest is unknown. Below, the log-odds of one
+cell of a door, scan by scan, up to the clamp."""
+
+
+def grow_lab() -> Laboratory:
+    """Make the laboratory in which the reader maps a small building and reads the diary of any cell."""
+    return show_lab("grow", TITLE, ALT)

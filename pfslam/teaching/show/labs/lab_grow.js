@@ -1,0 +1,262 @@
+/* A map grows (chapter 02): drive through a small building, scan by scan; each cell has a diary. */
+(function (root) {
+  "use strict";
+  const {core, draw, lab} = root.pfslam;
+
+  const LOG_4 = Math.log(4), DEGREES = Math.PI / 180;
+  const WINDOW = [0, 7.5, 0, 5], SPEC = {origin: [0, 0], resolution: 0.1, shape: [50, 75]};
+  // The building: x1, y1, x2, y2 of each wall (m). Two pieces can be taken away.
+  const WALLS = [
+    0.25, 0.25, 7.25, 0.25, 7.25, 0.25, 7.25, 4.75, 7.25, 4.75, 0.25, 4.75, 0.25, 4.75, 0.25, 0.25,
+    0.25, 1.75, 1.45, 1.75, 2.35, 1.75, 5.05, 1.75, 5.95, 1.75, 7.25, 1.75,
+    3.75, 1.75, 3.75, 2.45, 3.75, 3.65, 3.75, 4.75,
+    5.95, 3.35, 6.55, 3.35, 6.55, 3.35, 6.55, 3.95, 6.55, 3.95, 5.95, 3.95, 5.95, 3.95, 5.95, 3.35,
+  ];
+  const PIECES = {door: [1.45, 1.75, 2.35, 1.75], panel: [3.75, 2.45, 3.75, 3.65]};
+  const LIDAR = {angleMin: -135 * DEGREES, angleMax: 135 * DEGREES, beams: 181, rangeMin: 0.1, rangeMax: 30, position: [0, 0]};
+  const START = [0.95, 1.0, 0], CELL = [19, 17];  // the robot in the corridor, and a cell of the door
+  const STEP = 0.1, RADIUS = 0.2, NOISE = 0.02;  // m from one scan to the next while it drives; m; m of the ranges
+  const SEEN = 3;  // so many scans must hit a cell for it to be well-seen wall
+  const LINES = 5;  // of the diary, in words
+
+  /** A robot in a building, all that its scans have said, and the map of it. */
+  class Survey {
+    constructor({seed = 2, trace = false}) {
+      Object.assign(this, {seed, pose: START.slice(), cell: CELL.slice(), open: {door: false, panel: false}, spec: SPEC});
+      this.settings = {hit: 1, free: 1, clamp: 2};  // in log 4
+      this.trace = trace ? [] : null;
+      this.reset();
+    }
+
+    /** An empty map; the robot stays where it is. */
+    reset() {
+      Object.assign(this, {dice: core.generator(this.seed), said: [], hits: new Float64Array(50 * 75)});
+      if (this.trace) this.trace.length = 0;
+      this.write();
+    }
+
+    get config() {
+      const {hit, free, clamp} = this.settings;
+      return {hit: hit * LOG_4, free: free * LOG_4, clamp: clamp * LOG_4};
+    }
+
+    get walls() {
+      const shut = Object.keys(PIECES).filter(name => !this.open[name]);
+      return Float64Array.from([...WALLS, ...shut.flatMap(name => PIECES[name])]);
+    }
+
+    /** The map of all scans, written anew with the present settings. */
+    write() {
+      this.grid = {spec: SPEC, logOdds: new Float32Array(SPEC.shape[0] * SPEC.shape[1])};
+      for (const said of this.said) this.grid = core.addEvidence(this.grid, said, this.config);
+    }
+
+    set(name, value) {
+      this.settings[name] = value;
+      this.write();
+    }
+
+    /** Look round once and write the scan into the map. Eq. 7, 14, 15. */
+    scan() {
+      const {pose, walls} = this, noise = this.dice.normals(LIDAR.beams);
+      const ranges = core.castRays(walls, new Float64Array(0), pose, core.beamAngles(LIDAR)).map((range, k) => range + NOISE * noise[k]);
+      this.points_w = core.transformPoints(pose, core.scanPoints(ranges, LIDAR));
+      const said = core.evidence(SPEC, this.points_w, pose.slice(0, 2));
+      this.said.push(said);
+      said.forEach((word, k) => { if (word > 0) this.hits[k] += 1; });
+      this.grid = core.addEvidence(this.grid, said, this.config);
+      if (this.trace) this.trace.push({pose: pose.slice(), ranges});
+    }
+
+    /** Whether the robot has room at a place. */
+    fits(x, y) {
+      const {walls} = this;
+      for (let w = 0; w < walls.length; w += 4) {
+        const [ax, ay, ex, ey] = [walls[w], walls[w + 1], walls[w + 2] - walls[w], walls[w + 3] - walls[w + 1]];
+        const along = Math.max(0, Math.min(1, ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)));
+        if (Math.hypot(ax + along * ex - x, ay + along * ey - y) < RADIUS) return false;
+      }
+      return true;
+    }
+
+    /** Drive towards a place, step by step with a scan at each, along the walls where they are in the way. */
+    drive(x, y) {
+      for (let left = Math.hypot(x - this.pose[0], y - this.pose[1]) / STEP; left >= 1; left--) {
+        const dx = x - this.pose[0], dy = y - this.pose[1], far = Math.hypot(dx, dy), step = [(STEP * dx) / far, (STEP * dy) / far];
+        const ways = [step, [step[0], 0], [0, step[1]]];
+        const way = far >= STEP && ways.find(([a, b]) => Math.hypot(a, b) > 0.2 * STEP && this.fits(this.pose[0] + a, this.pose[1] + b));
+        if (!way) return;
+        this.pose = [this.pose[0] + way[0], this.pose[1] + way[1], Math.atan2(dy, dx)];
+        this.scan();
+      }
+    }
+
+    choose(ix, iy) { if (core.contains(SPEC, ix, iy)) this.cell = [ix, iy]; }
+
+    /** What the scans said about the chosen cell, and its log-odds after each, in log 4. */
+    get diary() {
+      const at = this.cell[1] * SPEC.shape[1] + this.cell[0], pages = [];
+      let cell = {spec: {...SPEC, shape: [1, 1]}, logOdds: new Float32Array(1)};
+      this.said.forEach((said, scan) => {
+        cell = core.addEvidence(cell, said.subarray(at, at + 1), this.config);
+        if (said[at]) pages.push({scan: scan + 1, hit: said[at] > 0, level: cell.logOdds[0] / LOG_4});
+      });
+      return pages;
+    }
+
+    get level() { return this.grid.logOdds[this.cell[1] * SPEC.shape[1] + this.cell[0]] / LOG_4; }
+
+    /** Square metres that are free in the map. */
+    get area() { return SPEC.resolution ** 2 * this.grid.logOdds.reduce((sum, value) => sum + (value < 0), 0); }
+
+    /** The share of the well-seen wall cells that the map no longer shows. */
+    get worn() {
+      let wall = 0, lost = 0;
+      this.hits.forEach((hits, k) => {
+        if (hits < SEEN) return;
+        wall += 1;
+        if (!(this.grid.logOdds[k] > 0)) lost += 1;
+      });
+      return wall ? lost / wall : 0;
+    }
+  }
+
+  lab("grow", stage => {
+    const survey = new Survey(stage.options), shown = {building: false, driven: false, held: false, drawn: ""};
+    const plan = stage.plan({
+      name: "The map, the robot, and the chosen cell",
+      help: "Drag the robot; click any cell for its diary. Keys: arrows drive, the letters A, D, W and S choose the next cell.",
+      window: WINDOW, touch: "pinch-zoom",
+    });
+    const chart = stage.chart({name: "The log-odds of the chosen cell after each scan", height: 130});
+    const diary = stage.words("");
+    const clock = stage.clock({hertz: 10, tick: () => survey.scan(), step: () => survey.scan()});
+    clock.pause();
+    stage.button({name: "New map", key: "n", press: () => { survey.reset(); survey.scan(); }});
+    stage.check({name: "Door open", key: "o", change: open => { survey.open.door = open; }});
+    stage.check({name: "Panel away", key: "p", change: away => { survey.open.panel = away; }});
+    stage.check({name: "Show the building", key: "b", change: value => { shown.building = value; }});
+    const slider = (key, name, min, max) => stage.slider({
+      name, min, max, step: 0.01, value: survey.settings[key], unit: "log 4", change: value => survey.set(key, value)});
+    slider("hit", "Hit", 0.1, 3);
+    slider("free", "Free", 0.01, 2);
+    slider("clamp", "Clamp", 0.5, 20);
+    stage.drag(plan, {
+      start: (x, y) => {
+        shown.held = Math.hypot(x - survey.pose[0], y - survey.pose[1]) < 2 * RADIUS;
+        if (!shown.held) survey.choose(...core.worldToCell(SPEC, [x, y]));
+      },
+      move: (x, y) => {
+        if (!shown.held) return;
+        shown.driven = true;
+        survey.drive(x, y);
+      },
+    });
+    const go = (dx, dy) => down => {
+      if (!down) return;
+      shown.driven = true;
+      survey.drive(survey.pose[0] + 1.01 * STEP * dx, survey.pose[1] + 1.01 * STEP * dy);
+    };
+    const next = (dx, dy) => down => { if (down) survey.choose(survey.cell[0] + dx, survey.cell[1] + dy); };
+    stage.keys(plan, {ArrowLeft: go(-1, 0), ArrowRight: go(1, 0), ArrowUp: go(0, 1), ArrowDown: go(0, -1),
+                      a: next(-1, 0), d: next(1, 0), w: next(0, 1), s: next(0, -1)});
+    survey.scan();
+    return {
+      state: survey, constants: {SPEC, LIDAR, SEEN},
+      draw() {
+        paintMap(plan, stage.colours, survey, shown);
+        paintDiary(chart, stage.colours, survey);
+        const words = inWords(survey);
+        if (words !== shown.drawn) diary.innerHTML = shown.drawn = words;
+      },
+      describe: () => sentence(survey),
+    };
+  });
+
+  function paintMap(plan, colours, survey, shown) {
+    const {pose, grid, cell, settings, open} = survey, size = plan.width < 500 ? 13 : 15;
+    plan.clear(colours.paper);
+    draw.grid(plan, grid, colours, LOG_4 * Math.min(settings.clamp, 2));
+    if (shown.building) draw.line(plan, survey.walls, colours.estimate, {width: 1.5, gaps: true});
+    for (const [name, piece] of Object.entries(PIECES)) {
+      draw.line(plan, piece, colours.highlight, {width: 2.5, dash: open[name] ? [3, 6] : []});
+    }
+    if (survey.said.length) {
+      draw.rays(plan, pose.slice(0, 2), survey.points_w.filter((_, k) => k % 8 < 2), colours.clear);
+      draw.dots(plan, survey.points_w, colours.hits, 1.6);
+    }
+    draw.robot(plan, pose, colours.estimate, {radius: RADIUS, fill: colours.free});
+    const [x, y] = plan.at(SPEC.resolution * cell[0], SPEC.resolution * (cell[1] + 1)), side = SPEC.resolution * plan.scale;
+    for (const [colour, width] of [[colours.free, 6], [colours.hits, 3]]) {
+      Object.assign(plan.context, {strokeStyle: colour, lineWidth: width});
+      plan.context.strokeRect(x - 2, y - 2, side + 4, side + 4);
+    }
+    const worn = `${plural(survey.said.length, "scan")}, ${(100 * survey.worn).toFixed(0)} % of the seen walls worn off`;
+    draw.text(plan, worn, 8, 1.4 * size, colours.ink, {size, halo: colours.paper});
+    if (shown.driven) return;
+    const [rx, ry] = plan.at(pose[0], pose[1] - 1.6 * RADIUS);
+    draw.text(plan, "drag me", rx, ry + size, colours.ink, {size, align: "center", halo: colours.free});
+  }
+
+  /** The log-odds of the chosen cell over the scans, a mark at each scan that touched it, and the clamp. */
+  function paintDiary(chart, colours, survey) {
+    const {width, height, context} = chart, {clamp} = survey.settings, n = Math.max(survey.said.length, 20), size = width < 500 ? 12 : 14;
+    const pages = survey.diary, most = Math.max(...pages.map(page => Math.abs(page.level)), 1), top = 1.6 * Math.min(clamp, Math.max(2, most));
+    const left = 34, x = scan => left + ((width - left - 8) * scan) / n, y = level => height / 2 - (0.5 * height - 14) * (level / top);
+    const line = (points, colour, wide, dash = []) => {
+      Object.assign(context, {strokeStyle: colour, lineWidth: wide});
+      context.setLineDash(dash);
+      context.beginPath();
+      points.forEach(point => context.lineTo(...point));
+      context.stroke();
+      context.setLineDash([]);
+    };
+    chart.clear(colours.free);
+    line([[left, y(0)], [width, y(0)]], colours.muted, 1);
+    for (const level of [clamp, -clamp]) line([[left, y(level)], [width, y(level)]], colours.highlight, 1.5, [5, 4]);
+    const steps = [[x(0), y(0)]];
+    let last = 0;
+    for (const {scan, level} of pages) {
+      steps.push([x(scan), y(last)], [x(scan), y(level)]);
+      last = level;
+    }
+    line([...steps, [x(survey.said.length), y(last)]], colours.ink, 2);
+    for (const {scan, hit, level} of pages) {
+      context.fillStyle = hit ? colours.hits : colours.clear;
+      context.fillRect(x(scan) - 2.5, y(level) - 2.5, 5, 5);
+    }
+    const write = (words, px, py, align) => draw.text(chart, words, px, py, colours.ink, {size, align, halo: colours.free});
+    write("0", left - 5, y(0) + 4, "right");
+    for (const level of [clamp, -clamp]) {
+      if (y(level) > 0 && y(level) < height) write(level.toFixed(1), left - 5, y(level) + 4, "right");
+    }
+    write(`the log-odds of the chosen cell, in log 4: ${survey.level.toFixed(2)}`, left + 4, size, "left");
+    write(`scan ${survey.said.length}`, width - 8, height - 5, "right");
+  }
+
+  /** The diary in words: the last scans that touched the cell. */
+  function inWords(survey) {
+    const pages = survey.diary, {clamp} = survey.settings;
+    const dot = name => `<span class="pfslam-dot" style="background:var(--lab-${name})"></span>`;
+    const lines = pages.slice(-LINES).map(({scan, hit, level}) =>
+      `scan ${scan} ${hit ? `${dot("hits")} hit` : `${dot("clear")} passed`} ${signed(level)}${Math.abs(level) > clamp - 1e-6 ? " (clamp)" : ""}`);
+    const start = `<b>Diary of cell (${survey.cell.join(", ")})</b>: ${tally(pages)}.`;
+    return lines.length ? `${start} ${pages.length > LINES ? "… " : ""}${lines.join(" · ")}` : `${start} No scan has touched it: unknown.`;
+  }
+
+  const plural = (n, word, more = `${word}s`) => `${n} ${n === 1 ? word : more}`;
+
+  /** How often beams have ended in the cell of a diary, and how often they passed through it. */
+  function tally(pages) {
+    const hits = pages.filter(page => page.hit).length;
+    return `${plural(hits, "hit")}, ${plural(pages.length - hits, "pass", "passes")}`;
+  }
+
+  const signed = value => (value < 0 ? "−" : "+") + Math.abs(value).toFixed(2);
+
+  function sentence(survey) {
+    return `${plural(survey.said.length, "scan")}: ${survey.area.toFixed(1)} square metres free, ${(100 * survey.worn).toFixed(0)} percent of the ` +
+      `well-seen wall cells worn off. Cell ${survey.cell.join(", ")}: ${tally(survey.diary)}, log-odds ` +
+      `${survey.level.toFixed(2)} log 4.`;
+  }
+})(globalThis);
