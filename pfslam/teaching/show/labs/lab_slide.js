@@ -60,8 +60,14 @@
 
     get share() { return this.shares(Float64Array.from(this.pose))[0]; }
 
-    /** The shares of all shifts at the present heading, row by row from the lowest. */
+    /** The shares of all shifts at the present heading, row by row from the lowest; kept until heading, scan or field change. */
     surface() {
+      const key = [this.start, this.points_b, this.turn, this.kind];
+      if (!this.scored || key.some((value, k) => value !== this.scored.key[k])) this.scored = {key, surface: this.allShifts()};
+      return this.scored.surface;
+    }
+
+    allShifts() {
       const poses = [], [x, y] = this.start, theta = this.pose[2];
       for (let j = -SHIFTS; j <= SHIFTS; j++) {
         for (let i = -SHIFTS; i <= SHIFTS; i++) poses.push(x + SHIFT * i, y + SHIFT * j, theta);
@@ -164,23 +170,34 @@
     Object.assign(plan.context, {strokeStyle: colours.highlight, lineWidth: 2});
     plan.context.strokeRect(left, top, 2 * REACH * plan.scale, 1.4 * REACH * plan.scale);
     const points_w = core.transformPoints([x, y, theta], guess.points_b);
-    draw.dots(plan, points_w, colours.hits, 1);
+    squares(plan, points_w, colours.hits, 1);
     draw.robot(plan, [x, y, theta], colours.estimate, {radius: 0.35});
   }
 
   function paintMap(plan, colours, guess) {
     const {pose, points_b, spec, cells} = guess, points_w = core.transformPoints(pose, points_b), on = [], off = [];
     plan.clear(colours.free);
-    draw.grid(plan, guess.grid, {...colours, paper: colours.free}, 1);
+    // The same object from frame to frame, or the map would be painted anew in each.
+    if (plan.tonedFrom !== colours) Object.assign(plan, {tonedFrom: colours, tones: {...colours, paper: colours.free}});
+    draw.grid(plan, guess.grid, plan.tones, 1);
     const places = core.worldToCell(spec, points_w);
     for (let k = 0; k < points_w.length; k += 2) {
       const hit = core.contains(spec, places[k], places[k + 1]) && cells[places[k + 1] * spec.shape[1] + places[k]];
       (hit ? on : off).push(points_w[k], points_w[k + 1]);
     }
-    draw.dots(plan, off, colours.hits, 1.8);
-    draw.dots(plan, on, colours.clear, 2.6);
+    squares(plan, off, colours.hits, 1.6);
+    squares(plan, on, colours.clear, 2.4);
     draw.robot(plan, pose, colours.estimate, {radius: RADIUS});
     draw.text(plan, `${(100 * guess.share).toFixed(0)} % of the best possible score`, 8, 20, colours.ink, {size: 16, halo: colours.free});
+  }
+
+  /** Small squares at points: a thousand of them are quicker than discs. */
+  function squares(plan, points, colour, half) {
+    plan.context.fillStyle = colour;
+    for (let k = 0; k < points.length; k += 2) {
+      const [x, y] = plan.at(points[k], points[k + 1]);
+      plan.context.fillRect(x - half, y - half, 2 * half, 2 * half);
+    }
   }
 
   /** The scores of all shifts, blue the worst and white-hot the best, with a cross at the guess. */
