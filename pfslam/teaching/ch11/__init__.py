@@ -1,0 +1,60 @@
+"""What the notebook of chapter 11 calls."""
+
+from pfslam.localization import (
+    KnownMap,
+    LocalizationConfig,
+    enough,
+    kld_bound,
+    likelihood_field,
+    localization_step,
+    locate,
+    spread,
+)
+from pfslam.teaching.ch11.building import distances, kidnapped, part, two_halves
+from pfslam.teaching.ch11.checks import check_inject, check_particles_needed
+from pfslam.teaching.ch11.exact import HEADINGS, Histogram
+from pfslam.teaching.ch11.measured import counts, distances_by_number, exact_picture, found_table, values
+from pfslam.teaching.ch11.pictures import (
+    info_at,
+    kidnap_picture,
+    likelihood_picture,
+    numbers_picture,
+    search_explorer,
+    shares,
+    start_table,
+)
+from pfslam.teaching.show.figures import map_along
+from pfslam.teaching.show.source import show_source
+
+__all__ = [
+    "HEADINGS",
+    "Histogram",
+    "KnownMap",
+    "LocalizationConfig",
+    "check_inject",
+    "check_particles_needed",
+    "counts",
+    "distances",
+    "distances_by_number",
+    "enough",
+    "exact_picture",
+    "found_table",
+    "info_at",
+    "kidnap_picture",
+    "kidnapped",
+    "kld_bound",
+    "likelihood_field",
+    "likelihood_picture",
+    "localization_step",
+    "locate",
+    "map_along",
+    "numbers_picture",
+    "part",
+    "search_explorer",
+    "shares",
+    "show_source",
+    "spread",
+    "start_table",
+    "two_halves",
+    "values",
+]
