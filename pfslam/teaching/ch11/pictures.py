@@ -139,7 +139,8 @@ def likelihood_picture(place: Place) -> Picture:
     best = [ahead[np.argmax(values)] for values in (field, rays)]
     steps = [float(np.abs(np.diff(values)).max()) for values in (field, rays)]
     alt = (
-        f"Log-likelihood of one scan against a displacement along the corridor. The field is highest at {best[0]:.2f} m "
+        "Log-likelihood of one scan against a displacement along the corridor. "
+        f"The field is highest at {best[0]:.2f} m "
         f"and the rays at {best[1]:.2f} m. The largest step between neighbouring poses is {steps[0]:.2f} for the field "
         f"and {steps[1]:.2f} for the rays."
     )
