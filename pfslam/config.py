@@ -102,6 +102,28 @@ class PolishConfig(Settings):
     beam_stride: Stride = 2
     degenerate_below: Share = 0.01
     """Least share of normals along a direction for the map to have a say in it; below, odometry decides."""
+    independent_beams: Annotated[float, Range(0.0, 1e6)] = 0.0
+    """As so many independent beams, each good to 2 cm, do the lines count against odometry; 0: it has no say else."""
+
+
+@dataclass(frozen=True)
+class CareConfig(Settings):
+    """Set how a run takes care among what moves, and among glass."""
+
+    gate: Annotated[float, Range(0.0, inf)] = 3.0
+    """A match so many sigmas of the motion from odometry is not believed if beams stay unexplained."""
+    unexplained: Share = 0.1
+    """Greatest share of unexplained beams that a match beyond the gate may leave."""
+    free_scans: Annotated[int, Range(1, 1000)] = 4
+    """Beams that end in cells seen free so often, far from any wall, are left out of the match."""
+    wait: Annotated[int, Range(1, 1000)] = 5
+    """Hits near something that has gone wait for so many drawn scans before they are drawn."""
+    gone: Annotated[int, Range(1, 1000)] = 2
+    """Scans that must see through a hit, more than met it again, for it to have gone."""
+    radius: Annotated[float, Range(0.0, 100.0)] = 0.5
+    """How far from something that has gone hits wait (m): a person's width."""
+    margin: Annotated[int, Range(0, 100)] = 2
+    """Beams that end so few cells away, or fewer, did not see through a hit: they may have met the same wall."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +148,8 @@ class SlamConfig(Settings):
     map: MapConfig = field(default_factory=MapConfig)
     polish: PolishConfig | None = None
     """Alignment of the estimate to the map's lines; ``None`` leaves it out."""
+    care: CareConfig | None = None
+    """How to live with people and glass; ``None`` takes everything that a beam meets for a wall."""
     tilt: TiltConfig | None = None
     """How the body's lean is taken into account; ``None`` takes every floor to be flat."""
     estimate: Literal["best", "mean"] = "best"
@@ -188,6 +212,16 @@ class SlamConfig(Settings):
     def matching(cls) -> SlamConfig:
         """Return scan matching without particles: one pose, predicted by odometry, then matched and polished."""
         return replace(cls.refined(), particles=1, noise=MotionNoise(sampled=False))
+
+    def careful(self) -> SlamConfig:
+        """Return the settings for a second look, after scans have misled a run: slower, and made for people and glass.
+
+        Methods without a polish, or with a map for each particle, have none and come back as they are.
+        """
+        if self.polish is None or self.maps == "per-particle":
+            return self
+        polish = replace(self.polish, elongation=1.3, independent_beams=150.0)
+        return replace(self, polish=polish, care=self.care or CareConfig())
 
     def as_dict(self) -> dict:
         """Return all settings as plain nested dictionaries, for ``summary.json`` and tables."""

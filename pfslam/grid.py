@@ -229,17 +229,26 @@ def integrate_scan(
     beams: np.ndarray,
     sensor_w: np.ndarray,
     config: MapConfig,
+    hits: np.ndarray | None = None,
 ) -> tuple[OccupancyGrid, tuple[slice, slice]]:
     """Write one scan into the map, and return the rectangle of cells that it touched. Implements Eq. 15.
 
     Arguments as in ``free_cells``; the points must lie inside the grid (see ``OccupancyGrid.covering``). Every cell is
     written once per scan, hit or free, and a hit wins: a wall seen at a grazing angle must not be rubbed out by the
-    neighbouring beams of the scan that found it.
+    neighbouring beams of the scan that found it. ``hits (H, 2)`` are drawn in place of the end points if given.
     """
     mask, rectangle = free_cells(grid.spec, points_w, beams, sensor_w, config.rays)
     change = mask * np.float32(-config.free)
     ix, iy = grid.spec.world_to_cell(points_w).T
-    change[iy - rectangle[0].start, ix - rectangle[1].start] = config.hit
+    change[iy - rectangle[0].start, ix - rectangle[1].start] = config.hit if hits is None else 0.0
     log_odds = grid.log_odds.copy()
     log_odds[rectangle] = np.clip(log_odds[rectangle] + change, -config.clamp, config.clamp)
+    if hits is not None and len(hits):
+        ix, iy = grid.spec.world_to_cell(hits).T
+        log_odds[iy, ix] = np.minimum(log_odds[iy, ix] + np.float32(config.hit), config.clamp)
+        rows, columns = rectangle
+        rectangle = (
+            slice(min(rows.start, iy.min()), max(rows.stop, iy.max() + 1)),
+            slice(min(columns.start, ix.min()), max(columns.stop, ix.max() + 1)),
+        )
     return OccupancyGrid(grid.spec, log_odds), rectangle

@@ -21,6 +21,8 @@ from pfslam.poses import transform_points, wrap_angle
 
 MAX_STEP = np.array([0.1, 0.1, 0.05])
 """Largest correction in one iteration (m, m, rad): the polish is a local step."""
+LINE_SIGMA = 0.02
+"""Standard deviation (m) of one beam's distance from its line, when lines are weighed against odometry."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,11 +141,15 @@ def polish(
     pose: np.ndarray,
     odometry_pose: np.ndarray,
     config: PolishConfig,
+    variance: np.ndarray | None = None,
 ) -> Polished:
     """Move ``pose (3,)`` so that the end points ``(M, 2)`` (body, m) lie on the lines of the map.
 
     Along a direction in which no line constrains it (the length of a bare corridor) the position is taken from
     ``odometry_pose (3,)``. Without at least three beams on lines the pose comes back as it was.
+
+    With ``config.independent_beams`` odometry is weighed against the lines in every direction: the result maximises
+    their likelihood times the normal density about ``odometry_pose`` with ``variance (2,)`` (m^2, rad^2) of the motion.
     """
     pose = np.array(pose, dtype=float)
     for _ in range(config.iterations):
@@ -151,7 +157,10 @@ def polish(
         # Lines many rho away leave weights that are zero in a computer too.
         if len(residual) < 3 or not weight.any():
             return Polished(pose, len(residual), None)
-        step = gauss_newton_step(residual, jacobian, weight)
+        if variance is None or not config.independent_beams:
+            step = gauss_newton_step(residual, jacobian, weight)
+        else:
+            step = weighed_step(residual, jacobian, weight, pose - odometry_pose, variance, config)
         pose += step
         if np.max(np.abs(step) / MAX_STEP) < 1e-3:
             break
@@ -162,7 +171,8 @@ def polish(
     if share[0] >= config.degenerate_below:
         return Polished(pose, len(residual), None)
     silent = directions[:, 0]
-    pose[:2] += silent * (silent @ (odometry_pose[:2] - pose[:2]))
+    if variance is None or not config.independent_beams:
+        pose[:2] += silent * (silent @ (odometry_pose[:2] - pose[:2]))
     return Polished(pose, len(residual), silent)
 
 
@@ -176,6 +186,30 @@ def line_residuals(
     residual = np.sum(normal * (arm + pose[:2] - lines.centre[lines.found]), axis=1)
     jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
     return residual, jacobian, lines.trust[lines.found] * np.exp(-0.5 * (residual / config.rho) ** 2)
+
+
+def weighed_step(
+    residual: np.ndarray,
+    jacobian: np.ndarray,
+    weight: np.ndarray,
+    departure: np.ndarray,
+    variance: np.ndarray,
+    config: PolishConfig,
+) -> np.ndarray:
+    """Correct a pose ``(3,)`` by one step towards the maximum of the lines' likelihood times odometry's density.
+
+    Minimises k / s^2 sum w (r + J x)^2 + |d + x|^2 / variance over the step x, where d ``(3,)`` is the departure from
+    odometry so far and s is ``LINE_SIGMA``: one iteration of an iterated Kalman update (Bell and Cathey, "The iterated
+    Kalman filter update as a Gauss-Newton method", 1993). Beams on one wall share its errors, so together they count
+    for ``independent_beams`` at most: k = min(1, independent_beams / sum w).
+    """
+    k = min(1.0, config.independent_beams / float(np.sum(weight))) / LINE_SIGMA**2
+    # Without any noise the prior pins the pose to odometry, rather than dividing by zero.
+    prior = 1.0 / np.maximum(variance[[0, 0, 1]], 1e-12)
+    departure = np.array([departure[0], departure[1], wrap_angle(departure[2])])
+    H = k * (jacobian.T @ (weight[:, None] * jacobian)) + np.diag(prior)
+    step = -np.linalg.solve(H, k * (jacobian.T @ (weight * residual)) + prior * departure)
+    return step * min(1.0, float(np.min(MAX_STEP / np.maximum(np.abs(step), 1e-12))))
 
 
 def gauss_newton_step(residual: np.ndarray, jacobian: np.ndarray, weight: np.ndarray) -> np.ndarray:

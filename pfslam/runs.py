@@ -17,7 +17,7 @@ from pfslam.per_particle import Histories, per_particle_step
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.slam import SlamState, StepInfo, slam_step
-from pfslam.trust import Distrust, distrust
+from pfslam.trust import Distrust, distrust, misled
 
 
 class State(Protocol):
@@ -46,7 +46,10 @@ FILTERS = {
 
 @dataclass(frozen=True, eq=False)
 class SlamResult:
-    """A finished run: the estimate as it was at each used scan (never revised), the map, one info per step."""
+    """A finished run: the estimate as it was at each used scan (never revised), the map, one info per step.
+
+    ``config`` is that of the run that stands: the careful one after a second look (see ``run_slam``).
+    """
 
     trajectory: Trajectory
     grid: OccupancyGrid
@@ -95,14 +98,32 @@ def run_slam(
     rng: np.random.Generator | None = None,
     progress: Callable | None = None,
     keep_particles: bool = True,
+    second_look: bool = True,
 ) -> SlamResult:
     """Estimate the trajectory and the map of a recording.
 
     ``config=None`` is ``SlamConfig.refined()``; ``rng=None`` is seed 0. ``progress(iterable, total=n)`` may wrap the
     loop, as tqdm does. Without ``keep_particles`` the infos hold no clouds, which saves memory on long runs.
+
+    A run whose scans have misled it (``trust.misled``) is done again with ``config.careful()``, if that differs; the
+    result's ``config`` tells. Without ``second_look`` the first run stands, whatever happened.
     """
     config = SlamConfig.refined() if config is None else config
     rng = np.random.default_rng(0) if rng is None else rng
+    result = _one_run(recording, config, rng, progress, keep_particles)
+    if second_look and config.careful() != config and misled(result.infos):
+        return _one_run(recording, config.careful(), rng, progress, keep_particles)
+    return result
+
+
+def _one_run(
+    recording: Recording,
+    config: SlamConfig,
+    rng: np.random.Generator,
+    progress: Callable | None,
+    keep_particles: bool,
+) -> SlamResult:
+    """Run the filter once over a recording."""
     drive = Drive.of(recording, config)
     steps = _steps(drive, config, rng)
     infos: list[StepInfo] = []
@@ -117,7 +138,10 @@ def _left_unused(infos: list[StepInfo]) -> dict[str, int]:
     """Count the beams and scans that could not be used, by reason; a reason that never occurred is left out."""
     counts = {
         "beams that struck the floor": sum(info.struck_floor for info in infos),
-        "scans with too few valid beams": sum(not (info.matched or info.drawn) for info in infos),
+        "scans with too few valid beams": sum(
+            not (info.matched or info.drawn or info.rejected) for info in infos
+        ),
+        "scans whose match was not believed": sum(info.rejected for info in infos),
         "scans that scored nothing anywhere": sum(info.matched and not info.scored for info in infos),
     }
     return {reason: count for reason, count in counts.items() if count}

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pfslam.care import WaitingScan, beyond_gate, familiar, settle_hits
 from pfslam.config import ControlNoise, SlamConfig
 from pfslam.correlation import NEAR, ScoreField, score_field, updated_field
 from pfslam.events import ScanEvent
@@ -27,7 +28,7 @@ class SlamState:
     """All that the next step needs.
 
     ``drawn_at`` is the pose ``(3,)`` of the last scan drawn, None while there is no map yet; ``variance (2,)`` that of
-    the motion (m^2, rad^2) since a scan was last matched.
+    the motion (m^2, rad^2) since a scan was last matched; ``waiting`` the last scans whose hits are being judged.
     """
 
     particles: Particles
@@ -37,6 +38,7 @@ class SlamState:
     moments: HitMoments
     drawn_at: np.ndarray | None
     variance: np.ndarray
+    waiting: tuple[WaitingScan, ...] = ()
 
     @classmethod
     def start(cls, config: SlamConfig) -> SlamState:
@@ -60,7 +62,8 @@ class StepInfo:
 
     ``particles`` is the cloud that gave the estimate, before resampling (None where it was not kept); ``score`` the
     mean score per beam, from 0 to 1, that the particles reached: it falls when the robot is lost. ``matched`` is False
-    for the first scan and for scans with too few beams; ``scored`` is False where no particle found anything.
+    for the first scan, for scans with too few beams, and for those whose match was not believed, which are
+    ``rejected``; ``scored`` is False where no particle found anything.
     """
 
     t: float
@@ -70,6 +73,7 @@ class StepInfo:
     beams: int
     struck_floor: int
     matched: bool = False
+    rejected: bool = False
     scored: bool = False
     resampled: bool = False
     drawn: bool = False
@@ -110,18 +114,21 @@ def slam_step(
     if state.drawn_at is None:
         return begin_map(state, event, config, rng)
     # Predict: every particle moves by its own noisy motion.
-    particles, variance = predict_motion(state.particles, event, config, rng)
+    moved, variance = predict_motion(state.particles, event, config, rng)
     predicted, variance = compose(state.estimate, event.motion), state.variance + variance
     if len(event.points_b) < config.min_beams:
-        return predicted_only(state, event, particles, predicted, variance)
+        return predicted_only(state, event, moved, predicted, variance)
     # Score the scan around every particle; each moves to its best pose.
-    matched = match_scan(state, event, particles, variance, config, rng, parts)
+    known = known_part(state, event, predicted, config)
+    matched = match_scan(state, known, moved, variance, config, rng, parts)
     # Reweight by how well the scan fits there.
-    particles = Particles(matched.poses, particles.log_weights)
+    particles = Particles(matched.poses, moved.log_weights)
     particles, evidence = reweight(particles, matched.log_likelihood)
     # Estimate one pose; align it to the map's lines, and the cloud with it.
     estimate = estimate_pose(particles, config)
-    aligned = align(state, event, estimate, predicted, config)
+    aligned = align(state, known, estimate, predicted, config, variance)
+    if not believable(state, event, predicted, aligned.pose, variance, config):
+        return predicted_only(state, event, moved, predicted, variance, rejected=True)
     particles = shifted(particles, estimate, aligned.pose)
     info = describe(state, event, predicted, aligned, particles, matched, evidence)
     # Resample if few particles carry the weight.
@@ -157,11 +164,41 @@ def begin_map(
 
 
 def predicted_only(
-    state: SlamState, event: ScanEvent, particles: Particles, predicted: np.ndarray, variance: np.ndarray
+    state: SlamState,
+    event: ScanEvent,
+    particles: Particles,
+    predicted: np.ndarray,
+    variance: np.ndarray,
+    rejected: bool = False,
 ) -> tuple[SlamState, StepInfo]:
-    """Process a scan with too few beams: the cloud is only predicted, and odometry alone moves the estimate."""
+    """Process a scan with too few beams, or one not believed: odometry alone moves the cloud and the estimate."""
     state = replace(state, particles=particles, estimate=predicted, variance=variance)
-    return state, _info(event, predicted, particles)
+    return state, _info(event, predicted, particles, rejected=rejected)
+
+
+def known_part(state: SlamState, event: ScanEvent, predicted: np.ndarray, config: SlamConfig) -> ScanEvent:
+    """Leave out the beams that contradict the map at the predicted pose, if the configuration takes such care."""
+    if config.care is None:
+        return event
+    points_w = transform_points(predicted, event.points_b)
+    known = familiar(state.grid, state.field, points_w, config.map.free, config.care)
+    if np.count_nonzero(known) < config.min_beams:
+        return event
+    return replace(event, points_b=event.points_b[known], beams=event.beams[known])
+
+
+def believable(
+    state: SlamState,
+    event: ScanEvent,
+    predicted: np.ndarray,
+    pose: np.ndarray,
+    variance: np.ndarray,
+    config: SlamConfig,
+) -> bool:
+    """Tell whether a match lies within the gate about odometry, or has few unexplained beams; always without care."""
+    if config.care is None or not beyond_gate(pose - predicted, variance, config.care.gate):
+        return True
+    return unexplained(state, event, pose) <= config.care.unexplained
 
 
 def predict_motion(
@@ -204,13 +241,18 @@ def estimate_pose(particles: Particles, config: SlamConfig) -> np.ndarray:
 
 
 def align(
-    state: SlamState, event: ScanEvent, estimate: np.ndarray, predicted: np.ndarray, config: SlamConfig
+    state: SlamState,
+    event: ScanEvent,
+    estimate: np.ndarray,
+    predicted: np.ndarray,
+    config: SlamConfig,
+    variance: np.ndarray | None = None,
 ) -> Polished:
     """Polish the estimate on the map's lines, or return it as it was if the configuration has no polish."""
     if config.polish is None:
         return Polished(estimate, 0, None)
     points = event.points_b[:: config.polish.beam_stride]
-    return polish(state.moments, points, estimate, predicted, config.polish)
+    return polish(state.moments, points, estimate, predicted, config.polish, variance)
 
 
 def shifted(particles: Particles, before: np.ndarray, after: np.ndarray) -> Particles:
@@ -232,15 +274,19 @@ def draw(state: SlamState, event: ScanEvent, config: SlamConfig) -> SlamState:
     sensor_w = transform_points(state.estimate, event.sensor_b[None])
     grid = state.grid.covering(np.concatenate([points_w, sensor_w]))
     grown = grid.spec != state.grid.spec
-    grid, rectangle = integrate_scan(grid, points_w, event.beams, sensor_w[0], config.map)
+    hits, waiting = None, state.waiting
+    if config.care is not None and state.drawn_at is not None:
+        scan = points_w, event.beams, sensor_w[0]
+        hits, waiting = settle_hits(waiting, grid.spec, *scan, config.map, config.care)
+    grid, rectangle = integrate_scan(grid, points_w, event.beams, sensor_w[0], config.map, hits)
     if grown:
         field = score_field(grid.occupied, config.search.field)
     else:
         field = updated_field(state.field, grid.occupied, rectangle)
     moments = state.moments
     if config.polish is not None:
-        moments = moments.covering(grid.spec).add(points_w)
-    return replace(state, grid=grid, field=field, moments=moments, drawn_at=state.estimate)
+        moments = moments.covering(grid.spec).add(points_w if hits is None else hits)
+    return replace(state, grid=grid, field=field, moments=moments, drawn_at=state.estimate, waiting=waiting)
 
 
 def describe(

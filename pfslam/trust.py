@@ -107,6 +107,11 @@ def distrust(infos: Sequence[StepInfo]) -> list[Distrust]:
     return sorted([*_lost(infos), *_dragged(infos), *_blind(infos), *_along(infos)], key=lambda d: d["from"])
 
 
+def misled(infos: Sequence[StepInfo]) -> bool:
+    """Tell whether scans dragged the estimate from its odometry somewhere in a run, as people and glass do."""
+    return any(True for _ in _dragged(infos))
+
+
 def _lost(infos: Sequence[StepInfo]) -> Iterator[Distrust]:
     if len(when := alarms(infos)):
         reason = "scans fit the map far worse than before: the robot is lost, or was moved by hand"
@@ -134,21 +139,22 @@ def _dragged(infos: Sequence[StepInfo]) -> Iterator[Distrust]:
 
 
 def _blind(infos: Sequence[StepInfo]) -> Iterator[Distrust]:
-    """Find the times without enough beams, from the last scan that was matched to the next one."""
-    since, blind = infos[0].t if infos else 0.0, False
+    """Find the times without a scan to go by, from the last one that was matched to the next."""
+    since, blind, rejected = infos[0].t if infos else 0.0, False, False
     for info in infos:
         if not (info.matched or info.drawn):
-            blind = True
+            blind, rejected = True, rejected or info.rejected
             continue
         if blind and info.t - since > BLIND_SECONDS:
-            yield _blindness(since, info.t, float(info.t))
-        since, blind = info.t, False
+            yield _blindness(since, info.t, float(info.t), rejected)
+        since, blind, rejected = info.t, False, False
     if blind and infos[-1].t - since > BLIND_SECONDS:
-        yield _blindness(since, infos[-1].t, None)
+        yield _blindness(since, infos[-1].t, None, rejected)
 
 
-def _blindness(begin: float, end: float, to: float | None) -> Distrust:
-    reason = f"no scan with enough beams for {end - begin:.1f} s: odometry alone"
+def _blindness(begin: float, end: float, to: float | None, rejected: bool) -> Distrust:
+    missing = "no scan that could be believed" if rejected else "no scan with enough beams"
+    reason = f"{missing} for {end - begin:.1f} s: odometry alone"
     return {"from": float(begin), "to": to, "reason": reason}
 
 

@@ -24,6 +24,7 @@ ORDER = [
     "config",
     "matching",
     "refinement",
+    "care",
     "events",
     "localization",
     "slam",

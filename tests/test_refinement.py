@@ -8,7 +8,7 @@ import pytest
 from pfslam.config import PolishConfig
 from pfslam.grid import GridSpec
 from pfslam.poses import invert, transform_points, wrap_angle
-from pfslam.refinement import MAX_STEP, HitMoments, nearby_lines, polish
+from pfslam.refinement import LINE_SIGMA, MAX_STEP, HitMoments, nearby_lines, polish, weighed_step
 
 SPEC = GridSpec((-6.013, -6.021), 0.05, (240, 240))
 CONFIG = PolishConfig()
@@ -219,3 +219,51 @@ def test_end_wall_with_a_twentieth_of_the_beams_gives_the_corridor_its_length():
     found = polished(hits, TRUE_POSE + [0.02, 0.0, 0.0], odometry=np.zeros(3))
     assert found.free_direction is None
     assert (np.abs(found.pose - TRUE_POSE) <= 10 * STOP).all()
+
+
+# Lines weighed against odometry
+# ------------------------------------------------------------------------------------------------
+
+WEIGHED = replace(CONFIG, independent_beams=150.0, iterations=50)
+VARIANCE = np.array([0.02, 0.01]) ** 2
+
+
+def weighed_polish(hits, start, odometry, variance=VARIANCE):
+    moments = HitMoments.empty(SPEC).add(hits)
+    return polish(moments, seen_from(TRUE_POSE, hits), start, np.array(odometry), WEIGHED, variance)
+
+
+def test_one_weighed_step_minimises_the_sum_of_both_costs():
+    """Against the normal equations written out, beam by beam, as one long least-squares problem."""
+    rng = np.random.default_rng(0)
+    residual, weight = 0.01 * rng.standard_normal(30), rng.uniform(0.1, 1.0, 30)
+    jacobian, departure = rng.standard_normal((30, 3)), np.array([0.01, -0.02, 0.005])
+    for beams in (5.0, 1e6):
+        config = replace(CONFIG, independent_beams=beams)
+        k = min(1.0, beams / weight.sum())
+        rows = [
+            np.sqrt(k * w) / LINE_SIGMA * np.append(j, -r)
+            for w, j, r in zip(weight, jacobian, residual, strict=True)
+        ]
+        for axis, sigma in enumerate(np.sqrt(VARIANCE[[0, 0, 1]])):
+            rows.append(np.append(np.eye(3)[axis], -departure[axis]) / sigma)
+        A, b = np.array(rows)[:, :3], np.array(rows)[:, 3]
+        expected = np.linalg.lstsq(A, b, rcond=None)[0]
+        assert (np.abs(expected) < MAX_STEP).all()
+        found = weighed_step(residual, jacobian, weight, departure, VARIANCE, config)
+        np.testing.assert_allclose(found, expected, atol=1e-10)
+
+
+def test_along_a_corridor_odometry_has_the_say_and_across_it_the_walls():
+    ahead = np.array([0.3, -0.2, 0.0])
+    moments = HitMoments.empty(SPEC).add(CORRIDOR)
+    points_b = seen_from(ahead, CORRIDOR)
+    found = polish(moments, points_b, ahead, ahead + [0.05, 0.02, 0.0], WEIGHED, VARIANCE)
+    np.testing.assert_allclose(found.pose, ahead + [0.05, 0.0, 0.0], atol=2e-3)
+    assert abs(found.free_direction[0]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_walls_all_round_outvote_odometry_unless_that_is_sure():
+    wrong = TRUE_POSE + [0.02, -0.02, 0.01]
+    np.testing.assert_allclose(weighed_polish(ROOM, wrong, wrong).pose, TRUE_POSE, atol=2e-3)
+    np.testing.assert_allclose(weighed_polish(ROOM, wrong, wrong, np.zeros(2)).pose, wrong, atol=1e-6)

@@ -21,6 +21,7 @@ from pfslam.trust import (
     alarms,
     distrust,
     lost,
+    misled,
     score_deviation,
 )
 
@@ -258,3 +259,19 @@ def test_a_robot_among_people_says_that_it_was_dragged_along(real_data):
     assert found.ate_max_m > 0.3, "then this drive is no test any more"
     assert result.distrust[0]["from"] - recording.lidar.t[0] < 82.0
     assert result.distrust[0]["to"] is None
+
+
+def test_matches_that_were_not_believed_leave_odometry_alone():
+    rejected = np.zeros(400, bool)
+    rejected[100:130] = True
+    (doubt,) = distrust(steady(matched=~rejected, drawn=~rejected, rejected=rejected))
+    assert doubt["from"] == pytest.approx(99 / 8)
+    assert doubt["to"] == pytest.approx(130 / 8)
+    assert "could be believed" in doubt["reason"]
+
+
+def test_only_scans_that_drag_mislead_a_run():
+    assert misled(steady(**pulled(0.02, 0.05)))
+    assert not misled(steady(**pulled(0.02, 0.0)))
+    assert not misled(steady())
+    assert not misled([])

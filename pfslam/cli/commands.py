@@ -124,7 +124,8 @@ def run_command(arguments: argparse.Namespace) -> None:
         files = write_results(out, odometry, result, texture)
     summary = summarise(recording, odometry, result, texture)
     about = {"dataset": recording.name, "method": arguments.method, "seed": arguments.seed}
-    config_used = replace(config, every=config.every or recording.default_every)
+    ran = config if result is None else result.config
+    config_used = replace(ran, every=ran.every or recording.default_every)
     about |= {"config": config_used.as_dict(), "seconds": watch.seconds, "files": files}
     write_text(out / "summary.json", json.dumps(plain(about | summary), indent=2, allow_nan=False) + "\n")
     print(closing_words(recording, summary, out))

@@ -28,6 +28,7 @@ def summarise(
         "updates": result.updates if result else 0,
         "resamplings": result.resamplings if result else 0,
         "lost": len(alarms(result.infos)) if result else 0,
+        "second_look": bool(result and result.config.care),
         "distrust": result.distrust if result else [],
         "dropped": {reason: count for part in parts for reason, count in part.items()},
         "notes": list(recording.notes),
@@ -53,6 +54,8 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
     """Write a few lines for the user: what the loader said, and how the run ended."""
     lines = [f"note: {note}" for note in recording.notes]
     lines += [] if recording.lidar is not None else ["no LiDAR in this data set: dead reckoning only"]
+    if summary.get("second_look"):
+        lines.append("people or glass misled the scans: the run was done again with care")
     if stretches := summary["distrust"]:
         lines.append(_warning(stretches, recording.scans().t[0]))
     errors = [

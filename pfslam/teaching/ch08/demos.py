@@ -72,7 +72,7 @@ def mirrored_worlds(recording: Recording) -> dict[str, World]:
 def _world(recording: Recording) -> World:
     config = replace(SlamConfig.refined(), particles=20, every=20, tilt=None)
     part = scans_between(recording, *BENDS)
-    result = run_slam(part, config, rng=np.random.default_rng(0), keep_particles=False)
+    result = run_slam(part, config, rng=np.random.default_rng(0), keep_particles=False, second_look=False)
     score = float(np.median([info.score for info in result.infos if info.matched]))
     error = trajectory_error(result.trajectory, part.true_path()).ate_rmse_m
     return World(score, error, turn_ratio(heading_from_wheels(recording), recording, *LAB))

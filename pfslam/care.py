@@ -1,0 +1,127 @@
+"""Care among people and glass: beams left out, matches not believed, hits that wait.
+
+A map of walls has no place for what moves. A person who walks ahead of the robot is drawn as a wall, the next scan is
+matched to that wall, and the robot seems to stand still. Three measures help, in the spirit of mapping among people
+(Haehnel, Triebel, Burgard and Thrun, "Map building with mobile robots in dynamic environments", 2003):
+
+* Beams that end where the map is known to be free say nothing about the pose, and are left out of the match.
+* A match far from odometry that leaves many beams unexplained is not believed: the validation gate of tracking
+  (Bar-Shalom and Fortmann, "Tracking and Data Association", 1988). Wheels that slip pass it, because walls explain the
+  scan at its true pose.
+* A wall cannot be seen through. Where a later beam passes the place of a hit, something has gone, and is probably still
+  near; hits near that place wait until later scans have met them again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from pfslam.config import CareConfig
+from pfslam.correlation import ScoreField
+from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, free_cells
+from pfslam.poses import wrap_angle
+
+THINNED = 0.1
+"""Of the places where something has gone, one in every square of so many metres is enough."""
+
+
+def familiar(
+    grid: OccupancyGrid, field: ScoreField, points_w: np.ndarray, free: float, care: CareConfig
+) -> np.ndarray:
+    """Tell which end points ``(M, 2)`` the map does not contradict, ``(M,)`` bool.
+
+    The others lie in cells seen free ``care.free_scans`` times, at ``free`` log-odds each, out of reach of any wall.
+    """
+    cells = grid.spec.world_to_cell(points_w)
+    inside = grid.spec.contains(cells)
+    ix, iy = cells[inside].T
+    known = np.ones(len(cells), dtype=bool)
+    round_off = 1e-4
+    often_free = grid.log_odds[iy, ix] <= -care.free_scans * free + round_off
+    known[inside] = ~(often_free & (field.values[iy, ix] == 0))
+    return known
+
+
+def beyond_gate(departure: np.ndarray, variance: np.ndarray, gate: float) -> bool:
+    """Tell whether a departure ``(3,)`` (m, m, rad) from odometry is more than ``gate`` sigmas long.
+
+    Its squared Mahalanobis length is (dx^2 + dy^2) / variance[0] + dtheta^2 / variance[1].
+    """
+    dx, dy, turn = departure[0], departure[1], wrap_angle(departure[2])
+    return bool((dx**2 + dy**2) * variance[1] + turn**2 * variance[0] > gate**2 * variance[0] * variance[1])
+
+
+@dataclass(frozen=True, eq=False)
+class WaitingScan:
+    """The hits ``points_w (M, 2)`` of a drawn scan while later scans judge them.
+
+    ``votes (M,)`` counts the scans that met a hit again less those that saw through its place; ``drawn (M,)`` tells
+    which hits are in the map already.
+    """
+
+    points_w: np.ndarray
+    votes: np.ndarray
+    drawn: np.ndarray
+
+
+def settle_hits(
+    waiting: tuple[WaitingScan, ...],
+    spec: GridSpec,
+    points_w: np.ndarray,
+    beams: np.ndarray,
+    sensor_w: np.ndarray,
+    map_config: MapConfig,
+    care: CareConfig,
+) -> tuple[np.ndarray, tuple[WaitingScan, ...]]:
+    """Let a new scan judge those that wait; return the hits ``(H, 2)`` to be drawn now, and who waits from now on.
+
+    To be drawn are the hits of the new scan that are not near anything that has gone, and of the scan that has waited
+    longest those that were held back and then met again at least as often as seen through.
+    """
+    verdict, corner = judge(spec, points_w, beams, sensor_w, map_config.rays, care.margin)
+    waiting = tuple(replace(scan, votes=scan.votes + _votes(scan, spec, verdict, corner)) for scan in waiting)
+    gone = [scan.points_w[scan.votes <= -care.gone] for scan in waiting]
+    sound = ~_near(points_w, np.concatenate([np.zeros((0, 2)), *gone]), care.radius)
+    hits = [points_w[sound]]
+    waiting = (*waiting, WaitingScan(points_w, np.zeros(len(points_w), dtype=np.int64), sound))
+    if len(waiting) > care.wait:
+        oldest, waiting = waiting[0], waiting[1:]
+        hits.append(oldest.points_w[~oldest.drawn & (oldest.votes >= 0)])
+    return np.concatenate(hits), waiting
+
+
+def judge(
+    spec: GridSpec, points_w: np.ndarray, beams: np.ndarray, sensor_w: np.ndarray, rays: str, margin: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Say what a scan saw of each cell of its rectangle: 1 a hit, -1 free and no hit near, 0 neither, ``(h, w)`` int8.
+
+    Also return the rectangle's corner ``(2,)`` as (ix, iy). Arguments as in ``grid.free_cells``; a hit is near if it
+    is at most ``margin`` cells away along both axes.
+    """
+    free, rectangle = free_cells(spec, points_w, beams, sensor_w, rays)
+    corner = np.array([rectangle[1].start, rectangle[0].start])
+    ix, iy = (spec.world_to_cell(points_w) - corner).T
+    hit = np.zeros_like(free)
+    hit[iy, ix] = 1
+    near = cv2.dilate(hit, np.ones((2 * margin + 1, 2 * margin + 1), dtype=np.uint8))
+    return hit.astype(np.int8) - (free & (1 - near)).astype(np.int8), corner
+
+
+def _votes(scan: WaitingScan, spec: GridSpec, verdict: np.ndarray, corner: np.ndarray) -> np.ndarray:
+    cells = spec.world_to_cell(scan.points_w) - corner
+    inside = ((cells >= 0) & (cells < verdict.shape[::-1])).all(axis=1)
+    votes = np.zeros(len(cells), dtype=np.int64)
+    ix, iy = cells[inside].T
+    votes[inside] = verdict[iy, ix]
+    return votes
+
+
+def _near(points_w: np.ndarray, places: np.ndarray, radius: float) -> np.ndarray:
+    """Tell which points ``(M, 2)`` are less than ``radius`` (m) from any of the places ``(P, 2)``, thinned."""
+    near = np.zeros(len(points_w), dtype=bool)
+    for place in np.unique(np.rint(places / THINNED), axis=0) * THINNED:
+        near |= np.hypot(*(points_w - place).T) < radius
+    return near

@@ -1,0 +1,179 @@
+"""Care among people: each measure against a slow and obvious one, and whole drives that it saves or leaves alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pfslam
+from pfslam.care import WaitingScan, beyond_gate, familiar, judge, settle_hits
+from pfslam.config import CareConfig, SlamConfig
+from pfslam.correlation import score_field
+from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
+from pfslam.runs import run_slam
+from pfslam.simulator import Hazards, simulate
+
+CARE = CareConfig()
+MAP = SlamConfig.refined().map
+SPEC = GridSpec((-6.0, -6.0), 0.05, (240, 240))
+SENSOR = np.zeros(2)
+
+
+def fan(ranges):
+    """End points of beams over half a circle, one range for each, and their numbers."""
+    angles = np.linspace(-np.pi / 2, np.pi / 2, len(ranges))
+    return np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)]), np.arange(len(ranges))
+
+
+def room_and_person(distance, beams=721):
+    """A round room of 4 m, and a person who takes up 40 beams in front of the robot at a distance."""
+    ranges = np.full(beams, 4.0)
+    ranges[340:380] = distance
+    return fan(ranges)
+
+
+def test_a_cell_is_judged_by_hits_near_it_and_by_the_beams_through_it():
+    points, beams = room_and_person(2.0)
+    verdict, corner = judge(SPEC, points, beams, SENSOR, "bresenham", 2)
+    hit = {tuple(cell) for cell in SPEC.world_to_cell(points)}
+    through = OccupancyGrid.empty(SPEC)
+    through, _ = integrate_scan(through, points, beams, SENSOR, replace(MAP, rays="bresenham"))
+    rng = np.random.default_rng(0)
+    for row, column in rng.integers(0, verdict.shape, (500, 2)):
+        cell = (int(column + corner[0]), int(row + corner[1]))
+        near = any((cell[0] + i, cell[1] + j) in hit for i in range(-2, 3) for j in range(-2, 3))
+        free = through.log_odds[cell[1], cell[0]] < 0
+        assert verdict[row, column] == (1 if cell in hit else -1 if free and not near else 0)
+    assert {-1, 0, 1} <= set(verdict.ravel().tolist())
+
+
+def settle(scans, care=CARE):
+    """Give scans one after the other to ``settle_hits``; return what is drawn with each."""
+    waiting, drawn = (), []
+    for points, beams in scans:
+        hits, waiting = settle_hits(waiting, SPEC, points, beams, SENSOR, MAP, care)
+        drawn.append(hits)
+    return drawn
+
+
+def nearer_than(hits, metres):
+    return np.count_nonzero(np.hypot(*hits.T) < metres)
+
+
+def test_walls_that_stay_are_drawn_at_once():
+    points, beams = room_and_person(4.0)
+    for hits in settle([(points, beams)] * 8):
+        np.testing.assert_array_equal(hits, points)
+
+
+def test_one_who_walks_away_is_drawn_until_seen_to_move_and_no_more():
+    drawn = settle([room_and_person(1.0 + 0.2 * k) for k in range(10)])
+    people = [nearer_than(hits, 3.5) for hits in drawn]
+    assert people[0] == 40
+    assert people[3:] == [0] * 7
+    assert nearer_than(drawn[-1], 4.1) > 600
+
+
+def test_what_waited_is_drawn_once_later_scans_have_met_it_again():
+    walks, stays = [room_and_person(1.0 + 0.2 * k) for k in range(4)], [room_and_person(1.6)] * 8
+    drawn = settle(walks + stays)
+    assert nearer_than(drawn[4], 3.5) == 0
+    assert nearer_than(drawn[-1], 3.5) > 0
+
+
+def test_hits_wait_only_near_what_has_gone():
+    scan = WaitingScan(np.array([[1.0, 0.0]]), np.array([1 - CARE.gone]), np.array([True]))
+    points, beams = room_and_person(1.4)
+    hits, waiting = settle_hits((scan,), SPEC, points, beams, SENSOR, MAP, CARE)
+    near = np.hypot(*(points - [1.0, 0.0]).T) < CARE.radius
+    assert near.any()
+    np.testing.assert_array_equal(hits, points[~near])
+    np.testing.assert_array_equal(waiting[-1].drawn, ~near)
+
+
+def test_a_beam_is_left_out_if_the_map_is_sure_that_nothing_is_there():
+    grid = OccupancyGrid.empty(SPEC)
+    for _ in range(CARE.free_scans):
+        grid, _ = integrate_scan(grid, *room_and_person(4.0), SENSOR, MAP)
+    field = score_field(grid.occupied, "distance")
+    ends = np.array([[2.0, 0.0], [3.9, 0.0], [5.0, 0.0], [100.0, 0.0]])  # free, by the wall, unknown, outside
+    assert familiar(grid, field, ends, MAP.free, CARE).tolist() == [False, True, True, True]
+    surer = replace(CARE, free_scans=CARE.free_scans + 1)
+    assert familiar(grid, field, ends, MAP.free, surer).all()
+
+
+@pytest.mark.parametrize(
+    ("departure", "beyond"), [((0.05, 0, 0), False), ((0.07, 0, 0), True), ((0, 0, 0.04), True)]
+)
+def test_the_gate_is_as_wide_as_the_motion_is_uncertain(departure, beyond):
+    variance = np.array([0.02, 0.01]) ** 2
+    assert beyond_gate(np.array(departure), variance, 3.0) is beyond
+    assert not beyond_gate(np.array(departure), variance * 4, 3.0)
+
+
+def test_a_heading_on_the_other_side_of_pi_is_near():
+    assert not beyond_gate(np.array([0.0, 0.0, 2 * np.pi - 0.01]), np.array([0.02, 0.01]) ** 2, 3.0)
+
+
+def test_hits_given_by_hand_are_drawn_and_the_others_left_out():
+    points, beams = room_and_person(1.0)
+    empty, person = OccupancyGrid.empty(SPEC), np.hypot(*points.T) < 2.0
+    whole, _ = integrate_scan(empty, points, beams, SENSOR, MAP)
+    behind = np.array([[-1.02, 0.01]])
+    some, rectangle = integrate_scan(empty, points, beams, SENSOR, MAP, np.vstack([points[~person], behind]))
+    ix, iy = SPEC.world_to_cell(points[person]).T
+    jx, jy = SPEC.world_to_cell(behind)[0]
+    assert (whole.log_odds[iy, ix] > 0).all()
+    assert (some.log_odds[iy, ix] == 0).all()
+    assert some.log_odds[jy, jx] > 0
+    changed = np.argwhere(some.log_odds != 0)
+    assert (changed >= [side.start for side in rectangle]).all()
+    assert (changed < [side.stop for side in rectangle]).all()
+
+
+def test_methods_without_lines_or_with_many_maps_have_no_careful_settings():
+    for method in (SlamConfig.report(), SlamConfig.per_particle()):
+        assert method.careful() == method
+    careful = SlamConfig.refined().careful()
+    assert careful.care is not None
+    assert careful.careful() == careful
+    assert SlamConfig.matching().careful().particles == 1
+
+
+FEW = replace(SlamConfig.refined(), particles=50)
+
+
+@pytest.mark.slow
+def test_among_people_a_second_look_finds_the_way():
+    data = simulate("hall", hazards=Hazards(people=6)).recording
+    first = run_slam(data, FEW, keep_particles=False, second_look=False)
+    second = run_slam(data, FEW, keep_particles=False)
+    assert trajectory_error(first.trajectory, data.truth).ate_rmse_m > 0.2
+    assert trajectory_error(second.trajectory, data.truth).ate_rmse_m <= 0.06
+    assert first.config == FEW
+    assert second.config == FEW.careful()
+
+
+@pytest.mark.slow
+def test_a_run_that_nothing_misled_stands():
+    data = pfslam.load("hall")
+    once = run_slam(data, FEW, keep_particles=False, second_look=False)
+    run = run_slam(data, FEW, keep_particles=False)
+    assert run.config == FEW
+    np.testing.assert_array_equal(run.trajectory.poses, once.trajectory.poses)
+
+
+@pytest.mark.slow
+def test_care_costs_little_where_nothing_moves():
+    data = pfslam.load("hall")
+    found = trajectory_error(run_slam(data, FEW.careful(), keep_particles=False).trajectory, data.truth)
+    assert found.ate_rmse_m <= 0.03
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "metres"), [("people20", 0.06), ("everything20", 0.3)])
+def test_real_wheels_among_people(real_data, name, metres):
+    data = pfslam.load(20, real_data / "hard" / name)
+    found = trajectory_error(run_slam(data, keep_particles=False).trajectory, data.truth)
+    assert found.ate_rmse_m <= metres
