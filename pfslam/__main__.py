@@ -147,6 +147,8 @@ def _add_run(command: Parser) -> None:
     command.add_argument("--every", type=whole(1, MAX_EVERY), metavar="K", help=every)
     seed = "of the filter's random numbers (default 0)"
     command.add_argument("--seed", type=SEED, default=0, metavar="S", help=seed)
+    loops = "revise the path where places are seen again; writes trajectory_revised.tum, map_revised.yaml"
+    command.add_argument("--loops", action="store_true", help=loops)
     texture = "map the floor's texture (default: if there are images)"
     command.add_argument("--texture", action=argparse.BooleanOptionalAction, default=None, help=texture)
 

@@ -486,3 +486,22 @@ def test_help_names_every_command():
     assert done.returncode == 0
     for name in ("simulate", "run", "locate", "report", "study", "bench"):
         assert name in done.stdout
+
+
+def test_run_with_loops_writes_the_revised_path_and_map_beside_the_others(data, tmp_path, capsys):
+    out = tmp_path / "o"
+    assert main(["run", "7", "--data", str(data), "--out", str(out), "--method", "matching", "--loops"]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    new = {"trajectory_revised.tum", "map_revised.pgm", "map_revised.yaml"}
+    assert new <= set(summary["files"]) == {path.name for path in out.iterdir()}
+    assert summary["loops"].keys() == {"key_scans", "candidates", "accepted", "largest_move_m"}
+    assert "loops" in summary["seconds"]
+    path, revised = read_tum(out / "trajectory.tum"), read_tum(out / "trajectory_revised.tum")
+    assert np.array_equal(path.t, revised.t)
+    moved = np.hypot(*(path.poses - revised.poses)[:, :2].T).max()
+    assert moved == pytest.approx(summary["loops"]["largest_move_m"], abs=1e-5)
+
+
+def test_loops_without_a_lidar_are_refused_in_one_line(data, tmp_path, capsys):
+    assert main(["run", "8", "--data", str(data), "--out", str(tmp_path / "o"), "--loops"]) == 2
+    assert "--loops" in capsys.readouterr().err

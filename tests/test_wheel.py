@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("pfslam", "pyproject.toml", "README.md", "LICENSE", "LICENSE-text")
 CHAPTER = "01_dead_reckoning.ipynb"
 # What a student does not install: asked for, it is not there.
-NOT_INSTALLED = ("myst_nb", "sphinx", "scipy", "pytest")
+NOT_INSTALLED = ("myst_nb", "sphinx", "pytest")
 
 pytestmark = pytest.mark.slow
 

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.ma  # NumPy would load these two in the middle of a run,
@@ -44,6 +45,9 @@ from pfslam.simulator.cache import cached_simulation
 from pfslam.study import read_study, run_study
 from pfslam.study.table import read_table
 from pfslam.texture.mapping import FloorTexture, map_texture
+
+if TYPE_CHECKING:
+    from pfslam.loops.closing import Revision
 
 FIGURES = (
     "dead_reckoning_trajectory",
@@ -104,16 +108,20 @@ def run_command(arguments: argparse.Namespace) -> None:
     with watch.stage("load"):
         recording = load_dataset(arguments)
     wants_texture = has_images(recording) if arguments.texture is None else arguments.texture
-    if wants_texture and not has_images(recording):
-        raise DataError(recording.name, "--texture", "no images", "a data set with disparity and RGB images")
+    check_wishes(recording, wants_texture, arguments.loops)
     check_writable(out)
     with watch.stage("dead_reckoning"):
         odometry = dead_reckoning(recording)
-    result, texture = None, None
+    result, texture, revision = None, None, None
     if recording.lidar is not None:
         with watch.stage("slam"):
             rng = np.random.default_rng(arguments.seed)
             result = run_slam(recording, config, rng=rng, progress=progress_bar("SLAM"), keep_particles=False)
+        if arguments.loops:
+            from pfslam.loops.closing import close_loops  # SciPy takes a while to load
+
+            with watch.stage("loops"):
+                revision = close_loops(recording, result)
         if wants_texture:
             with watch.stage("texture"):
                 bar = progress_bar("texture")
@@ -121,14 +129,22 @@ def run_command(arguments: argparse.Namespace) -> None:
         # At the stamps of the estimate, so that the two files compare line by line.
         odometry = Trajectory(result.trajectory.t, odometry.at(result.trajectory.t))
     with watch.stage("write"):
-        files = write_results(out, odometry, result, texture)
-    summary = summarise(recording, odometry, result, texture)
+        files = write_results(out, odometry, result, texture, revision)
+    summary = summarise(recording, odometry, result, texture, revision)
     about = {"dataset": recording.name, "method": arguments.method, "seed": arguments.seed}
     ran = config if result is None else result.config
     config_used = replace(ran, every=ran.every or recording.default_every)
     about |= {"config": config_used.as_dict(), "seconds": watch.seconds, "files": files}
     write_text(out / "summary.json", json.dumps(plain(about | summary), indent=2, allow_nan=False) + "\n")
     print(closing_words(recording, summary, out))
+
+
+def check_wishes(recording: Recording, texture: bool, loops: bool) -> None:
+    """Raise ``DataError`` for a run that is asked for what its data set cannot give."""
+    if texture and not has_images(recording):
+        raise DataError(recording.name, "--texture", "no images", "a data set with disparity and RGB images")
+    if loops and recording.lidar is None:
+        raise DataError(recording.name, "--loops", "no LiDAR", "a data set with scans")
 
 
 def info_command(arguments: argparse.Namespace) -> None:
@@ -187,7 +203,11 @@ def has_images(recording: Recording) -> bool:
 
 
 def write_results(
-    out: Path, odometry: Trajectory, result: SlamResult | None, texture: FloorTexture | None
+    out: Path,
+    odometry: Trajectory,
+    result: SlamResult | None,
+    texture: FloorTexture | None,
+    revision: Revision | None = None,
 ) -> list[str]:
     """Write what there is, and return the names of the files, the summary included."""
     write_tum(out / "odometry.tum", odometry)
@@ -196,6 +216,10 @@ def write_results(
         write_tum(out / "trajectory.tum", result.trajectory)
         write_map(out / "map.yaml", result.grid)
         files += ["trajectory.tum", "map.pgm", "map.yaml"]
+    if revision is not None:
+        write_tum(out / "trajectory_revised.tum", revision.trajectory)
+        write_map(out / "map_revised.yaml", revision.grid)
+        files += ["trajectory_revised.tum", "map_revised.pgm", "map_revised.yaml"]
     if texture is not None:
         write_texture(out / "texture.yaml", texture.spec, texture.rgb, texture.seen)
         files += ["texture.png", "texture.yaml"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,9 +16,16 @@ from pfslam.runs import SlamResult
 from pfslam.texture.mapping import FloorTexture
 from pfslam.trust import Distrust, alarms
 
+if TYPE_CHECKING:
+    from pfslam.loops.closing import Revision
+
 
 def summarise(
-    recording: Recording, odometry: Trajectory, result: SlamResult | None, texture: FloorTexture | None
+    recording: Recording,
+    odometry: Trajectory,
+    result: SlamResult | None,
+    texture: FloorTexture | None,
+    revision: Revision | None = None,
 ) -> dict[str, Any]:
     """Collect the figures of a run: counts, what was dropped and why, and the errors where the truth is known."""
     parts = [recording.dropped, result.dropped if result else {}, texture.dropped if texture else {}]
@@ -38,6 +45,9 @@ def summarise(
     if texture is not None:
         summary["image_pairs"] = texture.pairs
     estimates = {"odometry": odometry} | ({"slam": result.trajectory} if result else {})
+    if revision is not None:
+        summary["loops"] = _loops(revision)
+        estimates["revised"] = revision.trajectory
     if recording.truth is None:
         return summary
     known = recording.truth.covers(odometry.t)
@@ -50,6 +60,16 @@ def summarise(
     return summary
 
 
+def _loops(revision: Revision) -> dict[str, Any]:
+    """Say how many places were compared and found to be the same, and how far the path was moved (m)."""
+    return {
+        "key_scans": len(revision.keys),
+        "candidates": revision.candidates,
+        "accepted": len(revision.loops),
+        "largest_move_m": float(revision.moved.max()),
+    }
+
+
 def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> str:
     """Write a few lines for the user: what the loader said, and how the run ended."""
     lines = [f"note: {note}" for note in recording.notes]
@@ -59,7 +79,9 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
     if stretches := summary["distrust"]:
         lines.append(_warning(stretches, recording.scans().t[0]))
     errors = [
-        f"{name} {summary[name]['ate_rmse_m']:.3f} m" for name in ("odometry", "slam") if name in summary
+        f"{name} {summary[name]['ate_rmse_m']:.3f} m"
+        for name in ("odometry", "slam", "revised")
+        if name in summary
     ]
     found = f" ({', '.join(errors)} from the truth, root mean square)" if errors else ""
     return "\n".join([*lines, f"results are in {out}{found}"])

@@ -114,7 +114,7 @@ def align(
 
 
 def search_window(target: Place, source: Place, pose: np.ndarray, metres: float, radians: float):
-    """Find the best pose of ``source`` in a window around ``pose (3,)``, and the best one more than 0.6 m from it.
+    """Find the best pose of ``source`` in a window around ``pose (3,)``, and the best one about a metre or more from it.
 
     Returns two pairs of pose ``(3,)`` and score from 0 to 1. A twin as good as the best says that the place repeats.
     A coarse cell holds the greatest score of the fine ones in it and around it, so that no good pose is missed.
@@ -136,5 +136,5 @@ def search_window(target: Place, source: Place, pose: np.ndarray, metres: float,
         scores = score_volume(fine, spec, points, small, corner, corner + 4)
         k, j, i = np.unravel_index(np.argmax(scores), scores.shape)
         peaks.append((small.pose(corner + [i, j, k]), float(scores[k, j, i]) / (fine.top * len(points))))
-        left[np.hypot(row - y, column - x) * 2 * CELL < 0.6] = -1.0
+        left[np.hypot(row - y, column - x) * 2 * CELL < 1.0] = -1.0
     return peaks

@@ -1,0 +1,192 @@
+"""Closing loops: the graph against finite differences and a dense oracle, false edges, and whole drives."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from pfslam.config import SlamConfig
+from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.loops import graph
+from pfslam.loops.closing import Revision, close_loops, softened
+from pfslam.loops.graph import Edges, jacobians, relax, residuals
+from pfslam.loops.places import Place, align, search_window
+from pfslam.poses import between, compose
+from pfslam.runs import SlamResult, run_slam
+from pfslam.simulator import HALL, simulate
+from pfslam.simulator.cache import cached_simulation
+
+
+def edges_of(i, j, pose, sigma=0.02, wheels=0.0, doubtful=True) -> Edges:
+    n = len(i)
+    information = np.broadcast_to(np.diag([sigma**-2, sigma**-2, (0.5 * sigma) ** -2]), (n, 3, 3)).copy()
+    marks = np.full(n, wheels), np.full(n, doubtful)
+    return Edges(np.array(i), np.array(j), np.array(pose, dtype=float), information, *marks)
+
+
+def square(K=12, drift=0.0, wheels=0.0):
+    """True poses round a square, and the chain that measures them, each heading off by ``drift`` (rad)."""
+    poses = [np.zeros(3)]
+    for k in range(1, K):
+        poses.append(compose(poses[-1], [1.0, 0.0, 0.5 * np.pi if k % 3 == 0 else 0.0]))
+    poses = np.array(poses)
+    index = np.arange(K)
+    motion = between(poses[:-1], poses[1:]) + [0.0, 0.0, drift]
+    return poses, edges_of(index[:-1], index[1:], motion, wheels=wheels, doubtful=False)
+
+
+def driven(chain: Edges) -> np.ndarray:
+    poses = [np.zeros(3)]
+    for motion in chain.pose:
+        poses.append(compose(poses[-1], motion))
+    return np.array(poses)
+
+
+def test_jacobians_are_the_derivatives_of_the_residuals():
+    rng = np.random.default_rng(3)
+    poses, scale = rng.normal(size=(5, 3)), 0.05 * rng.normal(size=5)
+    edges = edges_of([0, 1, 2, 3, 4], [1, 2, 3, 4, 1], rng.normal(size=(5, 3)), wheels=0.7)
+    J, step = jacobians(edges, poses), 1e-6
+    for e, (i, j) in enumerate(zip(edges.i, edges.j, strict=True)):
+        for column in range(7):
+            ends = []
+            for sign in (1.0, -1.0):
+                moved, stretched = poses.copy(), scale.copy()
+                if column == 6:
+                    stretched[i] += sign * step
+                else:
+                    moved[i if column < 3 else j, column % 3] += sign * step
+                ends.append(residuals(edges, moved, stretched)[e])
+            assert J[e, :, column] == pytest.approx((ends[0] - ends[1]) / (2.0 * step), abs=1e-8)
+
+
+def test_the_graph_finds_the_least_squares_of_a_dense_solver():
+    rng = np.random.default_rng(1)
+    _, chain = square(drift=0.01, wheels=0.5)
+    loops = edges_of([0, 1], [11, 10], rng.normal(0, 0.05, (2, 3)) + [[1.0, 1.0, 0.3], [1.0, 2.0, 0.5]])
+    edges, start = chain.joined(replace(loops, doubtful=np.zeros(2, dtype=bool))), driven(chain)
+    K = len(start)
+    root = np.linalg.cholesky(edges.information)
+
+    def cost(x):
+        poses, scale = np.vstack([np.zeros(3), x[: 3 * K - 3].reshape(-1, 3)]), x[3 * K - 3 :]
+        error = np.einsum("eji,ej->ei", root, residuals(edges, poses, scale))
+        walk = np.diff(scale) / graph.WALK_SIGMA
+        return np.concatenate([error.ravel(), walk, scale[:1] / graph.SCALE_SIGMA])
+
+    found = least_squares(cost, np.append(start[1:].ravel(), np.zeros(K)), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    poses, scale, _ = relax(edges, start)
+    assert np.append(poses[1:].ravel(), scale) == pytest.approx(found.x, abs=1e-6)
+    assert np.array_equal(poses[0], np.zeros(3))
+
+
+def test_a_wheel_that_is_always_wrong_is_found_by_what_sees_the_way():
+    K = 30
+    index, step = np.arange(K), np.tile([1.02, 0.0, 0.0], (K - 1, 1))
+    chain = edges_of(index[:-1], index[1:], step, sigma=0.005, wheels=1.0, doubtful=False)
+    seen = edges_of([0, 2, 4], [3, 5, 7], np.tile([3.0, 0.0, 0.0], (3, 1)), sigma=0.003)
+    poses, scale, _ = relax(chain.joined(seen), driven(chain))
+    assert poses[-1, 0] == pytest.approx(29.0, abs=0.05)  # far beyond the last match; the wheels say 29.58
+    assert scale.mean() == pytest.approx(1.0 / 1.02 - 1.0, abs=0.002)
+
+
+def test_a_planted_false_loop_is_left_out():
+    truth, chain = square(drift=0.02)
+    good = edges_of(
+        [0, 0, 1], [10, 11, 11], [between(truth[i], truth[j]) for i, j in ((0, 10), (0, 11), (1, 11))]
+    )
+    false = edges_of([2], [9], [between(truth[2], truth[9]) + [1.5, -1.0, 0.3]])
+    edges, start = chain.joined(good, false), driven(chain)
+    poses, _, weights = relax(edges, start)
+    believing, _, _ = relax(replace(edges, doubtful=np.zeros(len(edges), dtype=bool)), start)
+    off, off_believing = (np.abs(p - truth)[:, :2].max() for p in (poses, believing))
+    assert weights[-1] < 0.01 < 0.5 < weights[-4:-1].min()
+    assert off < 0.1 < 0.3 < off_believing
+
+
+def corridor_place(rng, jambs=()) -> Place:
+    """Two bare walls of 16 m, 2 m apart, with noise, and pieces that face along them at ``jambs`` (m)."""
+    x = np.arange(-8.0, 8.0, 0.04)
+    walls = [np.column_stack([x, np.full_like(x, side)]) for side in (-1.0, 1.0)]
+    faces = [np.tile([0.0, -side], (len(x), 1)) for side in (-1.0, 1.0)]
+    for at in jambs:
+        y = np.arange(1.0, 1.2, 0.02)
+        walls.append(np.column_stack([np.full_like(y, at), y]))
+        faces.append(np.tile([-1.0, 0.0], (len(y), 1)))
+    points = np.vstack(walls)
+    return Place(points + 0.005 * rng.standard_normal(points.shape), np.vstack(faces))
+
+
+def test_a_bare_corridor_closes_only_across_and_a_door_frame_also_along():
+    rng = np.random.default_rng(0)
+    start = np.array([0.1, 0.05, 0.01])
+    for jambs, along in (((), False), ((2.0,), True)):
+        fit = align(corridor_place(rng, jambs), corridor_place(rng, jambs), start, (0.3, 0.1))
+        information = softened(fit.information, np.full(3, 1e-4))
+        assert fit.pose[1:] == pytest.approx([0.0, 0.0], abs=0.01)
+        assert information[1, 1] > 1000.0
+        assert (information[0, 0] > 1000.0) == along
+        assert (abs(fit.pose[0]) < 0.02) == along
+
+
+def test_the_search_finds_the_pose_and_names_the_twin_of_a_place_that_repeats():
+    rng = np.random.default_rng(0)
+    once, often = corridor_place(rng, (2.0,)), corridor_place(rng)
+    moved = once.seen_from(np.array([0.6, -0.3, 0.05]))
+    (best, score), _ = search_window(moved, once, np.zeros(3), 1.5, 0.15)
+    assert best[1:] == pytest.approx([-0.3, 0.05], abs=0.06)
+    assert score > 0.8
+    (best, score), (twin, second) = search_window(often, often, np.zeros(3), 1.5, 0.15)
+    assert second > 0.9 * score
+    assert abs((twin - best)[0]) > 0.3 > abs((twin - best)[1])
+
+
+@cache
+def hall() -> tuple[SlamResult, Revision]:
+    recording = cached_simulation("hall").recording
+    result = run_slam(recording, replace(SlamConfig.matching(), every=20), keep_particles=False)
+    return result, close_loops(recording, result)
+
+
+@pytest.mark.slow
+def test_no_false_loop_in_the_hall_and_the_path_stays_as_good():
+    recording = cached_simulation("hall").recording
+    result, revision = hall()
+    loops, truth = revision.loops, recording.truth.at(result.trajectory.t)[revision.keys]
+    error = between(between(truth[loops.i], truth[loops.j]), loops.pose)
+    assert len(loops) >= 10
+    assert np.einsum("ei,eij,ej->e", error, loops.information, error).max() < 16.0
+    assert trajectory_error(revision.trajectory, recording.truth).ate_rmse_m < 0.02
+    assert revision.moved.max() < 0.03
+
+
+@pytest.mark.slow
+def test_the_same_run_is_revised_the_same_way():
+    result, revision = hall()
+    again = close_loops(cached_simulation("hall").recording, result)
+    assert np.array_equal(again.trajectory.poses, revision.trajectory.poses)
+    assert np.array_equal(again.grid.log_odds, revision.grid.log_odds)
+
+
+@pytest.mark.slow
+def test_a_long_ring_with_wrong_wheels_is_mended():
+    recording = cached_simulation("ring").recording
+    result = run_slam(recording, SlamConfig.matching(), keep_particles=False)
+    revision = close_loops(recording, result)
+    before, after = (trajectory_error(r.trajectory, recording.truth) for r in (result, revision))
+    assert before.ate_rmse_m > 0.4
+    assert after.ate_rmse_m < 0.15
+
+
+@pytest.mark.slow
+def test_a_building_that_looks_the_same_after_half_a_turn_gives_no_false_loop():
+    recording = simulate(replace(HALL, layout="symmetric", laps=2), 1).recording
+    result = run_slam(recording, replace(SlamConfig.matching(), every=20), keep_particles=False)
+    loops, keys = (revision := close_loops(recording, result)).loops, revision.keys
+    truth = recording.truth.at(np.clip(result.trajectory.t, *recording.truth.t[[0, -1]]))[keys]
+    error = between(between(truth[loops.i], truth[loops.j]), loops.pose)
+    chi2 = np.einsum("ei,eij,ej->e", error, loops.information, error)
+    assert len(loops) > 10
+    assert (chi2 < 25.0).all()
