@@ -114,7 +114,7 @@ def align(
 
 
 def search_window(target: Place, source: Place, pose: np.ndarray, metres: float, radians: float):
-    """Find the best pose of ``source`` in a window around ``pose (3,)``, and the best one about a metre or more from it.
+    """Find the best pose of ``source`` in a window around ``pose (3,)``, and the best one a metre or so from it.
 
     Returns two pairs of pose ``(3,)`` and score from 0 to 1. A twin as good as the best says that the place repeats.
     A coarse cell holds the greatest score of the fine ones in it and around it, so that no good pose is missed.
