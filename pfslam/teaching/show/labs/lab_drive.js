@@ -225,7 +225,7 @@
   }
 
   lab("drive", stage => {
-    const wide = stage.small ? {noise: 1.3, sharpness: 4} : {};  // a cloud that is seen in a small picture
+    const wide = stage.small ? {particles: 100, noise: 1.8, sharpness: 4} : {};  // a cloud of which single dots are seen in a small picture
     const drive = new Drive({...wide, ...stage.options}, stage.host), shown = {truth: false, near: false};
     const plan = stage.plan({
       name: "Plan of the building with the map so far, the robot, its beams and the particles",
@@ -312,9 +312,9 @@
     }
     draw.dots(plan, points_w, colours.hits, 1.8);
     draw.robot(plan, estimate, colours.estimate, {radius: RADIUS});
-    const few = settings.particles <= 500;
+    const few = settings.particles <= 500, single = settings.particles <= 100;
     draw.particles(plan, drive.poses, drive.weights, colours, {
-      radius: (few ? 2.5 : 1.5) * (shown.near ? 1.5 : 1), headings: shown.near && few, rims: few && plan.scale > 50,
+      radius: (single ? 3.2 : few ? 2.5 : 1.5) * (shown.near ? 1.5 : 1), headings: shown.near && few, rims: single || (few && plan.scale > 50),
     });
     if (drive.target) {
       const [x, y] = plan.at(...drive.target);
