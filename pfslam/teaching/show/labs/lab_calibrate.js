@@ -3,7 +3,7 @@
   "use strict";
   const {core, draw, lab} = root.pfslam;
 
-  const FOUND = 0.3;  // m (rms): so near to the truth the numbers count as found
+  const FIT = 0.3;  // m (rms): so near to the truth the path fits
   const WINDOW = [-9, 31, -4.5, 25.5], RADIUS = 0.6;  // m
   const BLANK = {bias: 0, gyro: 1, wheels: 1};  // rad/s and two factors: what a robot believes that was never calibrated
   const TURNING = 0.15;  // rad/s: from here on the robot turns
@@ -83,7 +83,7 @@
       return Float64Array.from({length: this.n + 1}, (_, k) => DEGREES * (this.poses[3 * k + 2] - this.truth[3 * k + 2]));
     }
 
-    get found() { return this.error.ateRmse < FOUND; }
+    get fits() { return this.error.ateRmse < FIT; }
 
     go(k) { this.moment = Math.max(0, Math.min(this.n, Math.round(k))); }
 
@@ -107,7 +107,7 @@
     stage.words(
       '<span class="pfslam-dot" style="background:var(--lab-truth)"></span> the true path. ' +
       '<span class="pfslam-dot" style="background:var(--lab-odometry)"></span> what wheels and gyro give with your numbers; it turns ' +
-      `<span class="pfslam-dot" style="background:var(--lab-clear)"></span> green below ${FOUND} m.`);
+      `<span class="pfslam-dot" style="background:var(--lab-clear)"></span> green below ${FIT} m.`);
     const sliders = {};
     const slider = (key, options) => {
       sliders[key] = stage.slider({...options, value: state.guess[key], change: value => state.set(key, value)});
@@ -149,11 +149,20 @@
     };
   });
 
+  /** The window about the building, as much larger as the path needs. */
+  function windowFor(poses) {
+    const [left, right, low, high] = WINDOW, [x, y, w, h] = [(left + right) / 2, (low + high) / 2, (right - left) / 2, (high - low) / 2];
+    let zoom = 1;
+    for (let at = 0; at < poses.length; at += 3) zoom = Math.max(zoom, 1.04 * Math.abs(poses[at] - x) / w, 1.04 * Math.abs(poses[at + 1] - y) / h);
+    return [x - zoom * w, x + zoom * w, y - zoom * h, y + zoom * h];
+  }
+
   const places = poses => Float64Array.from({length: (2 * poses.length) / 3}, (_, k) => poses[3 * (k >> 1) + (k % 2)]);
 
   function paintPaths(plan, colours, state, shown) {
-    const {truth, poses, error, n, found} = state, size = plan.width < 500 ? 13 : 16;
-    const [here, there] = [state.at(poses), state.at(truth)], colour = found ? colours.clear : colours.odometry;
+    const {truth, poses, error, n, fits} = state, size = plan.width < 500 ? 13 : 16;
+    const [here, there] = [state.at(poses), state.at(truth)], colour = fits ? colours.clear : colours.odometry;
+    plan.window = windowFor(poses);
     plan.clear(colours.free);
     draw.line(plan, places(truth), colours.truth, {width: 2, dash: [6, 4]});
     draw.line(plan, places(poses), colour, {width: 3});
@@ -161,7 +170,7 @@
     draw.robot(plan, there, colours.truth, {radius: RADIUS});
     draw.robot(plan, here, colour, {radius: RADIUS, fill: colours.free});
     const when = state.moment === n ? "at the end" : `after ${(state.moment * state.dt).toFixed(0)} s`, halo = colours.free;
-    const words = [`${error.ateRmse.toFixed(2)} m from the truth (rms)${found ? ": found!" : ""}`, `${state.apart.toFixed(2)} m ${when}`];
+    const words = [`${error.ateRmse.toFixed(2)} m from the truth (rms)${fits ? ": it fits" : ""}`, `${state.apart.toFixed(2)} m ${when}`];
     words.forEach((line, k) => draw.text(plan, line, 8, (1.4 * k + 1.4) * size, colours.ink, {size, halo}));
     if (shown.answer) {
       numbers(state, state.answer).forEach((line, k) => {
@@ -192,7 +201,7 @@
     };
     line([[0, y(0)], [width, y(0)]], colours.muted, 1);
     line([[x(moment), 0], [x(moment), height]], colours.hits, 1.5);
-    line(Array.from(headings, (degrees, k) => [x(k), y(degrees)]), state.found ? colours.clear : colours.odometry, 2.5);
+    line(Array.from(headings, (degrees, k) => [x(k), y(degrees)]), state.fits ? colours.clear : colours.odometry, 2.5);
     const write = (words, at, align) => draw.text(chart, words, align === "right" ? width - 6 : 6, at, colours.ink, {size, align, halo: colours.free});
     write(`heading error, at most ${most.toFixed(1)}°`, size + 2, "left");
     write("turns are shaded", height - 6, "left");
@@ -201,10 +210,10 @@
   }
 
   function sentence(state, shown) {
-    const {error, found, guess, by} = state, off = state.headings[state.moment];
+    const {error, fits, guess, by} = state, off = state.headings[state.moment];
     const when = state.moment === state.n ? "At the end" : `After ${(state.moment * state.dt).toFixed(0)} seconds`;
     const told = shown.answer ? ` The right numbers: ${numbers(state, state.answer).join(", ")}.` : "";
     return `Turns from the ${by}: ${numbers(state, guess).join(", ")}. The path is ${error.ateRmse.toFixed(2)} metres (rms) from the truth` +
-      `${found ? ": found" : ""}. ${when} it is ${state.apart.toFixed(2)} metres away and its heading is off by ${off.toFixed(1)} degrees.${told}`;
+      `${fits ? ": it fits" : ""}. ${when} it is ${state.apart.toFixed(2)} metres away and its heading is off by ${off.toFixed(1)} degrees.${told}`;
   }
 })(globalThis);

@@ -4,7 +4,7 @@
   const {core, draw, lab} = root.pfslam;
 
   const LOG_4 = Math.log(4), DEGREES = Math.PI / 180;
-  const WINDOW = [0, 7.5, 0, 5], SPEC = {origin: [0, 0], resolution: 0.1, shape: [50, 75]};
+  const WINDOW = [0, 7.5, 0, 5.5], SPEC = {origin: [0, 0], resolution: 0.1, shape: [50, 75]};
   // The building: x1, y1, x2, y2 of each wall (m). Two pieces can be taken away.
   const WALLS = [
     0.25, 0.25, 7.25, 0.25, 7.25, 0.25, 7.25, 4.75, 7.25, 4.75, 0.25, 4.75, 0.25, 4.75, 0.25, 0.25,
