@@ -45,9 +45,10 @@ test: lint unit notebooks  ## Lint, unit tests, every notebook
 quick: lint  ## Lint and the fast unit tests: what to run after each edit
 	$(PYTEST) --dist loadfile -m "not slow and not weekly and not browser and not lab" tests
 
-weekly: $(STAMP)  ## The long tests: thousands of damaged inputs, accuracy over many seeds
+weekly: $(STAMP)  ## The long tests: damaged inputs by the thousand, accuracy over many seeds, hard drives
 	PFSLAM_CASES=2000 $(PYTEST) --dist load tests/test_bad_input.py tests/test_settings.py
 	$(PYTEST) --dist loadfile -m weekly tests
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/hard.py $(DATA)
 
 hard: $(STAMP)  # The filter on drives that are not clean, and whether it says so: the table on the page about trust
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/hard.py $(DATA) --out book/tables/hard.csv

@@ -90,6 +90,10 @@ DRAGGED_UNEXPLAINED = 0.02
 """Least share of beams that no wall explains; ordinary drives have less than 1 %."""
 DRAGGED_SCANS = 3
 """Fewer scans in that time say little: between two that are a metre apart, odometry may drift as far."""
+MISLED_METRES = 0.15
+"""A second look costs only time, so it is taken at less than ``DRAGGED_METRES``."""
+MISLED_UNEXPLAINED = 0.01
+"""The same for ``DRAGGED_UNEXPLAINED``: glass leaves fewer beams unexplained than people do."""
 BLIND_SECONDS = 2.0
 """For so long odometry alone is good to some centimetres."""
 ALONG_METRES = 10.0
@@ -108,8 +112,8 @@ def distrust(infos: Sequence[StepInfo]) -> list[Distrust]:
 
 
 def misled(infos: Sequence[StepInfo]) -> bool:
-    """Tell whether scans dragged the estimate from its odometry somewhere in a run, as people and glass do."""
-    return any(True for _ in _dragged(infos))
+    """Tell whether scans seem to have dragged the estimate from its odometry, as people and glass do."""
+    return any(True for _ in _dragged(infos, MISLED_METRES, MISLED_UNEXPLAINED))
 
 
 def _lost(infos: Sequence[StepInfo]) -> Iterator[Distrust]:
@@ -118,7 +122,9 @@ def _lost(infos: Sequence[StepInfo]) -> Iterator[Distrust]:
         yield {"from": float(when[0]), "to": None, "reason": reason}
 
 
-def _dragged(infos: Sequence[StepInfo]) -> Iterator[Distrust]:
+def _dragged(
+    infos: Sequence[StepInfo], least_metres: float = DRAGGED_METRES, least_share: float = DRAGGED_UNEXPLAINED
+) -> Iterator[Distrust]:
     """Find the first time at which scans drag the estimate from its odometry while no wall explains part of them."""
     matched = [info for info in infos if info.matched]
     t = np.array([info.t for info in matched])
@@ -128,7 +134,7 @@ def _dragged(infos: Sequence[StepInfo]) -> Iterator[Distrust]:
     scans = np.arange(len(t)) + 1 - since
     total = sums[1:] - sums[since]
     metres, unexplained = np.hypot(total[:, 0], total[:, 1]), total[:, 2] / scans
-    found = (metres > DRAGGED_METRES) & (unexplained > DRAGGED_UNEXPLAINED) & (scans >= DRAGGED_SCANS)
+    found = (metres > least_metres) & (unexplained > least_share) & (scans >= DRAGGED_SCANS)
     if found.any():
         k = int(np.argmax(found))
         dragged = (

@@ -176,6 +176,8 @@ def test_a_run_that_is_not_to_be_trusted_says_so_in_one_sentence():
         "results are in here",
     ]
     assert commands.closing_words(recording, {"distrust": []}, "here") == "results are in here"
+    again = commands.closing_words(recording, {"second_look": True, "distrust": []}, "here")
+    assert "the run was done again with care\nresults" in again
 
 
 def test_options_reach_the_filter(data, tmp_path):

@@ -106,6 +106,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
+    if not (arguments.data / "hard").is_dir():
+        print(f"skipped: the drives with real wheels, because there is no folder {arguments.data / 'hard'}")
     lines = [COLUMNS]
     for name, load in drives(arguments.data).items():
         runs = Parallel(n_jobs=-1)(delayed(outcome)(load, seed) for seed in range(arguments.seeds))
