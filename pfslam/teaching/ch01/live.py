@@ -17,8 +17,7 @@ UNITS = {"left": 1e-4, "right": 1e-4, "turned": 1e-4, "x": 1e-3, "y": 1e-3, "the
 """What one stands for in the lists that the page gets: m and rad."""
 TITLE = "Calibrate: bend the orange path until it lies on the true one"
 ALT = """From above, the true path of the drive, two long arms at a right angle, and the path that wheels and gyro
-give with a wrong calibration: it curls away from the truth. Below, the error of the heading over time, which climbs on
-the straights and jumps in the turns."""
+give with a wrong calibration: it bends away from the truth and ends some metres from the true end."""
 
 
 def calibrate_options(recording: Recording) -> dict:

@@ -6,8 +6,8 @@ from pfslam.teaching.show.lab import Laboratory, show_lab
 
 TITLE = "A map grows: drag the robot, and click a cell for its diary"
 ALT = """The map of a small building after a drive along its corridor: the corridor is free, its walls are occupied
-with some gaps, a white fan reaches through a doorway into a room, and the rest is unknown. Below, the log-odds of one
-cell of a door, scan by scan, up to the clamp."""
+with some gaps, a white fan reaches through a doorway into a room, and the rest is unknown. Orange lines mark a door and
+a panel, a frame the chosen cell in the door, and beams run from the robot to the walls."""
 
 
 def grow_lab() -> Laboratory:

@@ -22,7 +22,7 @@
   /** A robot in a building, all that its scans have said, and the map of it. */
   class Survey {
     constructor({seed = 2, trace = false}) {
-      Object.assign(this, {seed, pose: START.slice(), cell: CELL.slice(), open: {door: false, panel: false}, spec: SPEC});
+      Object.assign(this, {seed, pose: START.slice(), cell: CELL.slice(), open: {door: false, panel: false}, driven: false});
       this.settings = {hit: 1, free: 1, clamp: 2};  // in log 4
       this.trace = trace ? [] : null;
       this.reset();
@@ -87,6 +87,7 @@
         const way = far >= STEP && ways.find(([a, b]) => Math.hypot(a, b) > 0.2 * STEP && this.fits(this.pose[0] + a, this.pose[1] + b));
         if (!way) return;
         this.pose = [this.pose[0] + way[0], this.pose[1] + way[1], Math.atan2(dy, dx)];
+        this.driven = true;
         this.scan();
       }
     }
@@ -122,7 +123,7 @@
   }
 
   lab("grow", stage => {
-    const survey = new Survey(stage.options), shown = {building: false, driven: false, held: false, drawn: ""};
+    const survey = new Survey(stage.options), shown = {building: false, held: false, drawn: ""};
     const plan = stage.plan({
       name: "The map, the robot, and the chosen cell",
       help: "Drag the robot; click any cell for its diary. Keys: arrows drive, the letters A, D, W and S choose the next cell.",
@@ -147,15 +148,11 @@
         if (!shown.held) survey.choose(...core.worldToCell(SPEC, [x, y]));
       },
       move: (x, y) => {
-        if (!shown.held) return;
-        shown.driven = true;
-        survey.drive(x, y);
+        if (shown.held) survey.drive(x, y);
       },
     });
     const go = (dx, dy) => down => {
-      if (!down) return;
-      shown.driven = true;
-      survey.drive(survey.pose[0] + 1.01 * STEP * dx, survey.pose[1] + 1.01 * STEP * dy);
+      if (down) survey.drive(survey.pose[0] + 1.01 * STEP * dx, survey.pose[1] + 1.01 * STEP * dy);
     };
     const next = (dx, dy) => down => { if (down) survey.choose(survey.cell[0] + dx, survey.cell[1] + dy); };
     stage.keys(plan, {ArrowLeft: go(-1, 0), ArrowRight: go(1, 0), ArrowUp: go(0, 1), ArrowDown: go(0, -1),
@@ -193,7 +190,7 @@
     }
     const worn = `${plural(survey.said.length, "scan")}, ${(100 * survey.worn).toFixed(0)} % of the seen walls worn off`;
     draw.text(plan, worn, 8, 1.4 * size, colours.ink, {size, halo: colours.paper});
-    if (shown.driven) return;
+    if (survey.driven) return;
     const [rx, ry] = plan.at(pose[0], pose[1] - 1.6 * RADIUS);
     draw.text(plan, "drag me", rx, ry + size, colours.ink, {size, align: "center", halo: colours.free});
   }
