@@ -1,0 +1,45 @@
+"""What the notebook of chapter 12 calls."""
+
+from pfslam.loops.closing import close_loops, consistent
+from pfslam.loops.graph import gauss_newton_step, jacobians, relax, residuals, robust_weights
+from pfslam.teaching.ch12.checks import check_edge_error, check_robust_weight
+from pfslam.teaching.ch12.drives import (
+    corner_picture,
+    drives_table,
+    error,
+    numbers,
+    ring_picture,
+    scale_picture,
+)
+from pfslam.teaching.ch12.springs import (
+    kernel_picture,
+    outlier_case,
+    outlier_explorer,
+    six_poses,
+    springs_picture,
+)
+from pfslam.teaching.show.source import show_source
+
+__all__ = [
+    "check_edge_error",
+    "check_robust_weight",
+    "close_loops",
+    "consistent",
+    "corner_picture",
+    "drives_table",
+    "error",
+    "gauss_newton_step",
+    "jacobians",
+    "kernel_picture",
+    "numbers",
+    "outlier_case",
+    "outlier_explorer",
+    "relax",
+    "residuals",
+    "ring_picture",
+    "robust_weights",
+    "scale_picture",
+    "show_source",
+    "six_poses",
+    "springs_picture",
+]
