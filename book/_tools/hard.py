@@ -27,14 +27,14 @@ from pfslam.simulator import Hazards, simulate
 
 HAZARDS = {
     "people": Hazards(people=6),
-    "doors": Hazards(doors=4),
+    "doors": Hazards(doors=3),
     "glass": Hazards(glass=0.1),
     "sweep": Hazards(sweep=0.025),
-    "bumps": Hazards(bumps=8),
+    "bumps": Hazards(bumps=4),
     "slip": Hazards(slip=3),
-    "everything": Hazards(people=6, doors=4, glass=0.1, sweep=0.025, bumps=8, slip=3),
+    "everything": Hazards(people=6, doors=3, glass=0.1, sweep=0.025, bumps=4, slip=3),
 }
-"""What is added to the simulated hall: the amounts of ``python -m pfslam simulate``, one by one and all together."""
+"""What is added to the simulated hall, one hazard at a time and all together."""
 BAD_METRES = 0.3
 """A position so far from the truth is wrong enough to need a word."""
 COLUMNS = (
