@@ -102,9 +102,13 @@ student: copies  ## Write the chapters without solutions into _build/student
 
 solutions: copies  ## Write the chapters with their solutions into _build/solutions
 
-wheel: $(STAMP)
-	@rm -rf build
+# The wheel carries the students' copies of the chapters, which `pfslam lab` opens.
+wheel: $(STAMP) copies
+	@rm -rf build pfslam/teaching/chapters
+	@mkdir pfslam/teaching/chapters
+	@cp _build/student/*.ipynb pfslam/teaching/chapters/
 	@"$(BIN)/python" -m pip wheel -q --disable-pip-version-check --no-deps --no-build-isolation -w dist .
+	@rm -rf build pfslam/teaching/chapters
 
 $(SITE)/index.html:
 	@$(MAKE) book

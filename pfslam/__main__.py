@@ -95,6 +95,11 @@ def build_parser() -> Parser:
     command.add_argument("file", type=Path, metavar="FILE", help="what to run, in TOML")
     command.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default out/NAME)")
     command.add_argument("--jobs", type=whole(1, 10_000), default=-1, metavar="N", help="default: all cores")
+    command = _command(commands, "lab", "the book's chapters as notebooks, in JupyterLab")
+    command.add_argument("chapter", nargs="?", metavar="NN", help="the chapter to open, such as 05")
+    folder = "where the chapters are copied to, unless they are there already (default pfslam-chapters)"
+    command.add_argument("--folder", type=Path, default=Path("pfslam-chapters"), metavar="DIR", help=folder)
+    command.add_argument("--copy-only", action="store_true", help="copy the chapters, and open nothing")
     command = _command(commands, "bench", "speed and memory on this machine")
     quick = "fewer rounds, and only the first part of the drive"
     command.add_argument("--quick", action="store_true", help=quick)

@@ -8,10 +8,12 @@ import os
 import re
 import shutil
 import sys
+from html import escape, unescape
 from importlib.metadata import files
 from pathlib import Path
 from typing import ClassVar
 
+import yaml
 from docutils import nodes
 from docutils.parsers.rst import directives
 from myst_nb.ext.eval import EvalRoleAny
@@ -209,6 +211,54 @@ class LinkToSource(SphinxTransform):
                 link.replace_self(nodes.reference("", "", *link.children, refuri=page, internal=True))
 
 
+def name_command(app, doctree) -> None:
+    """Under its heading a chapter says how to run it; in JupyterLab, where it runs already, it does not."""
+    chapter = CHAPTER.match(app.env.docname)
+    if chapter:
+        line = nodes.paragraph("", "Run this chapter: ", classes=["pfslam-run"])
+        line += nodes.literal("", f"pfslam lab {chapter[1]}")
+        line += nodes.Text(" (")
+        line += nodes.reference("", "how to", refuri="../book/install.html", internal=True)
+        line += nodes.Text(")")
+        title = next(iter(doctree.findall(nodes.title)))
+        title.parent.insert(title.parent.index(title) + 1, line)
+
+
+def show_addresses(app, config) -> None:
+    """Buttons for the repository, and for running a chapter in the cloud, appear with their addresses.
+
+    Jupyter Book hands the theme either its own options or ours, not both.
+    """
+    settings = yaml.safe_load(Path(app.confdir, "_config.yml").read_text(encoding="utf-8"))
+    repository, launch = settings.get("repository", {}), settings.get("launch_buttons", {})
+    if repository.get("url"):
+        found = {"repository_url": repository["url"], "repository_branch": repository.get("branch", "main")}
+        found |= {"use_repository_button": True, "use_issues_button": True, "launch_buttons": launch}
+        config.html_theme_options |= found
+
+
+def describe_page(app, pagename, templatename, context, doctree) -> None:
+    """What a message or a forum shows of a page that somebody links: its title, first sentences and a picture."""
+    if doctree is None:
+        return
+    first = next((p for p in doctree.findall(nodes.paragraph) if "pfslam-run" not in p["classes"]), None)
+    words = " ".join(first.astext().split()) if first else ""
+    card = {"og:type": "article", "og:title": context["title"], "og:site_name": app.config.html_title}
+    card["og:description"] = words if len(words) <= 200 else words[:200].rsplit(" ", 1)[0] + " ..."
+    if app.config.html_baseurl:  # a picture needs a whole address
+        card["og:image"] = f"{app.config.html_baseurl.rstrip('/')}/_static/readme.webp"
+    tags = (
+        f'<meta property="{escape(name)}" content="{escape(plain_title(value))}" />'
+        for name, value in card.items()
+    )
+    context["metatags"] = context.get("metatags", "") + "\n" + "\n".join(tags)
+
+
+def plain_title(text: str) -> str:
+    """A title without the markup that the theme has put into it."""
+    return unescape(re.sub(r"<[^>]+>", "", text))
+
+
 FOLDS = {
     "tag_setup": ("Show the set-up", "Hide the set-up"),
     "tag_solution": ("Show a solution", "Hide the solution"),
@@ -293,6 +343,9 @@ def setup(app):
     app.connect("doctree-read", wrap_sentences)
     app.connect("doctree-read", name_formulas)
     app.connect("doctree-read", name_folds)
+    app.connect("doctree-read", name_command)
+    app.connect("config-inited", show_addresses)
+    app.connect("html-page-context", describe_page)
     app.connect("builder-inited", copy_laboratories)
     app.connect("html-page-context", load_laboratories)
     app.connect("build-finished", finish_site)

@@ -19,6 +19,7 @@ import numpy.ma  # NumPy would load these two in the middle of a run,
 import numpy.random  # and a Ctrl-C that comes during an import can be lost
 from tqdm import tqdm
 
+from pfslam.cli.lab import lab_command
 from pfslam.cli.look import check_table, describe, topic_table
 from pfslam.cli.search import closing_words_of_search, picture_of_search, summarise_search
 from pfslam.cli.summary import closing_words, summarise
@@ -299,5 +300,6 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "report": report_command,
     "convert": convert_command,
     "study": study_command,
+    "lab": lab_command,
     "bench": bench_command,
 }

@@ -1,6 +1,7 @@
 """Every page of the site: whole, quiet, self-contained, light, and no wider than a phone."""
 
 import json
+import re
 from html.parser import HTMLParser
 from urllib.parse import unquote, urldefrag
 
@@ -181,3 +182,29 @@ def test_a_chapter_can_be_downloaded_as_a_notebook(visit, site, anatomies):
     with page.expect_download() as download:
         page.locator("a.btn-download-source-button").click()
     assert download.value.suggested_filename == chapters[0].with_suffix(".ipynb").name
+
+
+def test_addresses_that_are_not_filled_in_leave_nothing_behind(site):
+    for path in [site / "index.html", *(site / "notebooks").glob("*.html")]:
+        page = path.read_text(encoding="utf-8")
+        assert "og:image" not in page, path.name
+        assert "btn-source" not in page, path.name
+        assert "binderhub" not in page.lower(), path.name
+
+
+def test_a_page_says_how_to_run_it_and_what_a_message_shows_of_it(site):
+    for path in (site / "notebooks").glob("*.html"):
+        page = path.read_text(encoding="utf-8")
+        number = path.name[:2]
+        command = f'pfslam</span> <span class="pre">lab</span> <span class="pre">{number}</span>'
+        assert page.count(command) == 1, path.name
+        assert f'<meta property="og:title" content="{number} ' in page, path.name
+        assert re.search(r'<meta property="og:description" content="[^"]{60,}"', page), path.name
+
+
+def test_a_page_that_is_not_there_leads_back_to_the_book(chromium, site):
+    page = chromium.new_page()
+    page.goto((site / "404.html").as_uri())
+    page.get_by_text("to the first page").click()
+    assert page.url == (site / "index.html").as_uri()
+    page.close()

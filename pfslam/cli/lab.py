@@ -1,0 +1,62 @@
+"""``pfslam lab``: copy the chapters beside the reader's own work, and open one of them in JupyterLab."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+from pfslam.errors import DataError
+from pfslam.io.files import atomic_write
+
+PACKAGE = Path(__file__).resolve().parents[1]
+SHELVES = (PACKAGE / "teaching" / "chapters", PACKAGE.parent / "notebooks")
+"""Where chapters lie: in an installed wheel as copies for students, in a checkout as they are written."""
+
+
+def lab_command(arguments: argparse.Namespace) -> None:
+    """Copy the chapters that are not there yet into a folder and open one of them, or all, in JupyterLab."""
+    chapters = available_chapters()
+    chosen = chosen_chapter(chapters, arguments.chapter)
+    copied = copy_missing(chapters, arguments.folder)
+    print(f"{arguments.folder}: {len(copied)} chapters copied, {len(chapters) - len(copied)} were there")
+    page = arguments.folder / chosen.name if chosen else arguments.folder
+    if arguments.copy_only:
+        print(f"open {page} in JupyterLab")
+        return
+    if importlib.util.find_spec("jupyterlab") is None:
+        raise DataError("pfslam lab", "package", "no jupyterlab", 'pip install "pfslam[lab]"')
+    subprocess.run([sys.executable, "-m", "jupyterlab", str(page)], check=False)
+
+
+def available_chapters() -> list[Path]:
+    """Find the notebooks that came with this package, in their order."""
+    for shelf in SHELVES:
+        if chapters := sorted(shelf.glob("[0-9][0-9]_*.ipynb")):
+            return chapters
+    raise DataError(
+        "pfslam lab", "chapters", "none", f"notebooks in {SHELVES[0]}, as a released wheel has them"
+    )
+
+
+def chosen_chapter(chapters: list[Path], number: str | None) -> Path | None:
+    """Choose the chapter with a number such as "05" or "5"; None without a number."""
+    if number is None:
+        return None
+    for path in chapters:
+        if number and path.name[:2] == f"{number:0>2}":
+            return path
+    known = ", ".join(path.name[:2] for path in chapters)
+    raise DataError("pfslam lab", "chapter", number, f"one of {known}")
+
+
+def copy_missing(chapters: list[Path], folder: Path) -> list[Path]:
+    """Copy what is missing in ``folder``; a file that is there is the reader's own work and stays as it is."""
+    missing = [path for path in chapters if not (folder / path.name).exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in missing:
+        with atomic_write(folder / path.name) as file:
+            file.write(path.read_bytes())
+    return missing

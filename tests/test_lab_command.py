@@ -1,0 +1,72 @@
+"""``pfslam lab``: the chapters beside the reader's work, which is never written over."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pfslam.__main__ import main
+from pfslam.cli import lab
+
+CHAPTERS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """What would have been started."""
+    calls = []
+    monkeypatch.setattr(lab.subprocess, "run", lambda command, **_: calls.append(command))
+    return calls
+
+
+def test_all_chapters_are_copied_and_one_is_opened(tmp_path, opened, capsys):
+    assert main(["lab", "5", "--folder", str(tmp_path / "mine")]) == 0
+    assert [p.name for p in sorted((tmp_path / "mine").iterdir())] == [p.name for p in CHAPTERS]
+    page = tmp_path / "mine" / "05_particle_filter_slam.ipynb"
+    assert opened == [[sys.executable, "-m", "jupyterlab", str(page)]]
+    assert page.read_bytes() == (CHAPTERS[0].parent / page.name).read_bytes()
+    assert f"{len(CHAPTERS)} chapters copied" in capsys.readouterr().out
+
+
+def test_the_readers_work_is_never_written_over(tmp_path, opened, capsys):
+    (tmp_path / CHAPTERS[0].name).write_text("my answers")
+    assert main(["lab", "--folder", str(tmp_path)]) == 0
+    assert main(["lab", "00", "--folder", str(tmp_path)]) == 0
+    assert (tmp_path / CHAPTERS[0].name).read_text() == "my answers"
+    assert opened[0][-1] == str(tmp_path)
+    assert f"0 chapters copied, {len(CHAPTERS)} were there" in capsys.readouterr().out
+
+
+def test_copy_only_opens_nothing(tmp_path, opened):
+    assert main(["lab", "--copy-only", "--folder", str(tmp_path)]) == 0
+    assert opened == []
+
+
+@pytest.mark.parametrize("number", ["99", "x", "", "-1", "005"])
+def test_an_unknown_chapter_is_one_line(number, tmp_path, opened, capsys):
+    assert main(["lab", "--folder", str(tmp_path / "mine"), "--", number]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "chapter" in said
+    assert "00, 01, 02" in said
+    assert not (tmp_path / "mine").exists()
+
+
+def test_without_jupyterlab_it_says_what_to_install(tmp_path, opened, monkeypatch, capsys):
+    monkeypatch.setattr(lab.importlib.util, "find_spec", lambda name: None)
+    assert main(["lab", "00", "--folder", str(tmp_path)]) == 2
+    assert "pip install" in capsys.readouterr().err
+    assert opened == []
+
+
+def test_without_chapters_it_says_where_they_should_be(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(lab, "SHELVES", (tmp_path / "nothing",))
+    assert main(["lab", "00", "--folder", str(tmp_path / "mine")]) == 2
+    assert "notebooks in" in capsys.readouterr().err
+
+
+def test_help_names_the_folder():
+    said = subprocess.run([sys.executable, "-m", "pfslam", "lab", "--help"], capture_output=True, text=True)
+    assert said.returncode == 0
+    assert "pfslam-chapters" in said.stdout
