@@ -32,6 +32,7 @@ from pfslam.teaching.ch08.filter import (
 )
 from pfslam.teaching.ch08.filter_exhibits import filter_faults, filter_runs
 from pfslam.teaching.ch08.map_exhibits import camera_faults, map_faults
+from pfslam.teaching.ch08.world_exhibits import walls_gone, world_faults, world_runs
 
 pytestmark = pytest.mark.slow
 
@@ -296,6 +297,45 @@ def test_pairs_by_number_drift_apart(exhibits):
     healthy, broken = reading(exhibits, "paired by number")
     assert healthy < 0.05
     assert broken > 1.0
+
+
+# ---- the world
+
+
+@pytest.fixture(scope="module")
+def worlds(hall):
+    return world_runs(hall)
+
+
+def test_people_drag_the_estimate_and_the_run_says_so(worlds):
+    healthy, broken, few = (worlds[name] for name in list(worlds)[:3])
+    exhibit = world_faults(worlds)["people"]
+    assert exhibit.healthy < 0.1 < 0.2 < exhibit.broken
+    assert healthy.ate < 0.02 < 0.3 < broken.ate
+    assert few.ate < 0.05
+    assert (healthy.says, few.says) == ("no doubt", "no doubt")
+    assert broken.says.startswith("in doubt from 20 s on: scans moved")
+
+
+def test_glass_and_doors_change_the_map_and_not_the_path(worlds):
+    exhibits = world_faults(worlds)
+    assert exhibits["glass"].healthy < 2 < 20 < exhibits["glass"].broken
+    assert exhibits["closed door"].broken > 5 * exhibits["closed door"].healthy
+    assert max(worlds["glass"].ate, worlds["doors"].ate) < 0.02
+    for exhibit in exhibits.values():
+        words = {state: ch08.exhibit_frame(exhibit, state)[1] for state in ch08.STATES}
+        assert words["healthy"] != words["broken"]
+
+
+def test_a_wall_is_gone_where_another_map_is_free_and_has_no_wall_near():
+    spec = pfslam.GridSpec(origin=(0.0, 0.0), resolution=0.1, shape=(1, 10))
+
+    def line(text):
+        return pfslam.OccupancyGrid(spec, np.array([[{"#": 1.0, ".": -1.0, " ": 0.0}[c] for c in text]]))
+
+    gone = walls_gone(line("#....#...."), line(".......#.."))
+    np.testing.assert_allclose(gone, [[0.05, 0.05]])  # the wall at 0.55 m has another one 0.2 m away
+    assert len(walls_gone(line("#         "), line("         #"))) == 0  # what is unknown is not free
 
 
 # ---- the pictures

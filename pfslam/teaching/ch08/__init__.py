@@ -10,6 +10,7 @@ from pfslam.teaching.ch08.exhibit import clock_explorer, faults_explorer, readin
 from pfslam.teaching.ch08.filter_exhibits import errors_over_seeds, filter_faults, filter_runs
 from pfslam.teaching.ch08.map_exhibits import camera_faults, map_faults
 from pfslam.teaching.ch08.mystery import mystery, mystery_picture, mystery_table
+from pfslam.teaching.ch08.world_exhibits import world_faults, world_runs
 from pfslam.teaching.show.source import show_source
 
 __all__ = [
@@ -44,4 +45,6 @@ __all__ = [
     "standing_table",
     "swap_angle_deg",
     "swap_pixels",
+    "world_faults",
+    "world_runs",
 ]
