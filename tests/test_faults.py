@@ -308,11 +308,12 @@ def worlds(hall):
 
 
 def test_people_drag_the_estimate_and_the_run_says_so(worlds):
-    healthy, broken, few = (worlds[name] for name in list(worlds)[:3])
+    healthy, broken, few, careful = (worlds[name] for name in list(worlds)[:4])
     exhibit = world_faults(worlds)["people"]
     assert exhibit.healthy < 0.1 < 0.2 < exhibit.broken
     assert healthy.ate < 0.02 < 0.3 < broken.ate
-    assert few.ate < 0.05
+    assert max(few.ate, careful.ate) < 0.05
+    assert careful.result.config.care is not None
     assert (healthy.says, few.says) == ("no doubt", "no doubt")
     assert broken.says.startswith("in doubt from 20 s on: scans moved")
 

@@ -33,11 +33,13 @@ class WorldRun:
     result: SlamResult
 
     @classmethod
-    def of(cls, recording: Recording, seconds: float, every: int) -> WorldRun:
-        """Run the first seconds of a recording."""
+    def of(cls, recording: Recording, seconds: float, every: int, second_look: bool = False) -> WorldRun:
+        """Run the first seconds of a recording; what a first look gives is kept unless a second one is asked for."""
         part = first_seconds(recording, seconds)
         config = replace(SlamConfig.refined(), every=every)
-        return cls(part, run_slam(part, config, rng=np.random.default_rng(0), keep_particles=False))
+        rng = np.random.default_rng(0)
+        result = run_slam(part, config, rng=rng, keep_particles=False, second_look=second_look)
+        return cls(part, result)
 
     @property
     def ate(self) -> float:
@@ -101,6 +103,7 @@ def world_runs(recording: Recording) -> dict[str, WorldRun]:
         "empty, every 5th scan": WorldRun.of(recording, WITH_PEOPLE, every=5),
         "people, every 5th scan": WorldRun.of(people, WITH_PEOPLE, every=5),
         "people, every 20th scan": WorldRun.of(people, WITH_PEOPLE, every=20),
+        "people, second look": WorldRun.of(people, WITH_PEOPLE, every=5, second_look=True),
         "empty": WorldRun.of(recording, BACK[1], every=20),
         "glass": WorldRun.of(glass, BACK[1], every=20),
         "doors": WorldRun.of(doors, BACK[1], every=20),
