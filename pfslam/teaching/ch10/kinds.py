@@ -57,9 +57,10 @@ def kinds_table() -> Shown:
     )
 
 
-def medians_cm(places: str, polish: bool) -> dict[str, float]:
-    """Return the median error of each kind in the "buildings" or round the "rings", in centimetres."""
-    return {label: 100 * float(np.median(e)) for label, e in kind_errors(PLACES[places], polish).items()}
+def medians_cm(places: str, polish: bool, first: int | None = None) -> dict[str, float]:
+    """Return the median error (cm) of each kind in the "buildings" or round the "rings", all or the ``first`` few."""
+    errors = kind_errors(PLACES[places], polish)
+    return {label: 100 * float(np.median(e[:first])) for label, e in errors.items()}
 
 
 def private_better(places: str, polish: bool) -> str:
