@@ -27,12 +27,12 @@ from pfslam.simulator import Hazards, simulate
 
 HAZARDS = {
     "people": Hazards(people=6),
-    "doors": Hazards(doors=3),
+    "doors": Hazards(doors=4),
     "glass": Hazards(glass=0.1),
     "sweep": Hazards(sweep=0.025),
-    "bumps": Hazards(bumps=4),
+    "bumps": Hazards(bumps=8),
     "slip": Hazards(slip=3),
-    "everything": Hazards(people=6, doors=3, glass=0.1, sweep=0.025, bumps=4, slip=3),
+    "everything": Hazards(people=6, doors=4, glass=0.1, sweep=0.025, bumps=8, slip=3),
 }
 """What is added to the simulated hall, one hazard at a time and all together."""
 BAD_METRES = 0.3
