@@ -221,8 +221,8 @@ def localization_step(
 def injected_share(slow: float, fast: float) -> float:
     """Return the share of particles to draw anew: 1 - fast / slow, and none while scans fit as well as ever.
 
-    >>> injected_share(slow=0.8, fast=0.6), injected_share(slow=0.8, fast=0.9)
-    (0.25, 0.0)
+    >>> injected_share(slow=0.8, fast=0.4), injected_share(slow=0.8, fast=0.9)
+    (0.5, 0.0)
     """
     return max(0.0, 1.0 - fast / slow) if slow > 0.0 else 0.0
 

@@ -17,7 +17,7 @@ from pfslam.per_particle import Histories, per_particle_step
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.slam import SlamState, StepInfo, slam_step
-from pfslam.trust import Distrust, distrust, misled
+from pfslam.trust import Distrust, distrust, in_doubt, misled
 
 
 class State(Protocol):
@@ -105,15 +105,21 @@ def run_slam(
     ``config=None`` is ``SlamConfig.refined()``; ``rng=None`` is seed 0. ``progress(iterable, total=n)`` may wrap the
     loop, as tqdm does. Without ``keep_particles`` the infos hold no clouds, which saves memory on long runs.
 
-    A run whose scans have misled it (``trust.misled``) is done again with ``config.careful()``, if that differs; the
-    result's ``config`` tells. Without ``second_look`` the first run stands, whatever happened.
+    A run whose scans have misled it (``trust.misled``) is done again with ``config.careful()``, if that differs. The
+    second run stands unless more of it is in doubt; the result's ``config`` tells. Without ``second_look`` the first
+    run stands, whatever happened.
     """
     config = SlamConfig.refined() if config is None else config
     rng = np.random.default_rng(0) if rng is None else rng
     result = _one_run(recording, config, rng, progress, keep_particles)
     if second_look and config.careful() != config and misled(result.infos):
-        return _one_run(recording, config.careful(), rng, progress, keep_particles)
+        second = _one_run(recording, config.careful(), rng, progress, keep_particles)
+        return min(second, result, key=_scans_in_doubt)
     return result
+
+
+def _scans_in_doubt(result: SlamResult) -> int:
+    return int(np.count_nonzero(in_doubt(result.distrust, result.trajectory.t)))
 
 
 def _one_run(

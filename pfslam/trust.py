@@ -111,9 +111,22 @@ def distrust(infos: Sequence[StepInfo]) -> list[Distrust]:
     return sorted([*_lost(infos), *_dragged(infos), *_blind(infos), *_along(infos)], key=lambda d: d["from"])
 
 
+def in_doubt(stretches: Sequence[Distrust], t: np.ndarray) -> np.ndarray:
+    """Tell which of the times ``(K,)`` (s) lie in a stretch that is not to be trusted, ``(K,)`` bool."""
+    doubted = np.zeros(len(t), dtype=bool)
+    for stretch in stretches:
+        doubted |= (t >= stretch["from"]) & (t <= (np.inf if stretch["to"] is None else stretch["to"]))
+    return doubted
+
+
 def misled(infos: Sequence[StepInfo]) -> bool:
-    """Tell whether scans seem to have dragged the estimate from its odometry, as people and glass do."""
-    return any(True for _ in _dragged(infos, MISLED_METRES, MISLED_UNEXPLAINED))
+    """Tell whether scans seem to have dragged the estimate from its odometry, as people and glass do.
+
+    Only scans before the first alarm count: where a robot was carried off, scans contradict odometry and are right.
+    """
+    when = alarms(infos)
+    before = [info for info in infos if len(when) == 0 or info.t < when[0]]
+    return any(True for _ in _dragged(before, MISLED_METRES, MISLED_UNEXPLAINED))
 
 
 def _lost(infos: Sequence[StepInfo]) -> Iterator[Distrust]:

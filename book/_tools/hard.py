@@ -22,8 +22,9 @@ from pfslam.io.course import load_course
 from pfslam.io.files import write_text
 from pfslam.poses import compose, invert
 from pfslam.recording import Recording
-from pfslam.runs import SlamResult, run_slam
+from pfslam.runs import run_slam
 from pfslam.simulator import Hazards, simulate
+from pfslam.trust import in_doubt
 
 HAZARDS = {
     "people": Hazards(people=6),
@@ -80,15 +81,7 @@ def outcome(load: Callable[[], Recording], seed: int) -> Outcome:
     true_poses = recording.truth.at(t)
     aligned = compose(compose(true_poses[0], invert(poses[0])), poses)
     error = np.hypot(*(aligned - true_poses)[:, :2].T)
-    return Outcome(float(np.sqrt(np.mean(error**2))), error, in_doubt(result, t))
-
-
-def in_doubt(result: SlamResult, t: np.ndarray) -> np.ndarray:
-    """Tell which of the times ``(K,)`` (s) lie in a stretch that the run does not trust."""
-    doubted = np.zeros(len(t), dtype=bool)
-    for stretch in result.distrust:
-        doubted |= (t >= stretch["from"]) & (t <= (np.inf if stretch["to"] is None else stretch["to"]))
-    return doubted
+    return Outcome(float(np.sqrt(np.mean(error**2))), error, in_doubt(result.distrust, t))
 
 
 def row(name: str, outcomes: list[Outcome]) -> tuple[str, ...]:
