@@ -198,7 +198,7 @@ def weighed_step(
 ) -> np.ndarray:
     """Correct a pose ``(3,)`` by one step towards the maximum of the lines' likelihood times odometry's density.
 
-    Minimises k / s^2 sum w (r + J x)^2 + |d + x|^2 / variance over the step x, where d ``(3,)`` is the departure from
+    Minimises k / s^2 sum w (r + J x)^2 + (d + x)^2 / variance over the step x, where d ``(3,)`` is the departure from
     odometry so far and s is ``LINE_SIGMA``: one iteration of an iterated Kalman update (Bell and Cathey, "The iterated
     Kalman filter update as a Gauss-Newton method", 1993). Beams on one wall share its errors, so together they count
     for ``independent_beams`` at most: k = min(1, independent_beams / sum w).

@@ -57,6 +57,7 @@ BETTER_MARKUP = (
     (r'(<button class="[^"]*search-button-field[^"]*"[^>]*?) aria-label="Search"', r"\1"),
     (r'(<summary) aria-label="Toggle hidden content"', r"\1"),
     (r'(<div class="bd-sidebar-primary bd-sidebar")', r'\1 role="navigation" aria-label="Book"'),
+    (r'<summary>(?=<span class="toctree-toggle")', '<summary aria-label="Pages of this section">'),
     (r'role="doc-biblioentry"', 'role="listitem"'),
     (r"<p>✅</p>", "<p>done</p>"),  # not every machine has this letter
 )

@@ -7,6 +7,8 @@ from headless import WIDTH_BEYOND_SCREEN
 
 pytestmark = pytest.mark.browser
 
+LOST = "404.html"
+
 AXE = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 FINDINGS = """async rules => {
@@ -39,6 +41,17 @@ def test_source_pages_are_for_everybody_too(visit, source_page):
     assert seen.page.evaluate(WIDTH_BEYOND_SCREEN) <= 0
     for theme in ("light", "dark"):
         assert violations(seen.page, theme) == [], theme
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_lost_visitor_is_led_back(visit, scheme):
+    seen = visit(LOST, width=390, color_scheme=scheme)
+    assert seen.complaints + seen.strangers == []
+    assert seen.page.evaluate("document.documentElement.dataset.theme") == scheme
+    assert seen.page.evaluate(WIDTH_BEYOND_SCREEN) <= 0
+    assert violations(seen.page, scheme) == []
+    seen.page.get_by_text("to the first page").click()
+    assert seen.page.url.endswith("/index.html")
 
 
 def test_nothing_glides_for_who_asked_for_less_motion(shared):

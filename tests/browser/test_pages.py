@@ -200,11 +200,3 @@ def test_a_page_says_how_to_run_it_and_what_a_message_shows_of_it(site):
         assert page.count(command) == 1, path.name
         assert f'<meta property="og:title" content="{number} ' in page, path.name
         assert re.search(r'<meta property="og:description" content="[^"]{60,}"', page), path.name
-
-
-def test_a_page_that_is_not_there_leads_back_to_the_book(chromium, site):
-    page = chromium.new_page()
-    page.goto((site / "404.html").as_uri())
-    page.get_by_text("to the first page").click()
-    assert page.url == (site / "index.html").as_uri()
-    page.close()
