@@ -81,3 +81,23 @@ def test_json_holds_the_machine_and_every_row(monkeypatch, tmp_path, capsys, box
     printed = capsys.readouterr().out
     assert all(row["what"] in printed for s in written["sections"] for row in s["rows"])
     assert os.listdir(tmp_path / "deep") == ["bench.json"]
+
+
+def test_laboratories_are_measured_by_the_books_tool_where_there_is_one(tmp_path):
+    tool = tmp_path / "tool.py"
+    assert "checkout" in command.laboratories(tool)
+    tool.write_text("print('slide 12 ms')\n")
+    assert command.laboratories(tool) == "laboratories, slide 12 ms"
+    tool.write_text("raise SystemExit('no Chromium on this machine')\n")
+    assert command.laboratories(tool) == "laboratories: not measured (no Chromium on this machine)"
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_only_a_whole_benchmark_opens_a_browser(quick, monkeypatch, capsys):
+    for name in THREADS:
+        monkeypatch.setenv(name, "1")
+    monkeypatch.setattr(command, "recordings_for", lambda data: {})
+    monkeypatch.setattr(command, "measured", lambda *given: [])
+    monkeypatch.setattr(command, "laboratories", lambda: "laboratories, here")
+    command.bench(quick)
+    assert ("laboratories, here" in capsys.readouterr().out) is not quick

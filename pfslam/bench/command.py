@@ -19,6 +19,9 @@ from pfslam.io.files import check_writable, write_text
 from pfslam.recording import Recording
 from pfslam.study.provenance import machine, versions
 
+FRAME_TIME = Path("book", "_tools", "frame_time.py")
+"""In the current folder: the laboratories belong to the book, and the book to a checkout."""
+
 
 def bench(quick: bool = False, json_file: Path | None = None, data: Path | None = None) -> None:
     """Measure everything on one thread and print it; raises ``SystemExit`` with the code of a failed child process."""
@@ -36,6 +39,8 @@ def bench(quick: bool = False, json_file: Path | None = None, data: Path | None 
     for section in measured(recordings_for(data), QUICK if quick else Effort(), quick):
         found.append(asdict(section))
         print(section, flush=True)
+    if not quick:
+        print(laboratories(), flush=True)
     if json_file is not None:
         everything = {"machine": about, "quick": quick, "sections": found}
         write_text(json_file, json.dumps(everything, indent=2) + "\n")
@@ -58,6 +63,20 @@ def recordings_for(data: Path | None) -> dict[str, Recording]:
     if data is not None or any(data_folder().glob("Encoders20.npz")):
         recordings["20"] = load("20", data)
     return recordings
+
+
+def laboratories(tool: Path = FRAME_TIME) -> str:
+    """Measure how long the book's laboratories work on a frame, in a Chromium slowed down to a phone; else say why not.
+
+    The tool and the browser's driver belong to a checkout of the project; the figures stay out of the JSON.
+    """
+    if not tool.exists():
+        return "laboratories: measured in the folder of a checkout only"
+    done = subprocess.run([sys.executable, str(tool)], capture_output=True, text=True)
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        return f"laboratories: not measured ({last})"
+    return f"laboratories, {done.stdout.rstrip()}"
 
 
 def _on_one_thread(quick: bool, json_file: Path | None, data: Path | None) -> int:
