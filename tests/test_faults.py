@@ -12,6 +12,7 @@ from pfslam.motion import Controls, controls
 from pfslam.particles import Particles, resample
 from pfslam.poses import Trajectory
 from pfslam.recording import LidarScans
+from pfslam.sensors import scan_points
 from pfslam.slam import Parts
 from pfslam.teaching.ch08 import data as ch08_data
 from pfslam.teaching.ch08 import demos as ch08_demos
@@ -82,6 +83,15 @@ def test_a_clockwise_scan_read_twice_is_the_scan():
     four = scan_of_four(1.0, 2.0, 3.0, 4.0)
     np.testing.assert_array_equal(faults.clockwise(four).lidar.ranges, [[4, 3, 2, 1]])
     np.testing.assert_array_equal(faults.clockwise(faults.clockwise(four)).lidar.ranges, four.lidar.ranges)
+
+
+def test_a_turned_lidar_sees_its_walls_elsewhere_and_another_unit_farther_away():
+    four = scan_of_four(1.0, 2.0, 3.0, np.inf)
+    turned = faults.turned_lidar(four, np.pi)
+    place = four.robot.lidar.position_b[:2]
+    seen, behind = (scan_points(r.lidar.ranges[0], r.robot.lidar) - place for r in (four, turned))
+    np.testing.assert_allclose(behind, -seen, atol=1e-12)
+    np.testing.assert_array_equal(faults.scaled_ranges(four, 0.5).lidar.ranges, [[0.5, 1, 1.5, np.inf]])
 
 
 def test_skipping_a_gap_loses_its_distance_and_nothing_else():

@@ -140,6 +140,18 @@ def lidar_at(recording: Recording, x: float, y: float) -> Recording:
     return replace(recording, robot=replace(recording.robot, lidar=lidar))
 
 
+def turned_lidar(recording: Recording, yaw: float) -> Recording:
+    """Take the LiDAR to look ``yaw`` rad to the left of where it really does."""
+    lidar = recording.robot.lidar
+    lidar = replace(lidar, angle_min=lidar.angle_min + yaw, angle_max=lidar.angle_max + yaw)
+    return replace(recording, robot=replace(recording.robot, lidar=lidar))
+
+
+def scaled_ranges(recording: Recording, factor: float) -> Recording:
+    """Read the ranges in another unit, ``factor`` times what they are."""
+    return _with_ranges(recording, factor * recording.scans().ranges)
+
+
 def silent_gyro(recording: Recording, begin: float, end: float) -> Recording:
     """Leave out the IMU's samples from ``begin`` to ``end``, both included."""
     _, imu = recording.wheels_and_gyro()

@@ -2,6 +2,7 @@
 
 from pfslam.teaching.ch13.bag import record_bag
 from pfslam.teaching.ch13.checks import check_classify, check_increments, check_track
+from pfslam.teaching.ch13.gallery import gallery, gallery_picture, gallery_table
 from pfslam.teaching.ch13.robot import (
     calibration_table,
     check_up_table,
@@ -9,8 +10,6 @@ from pfslam.teaching.ch13.robot import (
     drives,
     faults_table,
     lever_explorer,
-    map_picture,
-    path_picture,
     run_figure,
     sharpest_lever,
     track_explorer,
@@ -26,9 +25,10 @@ __all__ = [
     "complaints",
     "drives",
     "faults_table",
+    "gallery",
+    "gallery_picture",
+    "gallery_table",
     "lever_explorer",
-    "map_picture",
-    "path_picture",
     "record_bag",
     "run_figure",
     "sharpest_lever",

@@ -23,11 +23,11 @@ from pfslam.evaluation.faults import (
     silent_gyro,
 )
 from pfslam.motion import controls
-from pfslam.poses import Trajectory, transform_points
+from pfslam.poses import transform_points
 from pfslam.recording import Encoders, Recording
 from pfslam.runs import SlamResult
 from pfslam.sensors import scan_points
-from pfslam.teaching.show.figures import draw_trajectory, map_along, map_figure, trajectory_figure
+from pfslam.teaching.show.figures import draw_trajectory, map_figure
 from pfslam.teaching.show.pictures import Picture
 from pfslam.teaching.show.style import COLOURS, INK, metric_axes, new_figure
 from pfslam.teaching.show.tables import Shown
@@ -229,25 +229,6 @@ def drives() -> dict[str, tuple[str, Path | None]]:
         for path in sorted(place.glob("*.log")):
             found[path.stem] = (str(path), None)
     return found
-
-
-def path_picture(recording: Recording, path: Trajectory) -> Picture:
-    """Draw a recording's path by dead reckoning, the report's figure 1 for any data."""
-    figure = trajectory_figure(recording, path, "odometry", "Dead reckoning of the converted log")
-    figure.set_size_inches(*PLAN)
-    apart = np.hypot(*path.poses[-1, :2])
-    return Picture(
-        figure, f"Path of the converted log by dead reckoning: it ends {apart:.1f} m from its start."
-    )
-
-
-def map_picture(recording: Recording, path: Trajectory) -> Picture:
-    """Draw the map that dead reckoning makes, the report's figure 5 for any data."""
-    figure = map_figure(map_along(recording, path, every=20), "Its map, drawn from dead reckoning")
-    figure.set_size_inches(*PLAN)
-    return Picture(
-        figure, "Map of the converted log drawn from dead reckoning: corridors appear twice, at an angle."
-    )
 
 
 def run_figure(name: str, recording: Recording, result: SlamResult) -> Picture:
