@@ -333,7 +333,9 @@ def take_over_eval(app) -> None:
 def setup(app):
     os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
     app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
+    app.config["html_search_scorer"] = str(Path(__file__).with_name("search_order.js"))
     app.add_css_file("pfslam.css")
+    app.add_js_file("print.js", loading_method="defer")
     app.add_directive("math", Math, override=True)
     app.add_transform(LinkToSource)
     app.connect("config-inited", read_in_parallel)

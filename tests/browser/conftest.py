@@ -23,7 +23,13 @@ def explorer_pages() -> list[str]:
 
 def pytest_generate_tests(metafunc):
     """All tests of one page run in one worker, one after the other: the page is opened once for most of them."""
-    pages_for = {"page_name": PAGES, "explorer_page": explorer_pages(), "source_page": SOURCES}
+    chapters = [name for name in PAGES if name.startswith("notebooks/")]
+    pages_for = {
+        "page_name": PAGES,
+        "chapter_page": chapters,
+        "explorer_page": explorer_pages(),
+        "source_page": SOURCES,
+    }
     for argument, names in pages_for.items():
         if argument in metafunc.fixturenames:
             pages = [pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in names or ["no page"]]

@@ -12,6 +12,8 @@ pytestmark = pytest.mark.browser
 
 SENTENCES_CUT_OFF = """() => [...document.querySelectorAll('.pfslam-sentences pre')]
   .filter(e => e.scrollWidth > e.clientWidth).map(e => e.textContent.trim().slice(0, 60))"""
+CODE_CUT_OFF = """() => [...document.querySelectorAll('article pre')]
+  .filter(e => e.scrollWidth > e.clientWidth + 1).map(e => e.textContent.trim().slice(0, 60))"""
 BEYOND_SCREEN = """() => [...document.querySelectorAll(
     'article :is(table, mjx-container > svg, figure.pfslam-explorer, figure.pfslam-explorer *)')]
   .filter(e => e.getBoundingClientRect().right > document.documentElement.clientWidth)
@@ -167,6 +169,41 @@ def test_search_finds_a_word(visit, site, scheme):
 def test_search_finds_what_is_a_formula_or_a_short_name(visit, site, words, page):
     seen = visit(f"search.html?q={words}", "file")
     seen.page.wait_for_selector(f'#search-results li a[href*="{page}"]')
+
+
+def test_search_shows_chapters_first_and_pages_for_maintainers_last(visit, site):
+    page = visit("search.html?q=resampling", "file").page
+    page.wait_for_selector('#search-results li a[href*="book/teachers"]')
+    found = page.eval_on_selector_all(
+        "#search-results li > a", "links => links.map(link => link.getAttribute('href').split('?')[0])"
+    )
+    pages = [name for name in found if "#" not in name]  # a place within a page has a rank of its own
+    chapters = [name for name in pages if name.startswith("notebooks/")]
+    assert len(chapters) >= 2
+    assert pages[: len(chapters)] == chapters
+    staff = ["teachers", "maintainers", "studies", "robustness", "execution", "changelog"]
+    last = [name for name in pages if name.removeprefix("book/").removesuffix(".html") in staff]
+    assert len(last) >= 2
+    assert pages[-len(last) :] == last
+
+
+def test_on_paper_code_is_whole_and_answers_stand_at_the_end(visit, chapter_page):
+    """A4 less its margins is 680 CSS pixels wide."""
+    page = visit(chapter_page, width=680).page
+    folds = page.locator("article .admonition.dropdown, article .cell[class*='tag_solution-']")
+    count, own = folds.count(), page.locator("article > *").count()
+    page.emulate_media(media="print")
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert page.evaluate(CODE_CUT_OFF) == []
+    assert page.locator(".pfslam-at-the-end > .pfslam-unfolded").count() == count
+    assert page.locator(".pfslam-at-the-end :is(details, summary)").count() == 0
+    assert all(text.strip() for text in page.locator(".pfslam-unfolded").all_inner_texts())
+    assert page.locator(".pfslam-unfolded").last.is_visible()
+    assert not any(fold.is_visible() for fold in folds.all())
+    assert "Open the cell below for a solution" not in page.locator("article").inner_text()
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert page.locator("article > *").count() == own
+    assert page.locator(".pfslam-at-the-end, .pfslam-moved").count() == 0
 
 
 def test_a_chapter_can_be_downloaded_as_a_notebook(visit, site, anatomies):
