@@ -82,10 +82,8 @@ def key_scans(result: SlamResult) -> np.ndarray:
 
 def chain_edges(result: SlamResult, keys: np.ndarray) -> Edges:
     """Join each key scan to the next by the filter's own motion, with the share of it that only the wheels measured."""
-    motion, index = (
-        between(*(result.trajectory.poses[k] for k in (keys[:-1], keys[1:]))),
-        np.arange(len(keys)),
-    )
+    at, index = result.trajectory.poses[keys], np.arange(len(keys))
+    motion = between(at[:-1], at[1:])
     alone = np.array([info.free_direction is not None or not info.matched for info in result.infos])
     share = np.array([alone[a + 1 : b + 1].mean() for a, b in pairwise(keys)])
     xy, yaw = 0.003 + 0.003 * np.hypot(*motion[:, :2].T), 0.0005 + 0.005 * np.abs(motion[:, 2])
@@ -126,11 +124,8 @@ def match_loops(places: list[Place], poses: np.ndarray, candidates: list[tuple[i
     """Match the candidates, and keep those in which each place explains most of the other."""
     way, found = way_along(poses), []
     for i, j, radius in candidates:
-        here, there, yaw = (
-            submap(places, poses, i),
-            submap(places, poses, j),
-            YAW + YAW_DRIFT * (way[j] - way[i]),
-        )
+        here, there = submap(places, poses, i), submap(places, poses, j)
+        yaw = YAW + YAW_DRIFT * (way[j] - way[i])
         if min(len(here.points), len(there.points)) < 10:
             continue
         window = radius, min(yaw, YAW_MOST)
@@ -153,9 +148,8 @@ def neighbour_edges(places: list[Place], poses: np.ndarray, wheels: np.ndarray) 
     for i in np.flatnonzero([wheels[k : k + APART].any() for k in range(len(poses) - APART)]):
         guess = between(poses[i], poses[i + APART])
         if min(len(places[i].points), len(places[i + APART].points)) >= 10:
-            fit = align(
-                places[i], places[i + APART], guess, (0.02 + 0.03 * float(np.hypot(*guess[:2])), 0.02)
-            )
+            reach = 0.02 + 0.03 * float(np.hypot(*guess[:2]))
+            fit = align(places[i], places[i + APART], guess, (reach, 0.02))
             found.append((i, i + APART, fit.pose, softened(fit.information, NEIGHBOUR_FLOOR)))
     return _edges(found)
 
