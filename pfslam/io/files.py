@@ -127,7 +127,10 @@ def _read_member(path: str | Path, archive: NpzFile, name: str) -> np.ndarray:
         found = f"a stated size of {size} bytes"
         raise DataError(path, name, found, f"at most {MAX_FIELD_BYTES} bytes")
     try:
-        values = archive[name]
+        try:
+            values = archive[name]
+        except SystemError:  # not the file's fault: Python 3.11 can lose count while it parses a header (gh-106905)
+            values = archive[name]
     except Exception as error:  # whatever a damaged header makes NumPy stumble over
         expected = "plain numbers, never objects or text"
         raise DataError(path, name, f"a damaged array ({error})", expected) from error
