@@ -258,7 +258,10 @@ def test_an_absurd_header_costs_nothing(tmp_path, header):
 def test_a_header_that_python_stumbles_over_is_read_again(tmp_path, monkeypatch):
     # Python 3.11 raises SystemError if its collector runs code while a header is parsed: the file is sound.
     np.savez(tmp_path / "good.npz", a=np.arange(3))
-    read, stumbles = np.lib.npyio.NpzFile.__getitem__, [SystemError("AST constructor recursion depth mismatch")]
+    read, stumbles = (
+        np.lib.npyio.NpzFile.__getitem__,
+        [SystemError("AST constructor recursion depth mismatch")],
+    )
 
     def stumbling(archive, key):
         if stumbles:
@@ -268,9 +271,8 @@ def test_a_header_that_python_stumbles_over_is_read_again(tmp_path, monkeypatch)
     monkeypatch.setattr(np.lib.npyio.NpzFile, "__getitem__", stumbling)
     np.testing.assert_array_equal(read_npz(tmp_path / "good.npz", ("a",))["a"], np.arange(3))
     stumbles += [SystemError("again"), SystemError("and again")]
-    with pytest.raises(DataError, match="good.npz: a: found a damaged array"):
+    with pytest.raises(DataError, match=r"good\.npz: a: found a damaged array"):
         read_npz(tmp_path / "good.npz", ("a",))
-
 
 
 BAD_IMAGES = {

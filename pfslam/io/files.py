@@ -129,7 +129,9 @@ def _read_member(path: str | Path, archive: NpzFile, name: str) -> np.ndarray:
     try:
         try:
             values = archive[name]
-        except SystemError:  # not the file's fault: Python 3.11 can lose count while it parses a header (gh-106905)
+        except (
+            SystemError
+        ):  # not the file's fault: Python 3.11 can lose count while it parses a header (gh-106905)
             values = archive[name]
     except Exception as error:  # whatever a damaged header makes NumPy stumble over
         expected = "plain numbers, never objects or text"
