@@ -67,6 +67,16 @@ class Messages:
             SCAN, header=self.header(t, frame), ranges=ranges, intensities=none, **(fields | changes)
         )
 
+    def other_scan(self, kind, t):
+        """An empty scan of a type that is not LaserScan."""
+        if kind == "PointCloud2":
+            fields = {"height": 1, "width": 0, "fields": [], "is_bigendian": False, "point_step": 12}
+            fields |= {"row_step": 0, "data": np.zeros(0, dtype=np.uint8), "is_dense": True}
+        else:
+            names = "angle_min angle_max angle_increment time_increment scan_time range_min range_max"
+            fields = dict.fromkeys(names.split(), 0.1) | {"ranges": [], "intensities": []}
+        return self.make(f"sensor_msgs/msg/{kind}", header=self.header(t, "laser"), **fields)
+
     def odometry(self, t, pose, child="base_link"):
         x, y, theta = pose
         place = self.make(

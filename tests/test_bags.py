@@ -1,5 +1,6 @@
 """ROS bags, written by the library in every format: what is read equals the direct route, and oddities are named."""
 
+import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -23,7 +24,9 @@ import pfslam
 from pfslam.__main__ import main
 from pfslam.errors import DataError
 from pfslam.events import Drive
+from pfslam.io.bag_scans import nearest_ranges
 from pfslam.io.bags import BagOptions
+from pfslam.io.formats import read_map
 from pfslam.io.headings import with_better_headings
 from pfslam.io.messages import list_topics
 from pfslam.motion import dead_reckoning
@@ -243,6 +246,49 @@ def test_without_scans_there_is_dead_reckoning(tmp_path, capsys):
     assert "no LiDAR" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("parent", "child"), [("odom_combined", "chassis"), ("robot1/odom", "robot1/base_link")]
+)
+def test_other_names_of_frames_and_a_clock_at_zero(tmp_path, parent, child):
+    """The frame of the odometry is one that begins with odom; the transforms' stamps are all zero."""
+    wanted = dead_reckoning(BOX)
+    mount = [(child, "laser", BOX.robot.lidar.position_b, LEVEL)]
+    rows = without(rows_of(BOX, mount=mount), "/odom")
+    for t, (x, y, theta) in zip(wanted.t, wanted.poses, strict=True):
+        turn = (0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2))
+        rows.append(("/tf", nanoseconds(t), NEW.transforms(0.0, (parent, child, (x, y, 0.0), turn))))
+    found = loaded(tmp_path, sorted(rows, key=lambda row: row[1]))
+    np.testing.assert_array_equal(found.odometry.t, wanted.t)
+    np.testing.assert_allclose(found.odometry.poses, wanted.poses, atol=1e-9)
+    assert found.notes == (
+        f"odometry is read from /tf: {parent} -> {child}",
+        f"the stamps on /tf ({parent} -> {child}) are zero: the bag's own time is used",
+    )
+
+
+def test_what_moves_is_named_where_no_odometry_is_found(tmp_path):
+    rows = without(rows_of(BOX), "/odom")
+    for k in range(3):
+        moved = NEW.transforms(START + k, ("world", "base_link", (0.1 * k, 0.0, 0.0), LEVEL))
+        rows.append(("/tf", nanoseconds(START + k), moved))
+    with pytest.raises(DataError, match="odometry: found none; on /tf world -> base_link moves, expected"):
+        loaded(tmp_path, sorted(rows, key=lambda row: row[1]))
+
+
+def test_odometry_that_is_no_pose_is_counted(tmp_path):
+    rows = rows_of(BOX)
+    said = [message for topic, _, message in rows if topic == "/odom"]
+    said[0].pose.pose.orientation = NEW.turn((0.0, 0.0, 0.0, 0.0))
+    said[9].pose.pose.position.x = np.nan
+    found = loaded(tmp_path, rows)
+    assert found.dropped == {"messages on /odom that are no poses": 2}
+    assert len(found.odometry) == len(dead_reckoning(BOX)) - 2
+    for message in said:
+        message.pose.pose.orientation = NEW.turn((0.0, 0.0, 0.0, 0.0))
+    with pytest.raises(DataError, match=r"/odom at 1300000000\.200: found .* a quaternion of length 0"):
+        pfslam.load(write_bag(tmp_path / "none", "mcap", rows))
+
+
 # ---- the gyro ----------------------------------------------------------------------------------
 
 
@@ -348,6 +394,32 @@ def test_late_messages_and_gaps_are_spoken_of(tmp_path):
     assert not any("/odom is silent" in note for note in found.notes)
 
 
+@pytest.mark.parametrize("jump", [3600.0, -2.0, 8e8])
+def test_a_clock_that_is_set_during_the_drive(tmp_path, jump):
+    """A robot without a battery for its clock starts at some time, and is set when it finds the network."""
+    rows = rows_of(BOX)
+    for topic, at, message in rows:
+        if topic != "/tf_static" and at > nanoseconds(START + 3.0) + LATER:
+            message.header.stamp.sec += int(jump)
+    found = loaded(tmp_path, rows)
+    np.testing.assert_allclose(found.lidar.t, BOX.lidar.t + LATER * 1e-9, atol=1e-6)
+    assert found.dropped == {}
+    assert found.notes[0].startswith(f"the stamps on /odom jump by {jump:+.1f} s at 1300000003.0")
+    assert found.notes[1].startswith(f"the stamps on /scan jump by {jump:+.1f} s at 1300000003.1")
+    assert all(note.endswith("the bag's own time is used") for note in found.notes)
+
+
+def test_a_recorder_that_stalls_is_no_jump_of_a_clock(tmp_path):
+    """For two seconds nothing reaches the bag, then everything at once: the stamps stand."""
+    held, freed = nanoseconds(START + 2.0), nanoseconds(START + 4.0)
+    rows = [(topic, max(at, freed) if at > held else at, m) for topic, at, m in rows_of(BOX)]
+    found = loaded(tmp_path, rows)
+    np.testing.assert_array_equal(found.lidar.t, BOX.lidar.t)
+    assert [note.split(",")[0] for note in found.notes] == [
+        f"{count} messages on {topic} are late" for count, topic in ((100, "/odom"), (10, "/scan"))
+    ]
+
+
 def test_clocks_that_do_not_meet_are_refused(tmp_path):
     rows = rows_of(BOX)
     for topic, _, message in rows:
@@ -373,20 +445,105 @@ def test_ranges_that_say_nothing_are_counted(tmp_path):
     assert not found.robot.lidar.valid(found.lidar.ranges[4])[:6].any()
 
 
-def test_scans_unlike_the_others_are_counted(tmp_path):
-    rows = rows_of(BOX)
-    scans = [message for topic, _, message in rows if topic == "/scan"]
-    scans[4].ranges = scans[4].ranges[:-2]
-    scans[6].angle_min = -1.0
+def scans_of(rows):
+    return [message for topic, _, message in rows if topic == "/scan"]
+
+
+def test_scans_with_other_angles_are_put_at_those_of_most(tmp_path):
+    """A scanner that spins freely has a few beams more or less in each turn, from another first angle."""
+    rows, lidar = rows_of(BOX), BOX.robot.lidar
+    rng = np.random.default_rng(5)
+    others = rng.choice(np.arange(1, 55), 30, replace=False)
+    for k in others:
+        message, fewer = scans_of(rows)[k], replace(lidar, beams=lidar.beams - int(rng.integers(1, 5)))
+        message.ranges = room_ranges(BOX.truth.poses[k], fewer).astype(np.float32)
+        message.angle_increment = fewer.increment
+    scans_of(rows)[others[0]].angle_min += 1e-4  # noise
     found = loaded(tmp_path, rows)
-    assert found.dropped == {"scans on /scan unlike the others in beams, angles or limits": 2}
-    assert len(found.lidar.t) == len(BOX.lidar.t) - 2
+    assert found.notes == (
+        "30 scans on /scan have other angles than most: of their beams the nearest are taken",
+    )
+    assert (found.dropped, len(found.lidar.t)) == ({}, 55)
+    np.testing.assert_allclose(found.lidar.ranges, BOX.lidar.ranges, atol=0.05)
+    run = pfslam.run_slam(found, replace(pfslam.SlamConfig.refined(), particles=20))
+    assert pfslam.trajectory_error(run.trajectory, BOX.truth).ate_max_m < 0.05
+
+
+def test_an_angle_takes_the_nearest_beam_or_none(tmp_path):
+    three = NEW.scan(
+        0.0, [1.0, 2.0, 3.0], replace(BOX.robot.lidar, beams=3), angle_min=-0.1, angle_increment=0.1
+    )
+    angles = np.array([-0.16, -0.14, 0.04, 0.06, 0.14, 0.16, 0.06 - 2 * np.pi])
+    np.testing.assert_array_equal(nearest_ranges(angles, three), [np.nan, 1, 2, 3, 3, np.nan, 3])
+    three.angle_min, three.angle_increment = 0.1, -0.1
+    np.testing.assert_array_equal(nearest_ranges(angles, three), [np.nan, 3, 2, 1, 1, np.nan, 1])
+
+
+def test_a_sweep_that_varies_a_little_is_one_sweep(tmp_path):
+    rows = rows_of(BOX, sweep=0.08)
+    for k, message in enumerate(scans_of(rows)):
+        message.time_increment *= (0.99, 1.0, 1.01)[k % 3]
+    found = loaded(tmp_path, rows)
+    assert found.robot.lidar.sweep == pytest.approx(0.08, rel=1e-6)
+    assert (len(found.lidar.t), found.dropped, found.notes) == (55, {}, ())
+
+
+def test_scans_of_several_frames_are_not_mixed(tmp_path):
+    """Two scanners on one topic: the frame with more scans is used, and the others are counted."""
+    rows = rows_of(BOX)
+    for message in scans_of(rows)[::2]:
+        message.header = NEW.header(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec, "rear")
+    rows = changed(rows, "/scan", 0, lambda at, m: [])
+    rows = changed(rows, "/scan", 1, lambda at, m: [])
+    found = loaded(tmp_path, rows)
+    np.testing.assert_array_equal(found.lidar.t, BOX.lidar.t[1::2])
+    assert found.dropped == {"scans on /scan of other frames than laser": 26}
+    assert found.notes[0] == (
+        "the scans on /scan are of 2 frames: laser (27 scans) and rear (26 scans); the first is used"
+    )
+
+
+def test_scans_with_other_limits_or_no_angles_are_counted(tmp_path):
+    rows = rows_of(BOX)
+    scans_of(rows)[3].range_max = 8.0
+    scans_of(rows)[4].angle_increment = 0.0
+    scans_of(rows)[5].ranges = np.zeros(0, dtype=np.float32)
+    found = loaded(tmp_path, rows)
+    assert found.dropped == {
+        "scans on /scan without usable angles": 2,
+        "scans on /scan with other limits of range": 1,
+    }
+    assert len(found.lidar.t) == 52
+
+
+def test_a_whole_turn_may_end_before_it_begins(tmp_path):
+    """From 180 degrees on, all around, as angle_min = pi and angle_max = -pi say it."""
+    lidar = LidarModel(-np.pi, np.pi - np.deg2rad(1.0), 360)
+    ranges = np.stack([room_ranges(pose, lidar) for pose in BOX.truth.poses])
+    round_about = replace(BOX, robot=RobotModel(lidar=lidar), lidar=LidarScans(BOX.lidar.t, ranges))
+    rows = rows_of(round_about, mount=[("base_link", "laser", lidar.position_b, LEVEL)])
+    for message in scans_of(rows):
+        message.angle_min, message.angle_max = np.pi, -np.pi
+    found = loaded(tmp_path, rows)
+    assert found.notes == ()
+    assert found.robot.lidar.angle_min == pytest.approx(-np.pi, abs=1e-6)
+    points = scan_points(found.lidar.ranges[9], found.robot.lidar)
+    np.testing.assert_allclose(points, scan_points(ranges[9], lidar), atol=1e-4)
+
+
+def test_an_end_that_does_not_fit_the_beams_is_spoken_of(tmp_path):
+    rows = rows_of(BOX)
+    for message in scans_of(rows):
+        message.angle_max = 1.0
+    words = "the beams on /scan end at 2.356 rad by angle_increment, and at 1.000 rad by angle_max"
+    assert loaded(tmp_path, rows).notes == (f"{words}: the former is used",)
 
 
 @pytest.mark.parametrize(
     ("field", "value", "words"),
     [
         ("angle_increment", 0.1, "beams over at most one turn"),
+        ("angle_increment", 0.0, r"/scan at 1300000000\.300: found 1081 beams .* in steps of 0 rad"),
         ("range_max", 0.05, "range_min, range_max"),
         ("range_max", np.inf, "range_max: found inf"),
         ("angle_min", np.nan, "beams over at most one turn"),
@@ -561,6 +718,19 @@ def test_of_two_colour_cameras_one_is_named(tmp_path):
         pfslam.load(path, bag=BagOptions(depth="/nowhere"))
 
 
+@pytest.mark.parametrize("encoding", ["16UC1", "32FC1"])
+def test_depth_of_another_byte_order(tmp_path, encoding):
+    rows = rows_with_images("mcap", encoding, padding=4)
+    for topic, _, message in rows:
+        if topic == "/camera/depth/image":
+            size = int(encoding[:2]) // 8
+            pixels = message.data.reshape(48, -1)[:, :-4].reshape(48, 64, size)[..., ::-1].reshape(48, -1)
+            message.data, message.is_bigendian = np.pad(pixels, ((0, 0), (0, 4))).ravel(), 1
+    camera = loaded(tmp_path, rows).camera
+    plain = pfslam.load(write_bag(tmp_path / "plain", "mcap", rows_with_images("mcap", encoding))).camera
+    np.testing.assert_array_equal(camera.read_disparity(7), plain.read_disparity(7))
+
+
 # ---- bags that are none ------------------------------------------------------------------------
 
 
@@ -577,6 +747,42 @@ def test_importing_the_package_does_not_import_the_library():
     code = "import sys, pfslam.datasets, pfslam.cli.commands; print('rosbags' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False"]
+
+
+def test_a_bag_without_messages(tmp_path):
+    for form in ("ros1", "sqlite3", "mcap"):
+        with pytest.raises(DataError, match="bag: found no messages, expected scans and odometry"):
+            pfslam.load(write_bag(tmp_path / form, form, []))
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_bag_that_was_cut_off(tmp_path, form, capsys):
+    """The battery died while it was written: one line, for each command."""
+    path = write_bag(tmp_path / "drive", form, rows_of(BOX, form == "ros1"))
+    file = path if path.is_file() else next(p for p in path.iterdir() if p.suffix in (".mcap", ".db3"))
+    whole = file.read_bytes()
+    for share in (0.3, 0.9):
+        file.write_bytes(whole[: int(share * len(whole))])
+        for command in ("info", "check", "run"):
+            assert main([command, str(path)]) == 2
+            said = capsys.readouterr().err
+            assert said.count("\n") == 1
+            assert "expected a whole ROS bag, closed by its recorder" in said
+
+
+@pytest.mark.parametrize(
+    ("kind", "maker"),
+    [("PointCloud2", "pointcloud_to_laserscan"), ("MultiEchoLaserScan", "laser_proc")],
+)
+def test_scans_of_another_type_are_refused_with_what_to_do(tmp_path, kind, maker):
+    rows = without(rows_of(BOX), "/scan")
+    for t in BOX.lidar.t:
+        rows.append((f"/{kind}s", nanoseconds(t), NEW.other_scan(kind, t)))
+    expected = (
+        f"scans: found /{kind}s .{kind}., expected a topic of LaserScan, as the ROS package {maker} makes"
+    )
+    with pytest.raises(DataError, match=expected):
+        loaded(tmp_path, sorted(rows, key=lambda row: row[1]))
 
 
 def test_a_folder_without_metadata_and_files_that_are_no_bags(tmp_path):
@@ -611,6 +817,37 @@ def test_two_commands_from_a_bag_to_a_map(tmp_path, capsys):
     assert said[2].split() == ["/scan", "sensor_msgs/LaserScan", "55", "5.4", "10.0", "0.10", "s", "yes"]
     assert main(["run", path, "--out", str(tmp_path / "out"), "--particles", "9"]) == 0
     assert (tmp_path / "out" / "map.pgm").exists()
+
+
+def test_a_run_ends_with_what_was_left_out_and_which_checks_failed(tmp_path, capsys):
+    """Odometry that leaps by five metres misleads the filter without a word from the scans: the check tells."""
+    rows = rows_of(BOX)
+    for topic, at, message in rows:
+        if topic == "/odom" and at > nanoseconds(START + 3.0):
+            message.pose.pose.position.x += 5.0
+    scans_of(rows)[4].ranges[:2] = np.nan
+    path = write_bag(tmp_path / "drive", "mcap", rows)
+    out = tmp_path / "out"
+    assert main(["run", str(path), "--out", str(out), "--particles", "9"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "left out: 2 ranges on /scan that are not a number"
+    assert said[1].startswith("check failed: How fast was a wheel at most? ")
+    assert said[1].endswith(" m/s, expected below 10 m/s")
+    (failed,) = json.loads((out / "summary.json").read_text())["checks_failed"]
+    assert failed["question"] == "How fast was a wheel at most?"
+    assert main(["check", str(path)]) == 1
+
+
+def test_the_map_of_a_bag_is_read_back(tmp_path):
+    """As a navigation stack reads it: the walls of the room are where they are."""
+    path = write_bag(tmp_path / "drive", "ros1", rows_of(BOX, True))
+    assert main(["run", str(path), "--out", str(tmp_path), "--particles", "20"]) == 0
+    spec, cells = read_map(tmp_path / "map.yaml")
+    iy, ix = np.nonzero(cells == 1)
+    x, y = spec.cell_to_world(np.column_stack([ix, iy])).T
+    walls = np.abs([x - ROOM[0], x - ROOM[1], y - ROOM[2], y - ROOM[3]]).min(axis=0)
+    assert len(x) > 200
+    assert np.quantile(walls, 0.95) < 0.1
 
 
 def test_a_converted_bag_loads_without_ros(tmp_path, monkeypatch, capsys):

@@ -16,7 +16,22 @@ CHAPTERS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 def opened(monkeypatch):
     """What would have been started."""
     calls = []
-    monkeypatch.setattr(lab.subprocess, "run", lambda command, **_: calls.append(command))
+
+    class Server:
+        """A JupyterLab that gets one Ctrl-C, asks whether to stop, and stops by itself."""
+
+        interrupts = 1
+
+        def __init__(self, command):
+            calls.append(command)
+
+        def wait(self):
+            if self.interrupts:
+                self.interrupts -= 1
+                raise KeyboardInterrupt
+            return 0
+
+    monkeypatch.setattr(lab.subprocess, "Popen", Server)
     return calls
 
 
@@ -51,6 +66,14 @@ def test_an_unknown_chapter_is_one_line(number, tmp_path, opened, capsys):
     assert "chapter" in said
     assert "00, 01, 02" in said
     assert not (tmp_path / "mine").exists()
+
+
+def test_the_exit_code_is_that_of_jupyterlab(tmp_path, monkeypatch):
+    monkeypatch.setattr(lab.importlib.util, "find_spec", lambda name: object())
+    monkeypatch.setattr(lab.sys, "executable", str(tmp_path / "python"))
+    (tmp_path / "python").write_text("#!/bin/sh\nexit 7\n")
+    (tmp_path / "python").chmod(0o755)
+    assert main(["lab", "00", "--folder", str(tmp_path / "mine")]) == 7
 
 
 def test_without_jupyterlab_it_says_what_to_install(tmp_path, opened, monkeypatch, capsys):

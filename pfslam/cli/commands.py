@@ -22,7 +22,7 @@ from tqdm import tqdm
 from pfslam.cli.lab import lab_command
 from pfslam.cli.look import check_table, describe, topic_table
 from pfslam.cli.search import closing_words_of_search, picture_of_search, summarise_search
-from pfslam.cli.summary import closing_words, summarise
+from pfslam.cli.summary import closing_words, said_by_the_loader, summarise
 from pfslam.config import PRESETS
 from pfslam.datasets import dataset_name, load
 from pfslam.errors import DataError
@@ -174,8 +174,8 @@ def convert_command(arguments: argparse.Namespace) -> None:
     """Write a data set into one file that loads without ROS."""
     recording = load_dataset(arguments)
     save(recording, arguments.out, images=arguments.images, progress=progress_bar("writing"))
-    for note in recording.notes:
-        print(f"note: {note}")
+    for line in said_by_the_loader(recording):
+        print(line)
     print(f"the recording is in {arguments.out}")
 
 

@@ -16,8 +16,11 @@ SHELVES = (PACKAGE / "teaching" / "chapters", PACKAGE.parent / "notebooks")
 """Where chapters lie: in an installed wheel as copies for students, in a checkout as they are written."""
 
 
-def lab_command(arguments: argparse.Namespace) -> None:
-    """Copy the chapters that are not there yet into a folder and open one of them, or all, in JupyterLab."""
+def lab_command(arguments: argparse.Namespace) -> int:
+    """Copy the chapters that are not there yet into a folder and open one of them, or all, in JupyterLab.
+
+    Returns 0, or the exit code of JupyterLab.
+    """
     chapters = available_chapters()
     chosen = chosen_chapter(chapters, arguments.chapter)
     copied = copy_missing(chapters, arguments.folder)
@@ -25,10 +28,16 @@ def lab_command(arguments: argparse.Namespace) -> None:
     page = arguments.folder / chosen.name if chosen else arguments.folder
     if arguments.copy_only:
         print(f"open {page} in JupyterLab")
-        return
+        return 0
     if importlib.util.find_spec("jupyterlab") is None:
         raise DataError("pfslam lab", "package", "no jupyterlab", 'pip install "pfslam[lab]"')
-    subprocess.run([sys.executable, "-m", "jupyterlab", str(page)], check=False)
+    sys.stdout.flush()
+    server = subprocess.Popen([sys.executable, "-m", "jupyterlab", str(page)])
+    while True:
+        try:
+            return server.wait()
+        except KeyboardInterrupt:  # JupyterLab gets it too, asks whether to stop, and ends its kernels
+            continue
 
 
 def available_chapters() -> list[Path]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from pfslam.cli.summary import said_by_the_loader
 from pfslam.evaluation.checkup import Finding
 from pfslam.io.messages import TF, Topic
 from pfslam.recording import Recording
@@ -63,8 +64,7 @@ def describe(recording: Recording) -> str:
     lines.append(f"motion: from {moves}")
     none = ["lidar: none, so there is dead reckoning only"]
     lines += none if recording.lidar is None else _lidar(recording)
-    lines += [f"note: {note}" for note in recording.notes]
-    lines += [f"left out: {count} {reason}" for reason, count in recording.dropped.items()]
+    lines += said_by_the_loader(recording)
     return "\n".join(lines)
 
 

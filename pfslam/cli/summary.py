@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pfslam.evaluation.calibration import calibrate
+from pfslam.evaluation.checkup import check_up
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
@@ -39,6 +40,7 @@ def summarise(
         "distrust": result.distrust if result else [],
         "dropped": {reason: count for part in parts for reason, count in part.items()},
         "notes": list(recording.notes),
+        "checks_failed": [asdict(finding) for finding in check_up(recording) if finding.ok is False],
     }
     if recording.encoders is not None and recording.imu is not None:
         summary["calibration"] = {"applied": False} | asdict(calibrate(recording, result))
@@ -70,12 +72,20 @@ def _loops(revision: Revision) -> dict[str, Any]:
     }
 
 
+def said_by_the_loader(recording: Recording) -> list[str]:
+    """List what the loader of a recording decided, and what it left out."""
+    lines = [f"note: {note}" for note in recording.notes]
+    return lines + [f"left out: {count} {reason}" for reason, count in recording.dropped.items()]
+
+
 def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> str:
     """Write a few lines for the user: what the loader said, and how the run ended."""
-    lines = [f"note: {note}" for note in recording.notes]
+    lines = said_by_the_loader(recording)
     lines += [] if recording.lidar is not None else ["no LiDAR in this data set: dead reckoning only"]
     if summary.get("second_look"):
         lines.append("people or glass misled the scans: the run was done again with care")
+    for check in summary.get("checks_failed", ()):
+        lines.append(f"check failed: {check['question']} {check['found']}, expected {check['expected']}")
     if stretches := summary["distrust"]:
         lines.append(_warning(stretches, recording.scans().t[0]))
     errors = [

@@ -188,7 +188,7 @@ def scan_turn_fit(recording: Recording) -> tuple[float, float] | None:
     None if there are no scans, or no turns to compare. The lateness is NaN if it hardly matters to the fit, as on a
     drive in a circle, which looks the same at any time. The odometry takes the gyro's place where there is none.
     """
-    if recording.lidar is None:
+    if recording.lidar is None or not recording.robot.lidar.increment:
         return None
     inputs, scans = controls(recording), recording.lidar
     first, second = _scan_pairs(inputs, scans)

@@ -18,34 +18,42 @@ MOVED = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """The tree of frames: for each pair (parent, child) the nanoseconds ``(K,)`` and transforms ``(K, 4, 4)``."""
+    """The tree of frames: for each pair (parent, child) its transforms ``(K, 4, 4)``.
+
+    Before them stand the nanoseconds ``(K,)`` at which they were stamped, and at which they reached the bag.
+    """
 
     path: Path
-    edges: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
+    edges: dict[tuple[str, str], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
     @classmethod
-    def of(cls, path: Path, messages: Iterable[Any]) -> Frames:
-        """Collect the transforms of TFMessages."""
+    def of(cls, path: Path, messages: Iterable[tuple[int, Any]]) -> Frames:
+        """Collect the transforms of TFMessages, each given with its nanoseconds of arrival."""
         rows: dict[tuple[str, str], list[list[float]]] = {}
-        stamps: dict[tuple[str, str], list[int]] = {}
-        for message in messages:
+        times: dict[tuple[str, str], list[tuple[int, int]]] = {}
+        for arrived, message in messages:
             for edge in message.transforms:
                 pair = edge.header.frame_id.lstrip("/"), edge.child_frame_id.lstrip("/")
-                stamps.setdefault(pair, []).append(nanoseconds(edge.header))
+                times.setdefault(pair, []).append((nanoseconds(edge.header), arrived))
                 rows.setdefault(pair, []).append(seven(edge.transform.translation, edge.transform.rotation))
         edges = {}
         for pair, held in rows.items():
-            at = np.array(stamps[pair])
-            edges[pair] = at, transforms(path, f"{pair[0]} -> {pair[1]}", at, np.array(held))
+            stamped, arrived = np.array(times[pair]).T
+            T = transforms(path, f"{pair[0]} -> {pair[1]}", stamped, np.array(held))
+            edges[pair] = stamped, arrived, T
         return cls(path, edges)
+
+    def moving(self) -> list[tuple[str, str]]:
+        """List the pairs whose transform changes."""
+        return [pair for pair, (_, _, T) in self.edges.items() if np.abs(T - T[0]).max() > MOVED]
 
     def fixed(self, base: str, frame: str) -> np.ndarray | None:
         """Return the transform ``(4, 4)`` of ``frame`` in ``base`` if pairs that do not move join them."""
-        reached, ends = {base: np.eye(4)}, [base]
+        reached, ends, moving = {base: np.eye(4)}, [base], self.moving()
         while ends and frame not in reached:
             here = ends.pop(0)
-            for (parent, child), (_, T) in self.edges.items():
-                if here not in (parent, child) or np.abs(T - T[0]).max() > MOVED:
+            for (parent, child), (_, _, T) in self.edges.items():
+                if here not in (parent, child) or (parent, child) in moving:
                     continue
                 there = child if here == parent else parent
                 if there not in reached:
@@ -59,11 +67,19 @@ def seven(place: Any, turn: Any) -> list[float]:
     return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
 
 
+def are_poses(rows: np.ndarray) -> np.ndarray:
+    """Tell which rows of position and quaternion ``(K, 7)`` are finite numbers with a quaternion of length 1."""
+    return np.isfinite(rows).all(axis=1) & (np.abs(_lengths(rows) - 1.0) < 0.01)
+
+
+def _lengths(rows: np.ndarray) -> np.ndarray:
+    with np.errstate(over="ignore"):
+        return np.linalg.norm(rows[:, 3:], axis=1)
+
+
 def transforms(path: Path, what: str, stamps: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Turn rows of position and quaternion ``(K, 7)`` into transforms ``(K, 4, 4)``."""
-    with np.errstate(over="ignore"):
-        length = np.linalg.norm(rows[:, 3:], axis=1)
-    bad = ~(np.isfinite(rows).all(axis=1) & (np.abs(length - 1.0) < 0.01))
+    length, bad = _lengths(rows), ~are_poses(rows)
     if bad.any():
         at = int(np.argmax(bad))
         found = f"position {rows[at, :3].round(3)}, a quaternion of length {length[at]:.3g}"

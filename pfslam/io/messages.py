@@ -23,6 +23,8 @@ OLD_NAMES = {"tf/msg/tfMessage": TF}
 SUFFIXES = (".bag", ".mcap", ".db3")
 LATE = 1.0
 """Seconds that a message may reach the bag later than its topic's messages usually do."""
+EACH_SIDE = 5
+"""Messages that there have to be before and after a jump of a clock."""
 LONG_GAP = 0.5
 """Seconds without a message, and five usual intervals, that are spoken of."""
 
@@ -58,6 +60,10 @@ class Messages:
     stamped: list[int] = field(default_factory=list)
     arrived: list[int] = field(default_factory=list)
     held: list[Any] = field(default_factory=list)
+
+    def with_arrival(self) -> Iterator[tuple[int, Any]]:
+        """Yield each message after the nanoseconds at which it reached the bag."""
+        return zip(self.arrived, self.held, strict=True)
 
 
 def is_bag(path: Path) -> bool:
@@ -146,11 +152,14 @@ def _decoder(path: Path) -> Callable[[bytes, str], Any]:
 def ordered(log: Log, stream: Messages) -> tuple[np.ndarray, list[Any]]:
     """Return stamps ``(K,)`` in seconds and their messages in strictly increasing order, and speak of what is odd."""
     topic, stamped, arrived = stream.topic, np.array(stream.stamped), np.array(stream.arrived)
+    if not arrived.any() and not stamped.any():
+        raise DataError(log.path, f"stamps on {topic}", "only zeros", "times")
     if not stamped.any():
         log.notes.append(f"the stamps on {topic} are zero: the bag's own time is used")
         stamped = arrived
-    if not stamped.any():
-        raise DataError(log.path, f"stamps on {topic}", "only zeros", "times")
+    elif (jump := clock_jump(stamped, arrived)) is not None:
+        log.notes.append(f"the stamps on {topic} {jump}: the bag's own time is used")
+        stamped = arrived
     log.count(f"messages on {topic} without a stamp", np.count_nonzero(stamped == 0))
     delay = (arrived - stamped) * 1e-9
     _speak(log, topic, "late", delay - np.median(delay[stamped != 0]) > LATE, arrived)
@@ -166,6 +175,20 @@ def ordered(log: Log, stream: Messages) -> tuple[np.ndarray, list[Any]]:
         at = int(np.argmax(gaps))
         log.notes.append(f"{topic} is silent for {gaps[at]:.2f} s after {t[at]:.3f} s, its longest gap")
     return t, [stream.held[k] for k in order]
+
+
+def clock_jump(stamped: np.ndarray, arrived: np.ndarray) -> str | None:
+    """Say when and by how much the clock of stamps ``(K,)`` was set, if it was: before and after, both clocks agree."""
+    ahead = (stamped - arrived) * 1e-9
+    if len(ahead) < 2 * EACH_SIDE:
+        return None
+    at = int(np.argmax(np.abs(np.diff(ahead)))) + 1
+    sides = ahead[:at], ahead[at:]
+    before, after = map(np.median, sides)
+    steady = [np.quantile(np.abs(side - np.median(side)), 0.9) < 0.1 * LATE for side in sides]
+    if not all(steady) or min(map(len, sides)) < EACH_SIDE or abs(after - before) <= LATE:
+        return None
+    return f"jump by {after - before:+.1f} s at {arrived[at] * 1e-9:.3f} s"
 
 
 def _speak(log: Log, topic: str, what: str, which: np.ndarray, arrived: np.ndarray) -> None:
