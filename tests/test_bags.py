@@ -788,12 +788,27 @@ def test_scans_of_another_type_are_refused_with_what_to_do(tmp_path, kind, maker
 def test_a_folder_without_metadata_and_files_that_are_no_bags(tmp_path):
     path = write_bag(tmp_path / "drive", "sqlite3", rows_of(BOX))
     (path / "metadata.yaml").unlink()
-    with pytest.raises(DataError, match=r"drive: folder: found no metadata.yaml"):
+    with pytest.raises(DataError, match=r"drive: folder: found no metadata.yaml, .* or a file: drive.db3"):
         pfslam.load(path)
     for name in ("a.bag", "a.mcap", "a.db3"):
         (tmp_path / name).write_bytes(b"not a bag")
         with pytest.raises(DataError, match=rf"{name}: bag: .* expected a whole ROS bag"):
             pfslam.load(tmp_path / name)
+
+
+def test_a_name_in_capitals_as_a_memory_stick_gives_it(tmp_path):
+    path = write_bag(tmp_path / "drive", "ros1", rows_of(BOX, True)).rename(tmp_path / "DRIVE.BAG")
+    assert len(pfslam.load(path).lidar.t) == 55
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("drive.bag.active", "rosbag reindex"), ("drive.mcap.zstd", "folder"), ("metadata.yaml", "folder")],
+)
+def test_files_that_only_belong_to_a_bag(tmp_path, name, words):
+    (tmp_path / name).write_bytes(b"anything")
+    with pytest.raises(DataError, match=rf"{name}: file: found .*, expected .*{words}"):
+        pfslam.load(tmp_path / name)
 
 
 # ---- the commands ------------------------------------------------------------------------------

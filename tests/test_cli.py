@@ -305,9 +305,12 @@ def test_report_saves_the_figures_it_is_given(tmp_path, data, monkeypatch):
 
 
 def test_report_without_matplotlib_is_one_line(tmp_path, data, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "pfslam.teaching.show.figures", None)
+    monkeypatch.delitem(sys.modules, "pfslam.teaching.show.figures", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert main(["report", "7", "--data", str(data), "--out", str(tmp_path)]) == 2
-    assert "pfslam[plots]" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "package: found no matplotlib" in said
+    assert "pfslam[plots]" in said
 
 
 # ---- bad input: exit code 2, one line, no traceback --------------------------------------------

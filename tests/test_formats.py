@@ -69,6 +69,19 @@ def grid():
     return OccupancyGrid(GridSpec((-10.25, 3.5), 0.5, (3, 4)), log_odds)
 
 
+@pytest.mark.parametrize("name", ["map.pgm", "map.png", "map"])
+def test_a_map_under_the_name_of_its_image_is_refused(tmp_path, grid, name):
+    """Else the text would be written over the picture."""
+    seen = np.ones((3, 4), dtype=bool)
+    for write in (
+        lambda path: write_map(path, grid),
+        lambda path: write_texture(path, grid.spec, np.zeros((3, 4, 3), dtype=np.uint8), seen),
+    ):
+        with pytest.raises(DataError, match=r"file name: found .*, expected a name that ends in \.yaml"):
+            write(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_map_keys_and_pixels_by_hand(tmp_path, grid):
     write_map(tmp_path / "map.yaml", grid)
     assert (tmp_path / "map.yaml").read_text().splitlines() == [

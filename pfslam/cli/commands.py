@@ -257,9 +257,8 @@ def report_command(arguments: argparse.Namespace) -> None:
     try:
         from pfslam.teaching.show.figures import report_figures
     except ImportError as error:
-        raise DataError(
-            "pfslam report", "package", error.name or error, "the extra: pip install pfslam[plots]"
-        ) from error
+        found, extra = f"no {error.name}", "the extra: pip install pfslam[plots]"
+        raise DataError("pfslam report", "package", found, extra) from error
     out = out_folder(arguments)
     recording = load_dataset(arguments)
     check_writable(out)

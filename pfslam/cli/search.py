@@ -8,6 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from pfslam.cli.summary import said_by_the_loader
 from pfslam.grid import OccupancyGrid
 from pfslam.io.formats import map_pixels
 from pfslam.localization import LocalizationResult
@@ -48,7 +49,7 @@ def picture_of_search(grid: OccupancyGrid, result: LocalizationResult) -> np.nda
 
 def closing_words_of_search(recording: Recording, result: LocalizationResult, out: Path) -> str:
     """Write a few lines for the user: what the loader said, when and where the robot was found, and where files are."""
-    lines = [f"note: {note}" for note in recording.notes]
+    lines = said_by_the_loader(recording)
     if result.found_at is None:
         lines.append("not found: at no scan did the cloud agree on one place")
     else:

@@ -80,13 +80,20 @@ def map_pixels(grid: OccupancyGrid) -> np.ndarray:
 
 def write_map(path: str | Path, grid: OccupancyGrid) -> None:
     """Write a ROS map_server map: ``path`` is the ``.yaml`` file, the image goes beside it as ``.pgm``."""
-    path = Path(path)
+    path = _yaml_name(path)
     pixels = map_pixels(grid)
     with atomic_write(path.with_suffix(".pgm")) as file:
         file.write(b"P5\n%d %d\n255\n" % pixels.shape[::-1])
         file.write(pixels.tobytes())
     keys = {"negate": 0, "occupied_thresh": OCCUPIED_THRESH, "free_thresh": FREE_THRESH}
     write_text(path, _yaml(path.with_suffix(".pgm").name, grid.spec, keys))
+
+
+def _yaml_name(path: str | Path) -> Path:
+    """Return the path; ``DataError`` for a name under which the text would be written over its image."""
+    if Path(path).suffix not in (".yaml", ".yml"):
+        raise DataError(path, "file name", Path(path).suffix or "no extension", "a name that ends in .yaml")
+    return Path(path)
 
 
 def _yaml(image: str, spec: GridSpec, keys: dict[str, float]) -> str:
@@ -163,7 +170,7 @@ def write_texture(path: str | Path, spec: GridSpec, rgb: np.ndarray, seen: np.nd
     ``rgb (H, W, 3)`` uint8 and ``seen (H, W)`` bool are in grid order; alpha is 0 where nothing was seen. The
     yaml file holds image, resolution and origin, as for a map.
     """
-    path = Path(path)
+    path = _yaml_name(path)
     rgba = np.dstack([rgb, np.where(seen, 255, 0).astype(np.uint8)])
     write_png(path.with_suffix(".png"), rgba[::-1])
     write_text(path, _yaml(path.with_suffix(".png").name, spec, {}))

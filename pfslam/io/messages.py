@@ -21,6 +21,14 @@ IMAGE, TF = "sensor_msgs/msg/Image", "tf2_msgs/msg/TFMessage"
 OLD_NAMES = {"tf/msg/tfMessage": TF}
 """Types that have the layout of another."""
 SUFFIXES = (".bag", ".mcap", ".db3")
+UNREAD = {
+    ".active": "a bag closed by its recorder: rosbag reindex mends a copy named .bag",
+    ".zstd": "the folder of a compressed bag",
+    ".yaml": "the folder that it lies in",
+}
+"""Files of bags that are not opened by themselves, and what is, by their suffix."""
+INDEX = "metadata.yaml"
+"""The file in the folder of a ROS 2 bag that says what else is there."""
 LATE = 1.0
 """Seconds that a message may reach the bag later than its topic's messages usually do."""
 EACH_SIDE = 5
@@ -69,8 +77,13 @@ class Messages:
 def is_bag(path: Path) -> bool:
     """Tell from its name whether a path is a bag: a file of a bag's kind, or a folder that holds bag files."""
     if not path.is_dir():
-        return path.suffix in SUFFIXES
-    return any(entry.name == "metadata.yaml" or entry.suffix in SUFFIXES for entry in path.iterdir())
+        return path.name == INDEX or _kind(path) in (*SUFFIXES, ".active", ".zstd")
+    return any(entry.name == INDEX or _kind(entry) in SUFFIXES for entry in path.iterdir())
+
+
+def _kind(path: Path) -> str:
+    """Return a file's suffix in small letters: memory sticks may have capitals."""
+    return path.suffix.lower()
 
 
 @contextmanager
@@ -80,10 +93,13 @@ def opened(path: Path) -> Iterator[Any]:
         from rosbags import rosbag1, rosbag2
     except ImportError as error:
         raise DataError(path, "package", f"no {error.name}", "the extra: pip install pfslam[ros]") from error
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise DataError(path, "folder", "no metadata.yaml", "a ROS 2 bag, or the path of one .mcap file")
+    if expected := UNREAD.get(_kind(path)):
+        raise DataError(path, "file", path.suffix, expected)
+    if path.is_dir() and not (path / INDEX).is_file():
+        files = sorted(entry.name for entry in path.iterdir() if _kind(entry) in SUFFIXES)
+        raise DataError(path, "folder", f"no {INDEX}", f"the folder of a ROS 2 bag, or a file: {files[0]}")
     try:
-        with rosbag1.Reader(path) if path.suffix == ".bag" else rosbag2.Reader(path) as reader:
+        with rosbag1.Reader(path) if _kind(path) == ".bag" else rosbag2.Reader(path) as reader:
             yield reader
     except DataError:
         raise
@@ -142,7 +158,7 @@ def _decoder(path: Path) -> Callable[[bytes, str], Any]:
     """Return what turns the bytes of a message into an object, by the standard types of ROS 1 or ROS 2."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    if path.suffix != ".bag":
+    if _kind(path) != ".bag":
         return get_typestore(Stores.LATEST).deserialize_cdr
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))  # not among them
