@@ -15,7 +15,7 @@ PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test quick weekly lint types unit notebooks studies check-book check-lab lab notebook-outputs strip
-.PHONY: classroom redraw hard copies student solutions wheel release lock clean
+.PHONY: classroom redraw hard consistency copies student solutions wheel release lock clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-18s %s\n", $$1, $$2 }' Makefile
@@ -52,6 +52,9 @@ weekly: $(STAMP)  ## The long tests: damaged inputs by the thousand, accuracy ov
 
 hard: $(STAMP)  # The filter on drives that are not clean, and whether it says so: the table on the page about trust
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/hard.py $(DATA) --out book/tables/hard.csv
+
+consistency: $(STAMP)  # How often cloud and covariance hold the truth: the second table on that page
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/consistency.py $(DATA) --out book/tables/consistency.csv
 
 lint: $(STAMP)
 	"$(BIN)/ruff" check .

@@ -10,8 +10,9 @@ point-to-line ICP (Censi, "An ICP variant using a point-to-line metric", 2008) w
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,23 +32,27 @@ class HitMoments:
 
     Few cells are ever hit, so the moments stand in a table: ``slots (H, W)`` int32 says in which row of ``sums
     (R, 6)`` (n, x, y, xx, xy, yy) a cell's are; row 0 is that of all cells without hits, and stays zero. Coordinates
-    are in cells, relative to the cell's own centre, so that nothing is lost far from the origin.
+    are in cells, relative to the cell's own centre, so that nothing is lost far from the origin. ``first (R,)`` is the
+    number of the scan that hit the cell first, -1 where there are no hits.
     """
 
     spec: GridSpec
     slots: np.ndarray
     sums: np.ndarray
+    first: np.ndarray
 
     @classmethod
     def empty(cls, spec: GridSpec) -> HitMoments:
-        return cls(spec, np.zeros(spec.shape, dtype=np.int32), np.zeros((1, 6)))
+        return cls(spec, np.zeros(spec.shape, dtype=np.int32), np.zeros((1, 6)), np.array([-1]))
 
     def covering(self, spec: GridSpec) -> HitMoments:
         """Return the same moments on a larger grid."""
-        return self if spec == self.spec else HitMoments(spec, embed(self.slots, self.spec, spec), self.sums)
+        return (
+            self if spec == self.spec else replace(self, spec=spec, slots=embed(self.slots, self.spec, spec))
+        )
 
-    def add(self, points_w: np.ndarray) -> HitMoments:
-        """Add the hits ``(M, 2)`` (world, m) of one more scan, all of which must lie inside the grid."""
+    def add(self, points_w: np.ndarray, scan: int = 0) -> HitMoments:
+        """Add the hits ``(M, 2)`` (world, m) of the scan with this number, all of which must lie inside the grid."""
         cells = self.spec.world_to_cell(points_w)
         x, y = ((points_w - self.spec.cell_to_world(cells)) / self.spec.resolution).T
         slots = self.slots.copy()
@@ -57,7 +62,12 @@ class HitMoments:
         rows = slots[cells[:, 1], cells[:, 0]]
         for column, values in zip(sums.T, (np.ones_like(x), x, y, x * x, x * y, y * y), strict=True):
             np.add.at(column, rows, values)
-        return HitMoments(self.spec, slots, sums)
+        return HitMoments(self.spec, slots, sums, np.append(self.first, np.full(len(new), scan)))
+
+    def first_scan(self, points_w: np.ndarray) -> np.ndarray:
+        """Look up the scan ``(M,)`` that first hit the cell of each point inside the grid, -1 where none did."""
+        ix, iy = self.spec.world_to_cell(points_w).T
+        return self.first[self.slots[iy, ix]]
 
     def around(self, cells: np.ndarray, reach: int) -> np.ndarray:
         """Sum the moments ``(M, 6)`` up to ``reach`` away from ``cells (M, 2)``, about the middle cell's centre.
@@ -126,13 +136,26 @@ def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig
     return Lines(found, centre, np.column_stack([-np.sin(angle), np.cos(angle)]), trust)
 
 
+class LineFit(NamedTuple):
+    """The beams on lines: distances ``(B,)`` (m), Jacobian ``(B, 3)``, weights ``(B,)``, end points ``(B, 2)`` (m)."""
+
+    residual: np.ndarray
+    jacobian: np.ndarray
+    weight: np.ndarray
+    points_w: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Polished:
-    """A polished pose ``(3,)``, the beams used, and the direction ``(2,)`` that no line constrains, if there is one."""
+    """A polished pose ``(3,)``, the beams used, and the direction ``(2,)`` that no line constrains, if there is one.
+
+    ``fit`` is the last iteration's; None if there were too few beams on lines.
+    """
 
     pose: np.ndarray
     beams: int
     free_direction: np.ndarray | None
+    fit: LineFit | None = None
 
 
 def polish(
@@ -153,7 +176,8 @@ def polish(
     """
     pose = np.array(pose, dtype=float)
     for _ in range(config.iterations):
-        residual, jacobian, weight = line_residuals(moments, points_b, pose, config)
+        fit = line_residuals(moments, points_b, pose, config)
+        residual, jacobian, weight, _ = fit
         # Lines many rho away leave weights that are zero in a computer too.
         if len(residual) < 3 or not weight.any():
             return Polished(pose, len(residual), None)
@@ -169,23 +193,25 @@ def polish(
     information = (normal * weight[:, None]).T @ normal / np.sum(weight)
     share, directions = np.linalg.eigh(information)
     if share[0] >= config.degenerate_below:
-        return Polished(pose, len(residual), None)
+        return Polished(pose, len(residual), None, fit)
     silent = directions[:, 0]
     if variance is None or not config.independent_beams:
         pose[:2] += silent * (silent @ (odometry_pose[:2] - pose[:2]))
-    return Polished(pose, len(residual), silent)
+    return Polished(pose, len(residual), silent, fit)
 
 
 def line_residuals(
     moments: HitMoments, points_b: np.ndarray, pose: np.ndarray, config: PolishConfig
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the beams' distances ``(B,)`` (m) from their lines, Jacobian ``(B, 3)`` for x, y, theta, weights."""
+) -> LineFit:
+    """Measure the beams' distances (m) from their lines, with the Jacobian for x, y, theta, and weigh them."""
     arm = transform_points([0.0, 0.0, pose[2]], points_b)
     lines = nearby_lines(moments, arm + pose[:2], config)
     arm, normal = arm[lines.found], lines.normal[lines.found]
-    residual = np.sum(normal * (arm + pose[:2] - lines.centre[lines.found]), axis=1)
+    points_w = arm + pose[:2]
+    residual = np.sum(normal * (points_w - lines.centre[lines.found]), axis=1)
     jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
-    return residual, jacobian, lines.trust[lines.found] * np.exp(-0.5 * (residual / config.rho) ** 2)
+    weight = lines.trust[lines.found] * np.exp(-0.5 * (residual / config.rho) ** 2)
+    return LineFit(residual, jacobian, weight, points_w)
 
 
 def weighed_step(

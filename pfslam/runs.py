@@ -71,6 +71,12 @@ class SlamResult:
         """The stretches whose estimate is not to be trusted, each ``{"from", "to", "reason"}``; none on a sound run."""
         return distrust(self.infos)
 
+    @property
+    def covariances(self) -> np.ndarray | None:
+        """The covariances ``(K, 3, 3)`` of the trajectory's poses, as in ``StepInfo``; None without a polish."""
+        found = [info.covariance for info in self.infos if info.covariance is not None]
+        return np.array(found) if len(found) == len(self.infos) else None
+
 
 def slam_steps(
     recording: Recording, config: SlamConfig, rng: np.random.Generator

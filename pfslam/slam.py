@@ -21,6 +21,13 @@ from pfslam.matching import Matched, match
 from pfslam.particles import Particles, effective_sample_size, predict, resample, reweight
 from pfslam.poses import average_pose, between, compose, transform_points, wrap_angle
 from pfslam.refinement import HitMoments, Polished, polish
+from pfslam.uncertainty import (
+    NOTHING_DRAWN,
+    polished_covariance,
+    predicted_covariance,
+    with_drawn,
+    with_silent_direction,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +36,8 @@ class SlamState:
 
     ``drawn_at`` is the pose ``(3,)`` of the last scan drawn, None while there is no map yet; ``variance (2,)`` that of
     the motion (m^2, rad^2) since a scan was last matched; ``waiting`` the last scans whose hits are being judged.
+    ``drawn (D, 3, 3)`` holds the covariances of all scans in the map (see ``uncertainty.with_drawn``). ``covariance
+    (3, 3)`` is that of the estimate without this ``variance``; it needs the polish, and is None without.
     """
 
     particles: Particles
@@ -38,7 +47,9 @@ class SlamState:
     moments: HitMoments
     drawn_at: np.ndarray | None
     variance: np.ndarray
+    drawn: np.ndarray
     waiting: tuple[WaitingScan, ...] = ()
+    covariance: np.ndarray | None = None
 
     @classmethod
     def start(cls, config: SlamConfig) -> SlamState:
@@ -53,7 +64,9 @@ class SlamState:
         around = np.vstack([points_w, estimate[:2]])
         grid = OccupancyGrid.empty(GridSpec.around(around, config.map.resolution, margin=5.0))
         field, moments = score_field(grid.occupied, config.search.field), HitMoments.empty(grid.spec)
-        return cls(particles, estimate, grid, field, moments, None, np.zeros(2))
+        covariance = None if config.polish is None else np.zeros((3, 3))
+        unknown = (None, np.zeros(2), NOTHING_DRAWN)
+        return cls(particles, estimate, grid, field, moments, *unknown, covariance=covariance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +99,11 @@ class StepInfo:
     """How far ``(2,)`` the scan moved the estimate from where odometry had put it (m, world axes)."""
     unexplained: float = 0.0
     """Share of the beams that end in ground seen before, but more than two cells from any wall of the map."""
+    covariance: np.ndarray | None = None
+    """Covariance ``(3, 3)`` of the estimate (m^2, m rad, rad^2; world axes), relative to the first scan drawn.
+
+    It comes from the polish and the map, not from the cloud (see ``pfslam.uncertainty``); None without a polish.
+    """
 
 
 class Parts(NamedTuple):
@@ -130,13 +148,14 @@ def slam_step(
     if not believable(state, event, predicted, aligned.pose, variance, config):
         return predicted_only(state, event, moved, predicted, variance, rejected=True)
     particles = shifted(particles, estimate, aligned.pose)
-    info = describe(state, event, predicted, aligned, particles, matched, evidence)
+    info = describe(state, event, predicted, aligned, particles, matched, evidence, variance)
     # Resample if few particles carry the weight.
     if info.effective_sample_size <= config.resample_below * len(particles):
         particles = parts.resample(particles, rng, config.resampler)
         info = replace(info, resampled=True)
     # The scan has fixed the pose, so the uncertainty of the motion starts again from zero.
     state = replace(state, particles=particles, estimate=aligned.pose, variance=np.zeros(2))
+    state = replace(state, covariance=info.covariance)
     # Draw the scan into the map, if the robot has moved since the last one.
     if has_moved(state, config):
         state, info = draw(state, event, config), replace(info, drawn=True)
@@ -159,7 +178,7 @@ def begin_map(
         pose = compose(state.estimate, event.motion)
         particles = Particles.at(pose, len(state.particles))
     state = SlamState.without_map(particles, pose, transform_points(pose, event.points_b), config)
-    info = _info(event, pose, particles, drawn=seen)
+    info = _info(event, pose, particles, drawn=seen, covariance=state.covariance)
     return (draw(state, event, config) if seen else state), info
 
 
@@ -172,8 +191,12 @@ def predicted_only(
     rejected: bool = False,
 ) -> tuple[SlamState, StepInfo]:
     """Process a scan with too few beams, or one not believed: odometry alone moves the cloud and the estimate."""
-    state = replace(state, particles=particles, estimate=predicted, variance=variance)
-    return state, _info(event, predicted, particles, rejected=rejected)
+    covariance, inherited = None, state.covariance
+    if inherited is not None:
+        covariance = predicted_covariance(inherited, state.estimate, predicted, variance)
+        inherited = predicted_covariance(inherited, state.estimate, predicted, np.zeros(2))
+    state = replace(state, particles=particles, estimate=predicted, variance=variance, covariance=inherited)
+    return state, _info(event, predicted, particles, rejected=rejected, covariance=covariance)
 
 
 def known_part(state: SlamState, event: ScanEvent, predicted: np.ndarray, config: SlamConfig) -> ScanEvent:
@@ -285,8 +308,11 @@ def draw(state: SlamState, event: ScanEvent, config: SlamConfig) -> SlamState:
         field = updated_field(state.field, grid.occupied, rectangle)
     moments = state.moments
     if config.polish is not None:
-        moments = moments.covering(grid.spec).add(points_w if hits is None else hits)
-    return replace(state, grid=grid, field=field, moments=moments, drawn_at=state.estimate, waiting=waiting)
+        moments = moments.covering(grid.spec).add(points_w if hits is None else hits, len(state.drawn))
+    drawn, at = state.drawn, state.estimate
+    if state.covariance is not None:
+        drawn = with_drawn(drawn, at, state.covariance)
+    return replace(state, grid=grid, field=field, moments=moments, drawn_at=at, waiting=waiting, drawn=drawn)
 
 
 def describe(
@@ -297,6 +323,7 @@ def describe(
     particles: Particles,
     matched: Matched,
     evidence: float,
+    variance: np.ndarray,
 ) -> StepInfo:
     """Gather the facts about a step whose scan was matched."""
     return _info(
@@ -311,7 +338,22 @@ def describe(
         free_direction=aligned.free_direction,
         departure=aligned.pose[:2] - predicted[:2],
         unexplained=unexplained(state, event, aligned.pose),
+        covariance=aligned_covariance(state, aligned, variance),
     )
+
+
+def aligned_covariance(state: SlamState, aligned: Polished, variance: np.ndarray) -> np.ndarray | None:
+    """Return the covariance ``(3, 3)`` of a polished pose; ``variance (2,)`` is the motion's since the last match."""
+    if state.covariance is None:
+        return None
+    fit, silent = aligned.fit, aligned.free_direction
+    if fit is None:
+        return predicted_covariance(state.covariance, state.estimate, aligned.pose, variance)
+    found = polished_covariance(state.drawn, state.moments, aligned.pose, fit, variance)
+    if silent is None:
+        return found
+    predicted = predicted_covariance(state.covariance, state.estimate, aligned.pose, variance)
+    return with_silent_direction(found, silent, predicted)
 
 
 def unexplained(state: SlamState, event: ScanEvent, pose: np.ndarray) -> float:

@@ -24,6 +24,7 @@ ORDER = [
     "config",
     "matching",
     "refinement",
+    "uncertainty",
     "care",
     "events",
     "localization",

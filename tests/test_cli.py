@@ -21,7 +21,7 @@ from pfslam.__main__ import main
 from pfslam.cli import commands
 from pfslam.io import files
 from pfslam.io.course import load_course, save_course
-from pfslam.io.formats import read_map, read_tum, write_tum
+from pfslam.io.formats import read_covariances, read_map, read_tum, write_tum
 from pfslam.poses import Trajectory
 from pfslam.sensors import LidarModel
 
@@ -63,7 +63,7 @@ def results(data, tmp_path_factory):
 
 def test_run_leaves_all_files_and_no_others(results):
     assert sorted(p.name for p in results.iterdir()) == sorted(
-        [*CONTRACT_FILES, "texture.png", "texture.yaml"]
+        [*CONTRACT_FILES, "texture.png", "texture.yaml", "trajectory_covariance.txt"]
     )
 
 
@@ -118,6 +118,17 @@ def test_evo_agrees_with_the_summary(results, data, tmp_path):
         assert ape.get_statistic(evo_metrics.StatisticsType.rmse) == pytest.approx(
             summary[name]["ate_rmse_m"], abs=1e-6
         )
+
+
+def test_covariances_stand_beside_the_trajectory_line_by_line(results):
+    t, covariances = read_covariances(results / "trajectory_covariance.txt")
+    np.testing.assert_array_equal(t, read_tum(results / "trajectory.tum").t)
+    summary = json.loads((results / "summary.json").read_text())
+    assert "trajectory_covariance.txt" in summary["files"]
+    found = summary["covariance"]
+    assert found["sigma_end_m"] == pytest.approx(np.sqrt(np.trace(covariances[-1, :2, :2])))
+    assert found["sigma_end_m"] <= found["sigma_max_m"] < 0.05
+    assert 0.0 <= found["truth_within_90"] <= 1.0
 
 
 def test_the_map_shows_the_room_where_it_is(results):

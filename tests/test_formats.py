@@ -8,7 +8,16 @@ from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import relations_error
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.io.carmen import load_carmen
-from pfslam.io.formats import read_map, read_relations, read_tum, write_map, write_texture, write_tum
+from pfslam.io.formats import (
+    read_covariances,
+    read_map,
+    read_relations,
+    read_tum,
+    write_covariances,
+    write_map,
+    write_texture,
+    write_tum,
+)
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 
@@ -38,6 +47,25 @@ def test_tum_line_by_hand(tmp_path):
     assert words[0] == "1300000000.250000"
     root = np.sqrt(0.5)
     np.testing.assert_allclose([float(w) for w in words[1:]], [1.5, -2.0, 0, 0, 0, root, root])
+
+
+def test_covariances_round_trip(tmp_path):
+    t, roots = T[:3], np.random.default_rng(0).standard_normal((3, 3, 3))
+    covariances = roots @ roots.transpose(0, 2, 1)
+    write_covariances(tmp_path / "a.txt", t, covariances)
+    again_t, again = read_covariances(tmp_path / "a.txt")
+    np.testing.assert_array_equal(again_t, t)
+    np.testing.assert_allclose(again, covariances, rtol=1e-9)
+    np.testing.assert_allclose(np.loadtxt(tmp_path / "a.txt")[:, 5], covariances[:, 1, 2], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"), [("# t xx\n", "found none"), ("1 2 3\n", "line 1: found 3 values")]
+)
+def test_what_holds_no_covariances_is_refused(tmp_path, text, message):
+    (tmp_path / "a.txt").write_text(text)
+    with pytest.raises(DataError, match=message):
+        read_covariances(tmp_path / "a.txt")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Calibration of the cloud: closed forms against SciPy, and clouds whose honesty is known because it was made."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -11,6 +13,7 @@ from pfslam.evaluation.cloud import (
     chi_square_quantile,
     cloud_consistency,
     cloud_moments,
+    covariance_consistency,
     squared_mahalanobis,
 )
 from pfslam.particles import Particles
@@ -58,7 +61,8 @@ def made_run(claimed, seed=0, particles=2000, weighted=False):
     rng = np.random.default_rng(seed)
     t = np.arange(CLOUDS + 1.0)
     true_poses = np.column_stack([np.cos(t), 0.1 * t, wrap_angle(0.7 * t)])
-    infos = [StepInfo(0.0, true_poses[0], Particles.at(true_poses[0], 3), 3.0, 0, 0)]
+    start = Particles.at(true_poses[0], 3)
+    infos = [StepInfo(0.0, true_poses[0], start, 3.0, 0, 0, covariance=np.zeros((3, 3)))]
     for k in range(1, CLOUDS + 1):
         mean = true_poses[k] + ROOT @ rng.standard_normal(3)
         wide = 1.5 if weighted else 1.0
@@ -66,7 +70,8 @@ def made_run(claimed, seed=0, particles=2000, weighted=False):
         # Drawn 1.5 times too wide, the weights p(z) / q(z) make up for it.
         log_weights = -0.5 * np.sum(z**2, axis=1) * (1.0 - 1.0 / wide**2)
         poses = mean + claimed * z @ ROOT.T
-        infos.append(StepInfo(t[k], mean, Particles(poses, log_weights), 1.0, 0, 0, matched=True))
+        cloud = Particles(poses, log_weights)
+        infos.append(StepInfo(t[k], mean, cloud, 1.0, 0, 0, matched=True, covariance=claimed**2 * SPREAD))
     return infos, Trajectory(t, true_poses)
 
 
@@ -95,6 +100,24 @@ def test_clouds_half_as_wide_as_they_should_be_are_found_out():
         expected = stats.chi2.cdf(0.25 * stats.chi2.ppf(share, 3), 3)
         assert found.inside[share] == pytest.approx(expected, abs=binomial(expected))
     assert found.ratio == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize("dof", [2, 3])
+def test_covariances_are_judged_as_clouds_are(dof):
+    honest = covariance_consistency(*made_run(1.0), dof=dof)
+    assert len(honest.nees) == CLOUDS
+    for share in CLAIMS:
+        assert honest.inside[share] == pytest.approx(share, abs=binomial(share))
+    assert honest.claimed_m == pytest.approx(np.sqrt(0.06))
+    expected = stats.chi2.cdf(0.25 * stats.chi2.ppf(0.9, dof), dof)
+    found = covariance_consistency(*made_run(0.5), dof=dof)
+    assert found.inside[0.9] == pytest.approx(expected, abs=binomial(expected))
+
+
+def test_without_covariances_there_is_nothing_to_say():
+    infos, truth = made_run(1.0)
+    with pytest.raises(DataError, match="from a run with a polish"):
+        covariance_consistency([replace(info, covariance=None) for info in infos], truth)
 
 
 def test_the_run_may_start_anywhere():

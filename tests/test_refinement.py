@@ -54,6 +54,13 @@ def test_moments_are_the_sums_over_the_hits_of_each_cell():
     assert not moments.sums[0].any()  # the row of the cells without hits
 
 
+def test_every_cell_remembers_the_scan_that_hit_it_first():
+    hits = np.array([[0.01, 0.01], [0.51, 0.01], [1.01, 0.01]])
+    moments = HitMoments.empty(SPEC).add(hits[:2], 3).add(hits, 5)
+    np.testing.assert_array_equal(moments.first_scan(np.vstack([hits, [[2.0, 2.0]]])), [3, 3, 5, -1])
+    np.testing.assert_array_equal(moments.covering(SPEC.grown(7, 5, 3, 2)).first_scan(hits), [3, 3, 5])
+
+
 @pytest.mark.parametrize("reach", [1, 2])
 def test_moments_around_a_cell_are_those_of_all_hits_near_it(reach):
     rng = np.random.default_rng(1)

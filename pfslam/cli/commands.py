@@ -31,7 +31,7 @@ from pfslam.io.bag_images import choose_images
 from pfslam.io.bags import BagOptions, choose_topics
 from pfslam.io.course import save_course
 from pfslam.io.files import atomic_write, check_writable, write_text
-from pfslam.io.formats import read_known_map, write_map, write_texture, write_tum
+from pfslam.io.formats import read_known_map, write_covariances, write_map, write_texture, write_tum
 from pfslam.io.images import write_png
 from pfslam.io.messages import Log, is_bag, list_topics
 from pfslam.io.recordings import save
@@ -217,6 +217,9 @@ def write_results(
         write_tum(out / "trajectory.tum", result.trajectory)
         write_map(out / "map.yaml", result.grid)
         files += ["trajectory.tum", "map.pgm", "map.yaml"]
+        if result.covariances is not None:
+            write_covariances(out / "trajectory_covariance.txt", result.trajectory.t, result.covariances)
+            files.append("trajectory_covariance.txt")
     if revision is not None:
         write_tum(out / "trajectory_revised.tum", revision.trajectory)
         write_map(out / "map_revised.yaml", revision.grid)

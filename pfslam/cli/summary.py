@@ -10,6 +10,7 @@ import numpy as np
 
 from pfslam.evaluation.calibration import calibrate
 from pfslam.evaluation.checkup import check_up
+from pfslam.evaluation.cloud import covariance_consistency
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
@@ -38,6 +39,7 @@ def summarise(
         "lost": len(alarms(result.infos)) if result else 0,
         "second_look": bool(result and result.config.care),
         "distrust": result.distrust if result else [],
+        "covariance": _covariance(result, recording.truth) if result else None,
         "dropped": {reason: count for part in parts for reason, count in part.items()},
         "notes": list(recording.notes),
         "checks_failed": [asdict(finding) for finding in check_up(recording) if finding.ok is False],
@@ -60,6 +62,25 @@ def summarise(
             name: asdict(trajectory_error(poses, recording.truth)) for name, poses in estimates.items()
         }
     return summary
+
+
+def _covariance(result: SlamResult, truth: Trajectory | None) -> dict[str, float] | None:
+    """Say how well the run knows its poses (m, deg), and with truth whether it is right about that."""
+    covariances = result.covariances
+    if covariances is None:
+        return None
+    position = np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
+    heading = np.rad2deg(np.sqrt(covariances[:, 2, 2]))
+    found = {
+        "sigma_end_m": float(position[-1]),
+        "sigma_max_m": float(position.max()),
+        "heading_sigma_end_deg": float(heading[-1]),
+        "heading_sigma_max_deg": float(heading.max()),
+    }
+    if truth is not None and np.count_nonzero(truth.covers(result.trajectory.t)) > 1:
+        against = covariance_consistency(result.infos, truth)
+        found |= {"nees": float(against.nees.mean()), "truth_within_90": against.inside[0.9]}
+    return found
 
 
 def _loops(revision: Revision) -> dict[str, Any]:

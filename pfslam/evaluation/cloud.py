@@ -1,4 +1,4 @@
-"""Consistency of the cloud: whether the truth lies inside it as often as its spread says.
+"""Consistency of cloud and covariance: whether the truth lies inside as often as their spread says.
 
 The mean and covariance of a cloud define ellipsoids that should hold the truth half of the time, nine times out of ten,
 and so on. If the truth lies outside more often, the cloud is overconfident, and a planner that relies on it takes risks
@@ -28,7 +28,7 @@ LEAST_SPREAD = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class CloudConsistency:
-    """How well the spread of a run's clouds agrees with their errors.
+    """How well the spread of a run's clouds, or of its covariances, agrees with their errors.
 
     ``nees (K,)`` is the normalised estimation error squared: the squared Mahalanobis distance of the truth from each
     cloud (infinite if the cloud is certain and wrong), 2 or 3 on average if the clouds are consistent. ``inside`` maps
@@ -99,14 +99,32 @@ def cloud_consistency(infos: Iterable[StepInfo], truth: Trajectory, dof: int = 3
     known = [(info, info.particles) for info in infos if info.particles is not None and truth.covers(info.t)]
     if len(known) < 2:
         raise DataError("cloud_consistency", "infos", f"{len(known)} clouds with known truth", "2 or more")
-    first = compose(known[0][0].estimate, invert(truth.at(known[0][0].t)))
-    true_poses = compose(first, truth.at(np.array([info.t for info, _ in known[1:]])))
     moments = [cloud_moments(particles) for _, particles in known[1:]]
-    error = _difference(true_poses, np.array([mean for mean, _ in moments]))
+    means, covariances = (np.array(part) for part in zip(*moments, strict=True))
+    return _consistency([info for info, _ in known], means, covariances, truth, dof)
+
+
+def covariance_consistency(infos: Iterable[StepInfo], truth: Trajectory, dof: int = 3) -> CloudConsistency:
+    """Compare the estimates of a run and their covariances with the truth, as ``cloud_consistency`` does its clouds."""
+    known = [info for info in infos if info.covariance is not None and truth.covers(info.t)]
+    if len(known) < 2:
+        found = f"{len(known)} covariances with known truth"
+        raise DataError("covariance_consistency", "infos", found, "2 or more, from a run with a polish")
+    means, covariances = ([getattr(info, name) for info in known[1:]] for name in ("estimate", "covariance"))
+    return _consistency(known, np.array(means), np.array(covariances), truth, dof)
+
+
+def _consistency(
+    infos: list[StepInfo], means: np.ndarray, covariances: np.ndarray, truth: Trajectory, dof: int
+) -> CloudConsistency:
+    """Compare the means and covariances of all infos but the first with the truth, moved to the first estimate."""
+    first = compose(infos[0].estimate, invert(truth.at(infos[0].t)))
+    true_poses = compose(first, truth.at(np.array([info.t for info in infos[1:]])))
+    error = _difference(true_poses, means)
     nees = np.array(
-        [squared_mahalanobis(e[:dof], P[:dof, :dof]) for e, (_, P) in zip(error, moments, strict=True)]
+        [squared_mahalanobis(e[:dof], P[:dof, :dof]) for e, P in zip(error, covariances, strict=True)]
     )
-    variance = np.array([np.diag(P) for _, P in moments])
+    variance = np.diagonal(covariances, axis1=1, axis2=2)
     return CloudConsistency(
         nees=nees,
         inside={share: float(np.mean(nees <= chi_square_quantile(share, dof))) for share in CLAIMS},

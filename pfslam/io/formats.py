@@ -53,6 +53,34 @@ def read_tum(path: str | Path) -> Trajectory:
         raise DataError(path, error.field, error.found, error.expected) from error
 
 
+COVARIANCE_COLUMNS = "t xx xy xtheta yy ytheta thetatheta"
+
+
+def write_covariances(path: str | Path, t: np.ndarray, covariances: np.ndarray) -> None:
+    """Write pose covariances ``(K, 3, 3)`` (m^2, m rad, rad^2), one a line: the stamp and the upper triangle."""
+    stamps = (np.format_float_positional(stamp, unique=True, min_digits=6) for stamp in t)
+    upper = covariances[:, *np.triu_indices(3)]
+    rows = (
+        " ".join([stamp, *(f"{value:.9e}" for value in row)])
+        for stamp, row in zip(stamps, upper, strict=True)
+    )
+    write_text(path, "\n".join([f"# {COVARIANCE_COLUMNS}", *rows]) + "\n")
+
+
+def read_covariances(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """Read the stamps ``(K,)`` and covariances ``(K, 3, 3)`` of a file that ``write_covariances`` wrote."""
+    lines = enumerate(read_text(path).splitlines(), start=1)
+    rows = [
+        numbers(path, f"line {number}", line.split(), 7)
+        for number, line in lines
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not rows:
+        raise DataError(path, "covariances", "none", f"lines of {COVARIANCE_COLUMNS}")
+    table = np.array(rows)
+    return table[:, 0], table[:, 1:][:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+
+
 def numbers(path: str | Path, place: str, words: list[str], count: int) -> list[float]:
     """Convert words of a file to ``count`` finite numbers; ``DataError`` names the place and the word."""
     if len(words) != count:

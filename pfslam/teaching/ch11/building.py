@@ -25,6 +25,7 @@ from pfslam.simulator.odometry import encoder_counts, imu_samples
 from pfslam.simulator.plan import FloorPlan, outline
 from pfslam.simulator.world import World
 from pfslam.slam import SlamState, slam_step
+from pfslam.uncertainty import NOTHING_DRAWN
 
 HALF = ((-12.0, -1.0, 12.0, 1.0), (2.0, 1.25, 6.5, 5.0), (3.4, 1.0, 4.4, 1.25), (8.0, -1.5, 9.0, -1.0))
 """A corridor, and on one half of it a room, the room's doorway and a shallow recess (x0, y0, x1, y1; m)."""
@@ -128,7 +129,14 @@ def match_along(grid: OccupancyGrid, recording: Recording, start: np.ndarray) ->
     field = score_field(grid.occupied, config.search.field)
     start = np.asarray(start, dtype=float)
     state = SlamState(
-        Particles.at(start, 1), start, grid, field, HitMoments.empty(grid.spec), start, np.zeros(2)
+        Particles.at(start, 1),
+        start,
+        grid,
+        field,
+        HitMoments.empty(grid.spec),
+        start,
+        np.zeros(2),
+        NOTHING_DRAWN,
     )
     t, poses = [], []
     for event in Drive.of(recording, config).events():
