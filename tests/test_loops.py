@@ -10,9 +10,9 @@ from scipy.optimize import least_squares
 from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.loops import graph
-from pfslam.loops.closing import Revision, close_loops, softened
+from pfslam.loops.closing import Revision, carried, close_loops, confirming, softened
 from pfslam.loops.graph import Edges, jacobians, relax, residuals
-from pfslam.loops.places import Place, align, search_window
+from pfslam.loops.places import Place, align, blind, search_window
 from pfslam.poses import between, compose
 from pfslam.runs import SlamResult, run_slam
 from pfslam.simulator import HALL, simulate
@@ -106,6 +106,28 @@ def test_a_planted_false_loop_is_left_out():
     assert off < 0.1 < 0.3 < off_believing
 
 
+def test_loops_that_agree_with_the_path_leave_it_alone_and_one_that_does_not_pulls():
+    truth, chain = square()
+    ends = np.array([[0, 11], [1, 10], [2, 9]])
+    noise = np.array([[0.02, -0.01, 0.002], [-0.02, 0.0, -0.005], [0.0, 0.3, 0.0]])
+    loops = edges_of(*ends.T, [between(truth[i], truth[j]) for i, j in ends] + noise)
+    agreeing = confirming(loops.chosen(np.array([True, True, False])), truth)
+    assert relax(chain.joined(agreeing), truth)[0] == pytest.approx(truth, abs=1e-9)
+    held = confirming(loops, truth)
+    assert held.pose[:2] == pytest.approx(between(truth[ends[:2, 0]], truth[ends[:2, 1]]))
+    assert np.array_equal(held.pose[2], loops.pose[2])
+
+
+def test_poses_between_key_scans_are_carried_by_both():
+    poses = np.column_stack([np.linspace(0.0, 4.0, 5), np.zeros(5), np.full(5, 3.1)])
+    keys, shift = np.array([1, 3]), np.array([[0.0, 0.1, 0.0], [0.0, 0.3, 0.1]])
+    found = carried(poses, keys, poses[keys] + shift)
+    assert found[[1, 3]] == pytest.approx(np.column_stack([[1, 3], [0.1, 0.3], [3.1, 3.2 - 2 * np.pi]]))
+    assert between(found[0], found[1]) == pytest.approx(between(poses[0], poses[1]))
+    # The first key scan says y = 0.1, the second, turned by 0.1, says 0.3 - 0.1.
+    assert found[2] == pytest.approx([2.0, 0.15, 3.15 - 2 * np.pi], abs=0.01)
+
+
 def corridor_place(rng, jambs=()) -> Place:
     """Two bare walls of 16 m, 2 m apart, with noise, and pieces that face along them at ``jambs`` (m)."""
     x = np.arange(-8.0, 8.0, 0.04)
@@ -123,8 +145,9 @@ def test_a_bare_corridor_closes_only_across_and_a_door_frame_also_along():
     rng = np.random.default_rng(0)
     start = np.array([0.1, 0.05, 0.01])
     for jambs, along in (((), False), ((2.0,), True)):
-        fit = align(corridor_place(rng, jambs), corridor_place(rng, jambs), start, (0.3, 0.1))
-        information = softened(fit.information, np.full(3, 1e-4))
+        places = corridor_place(rng, jambs), corridor_place(rng, jambs)
+        fit = align(*places, start, (0.3, 0.1))
+        information = softened(fit.information, np.full(3, 1e-4), blind(*places, fit))
         assert fit.pose[1:] == pytest.approx([0.0, 0.0], abs=0.01)
         assert information[1, 1] > 1000.0
         assert (information[0, 0] > 1000.0) == along

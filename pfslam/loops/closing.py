@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from pfslam.events import Drive
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
-from pfslam.loops.graph import Edges, relax
-from pfslam.loops.places import Place, align, search_window
-from pfslam.poses import Trajectory, between, compose, invert, transform_points, wrap_angle
+from pfslam.loops.graph import Edges, chi_square, relax
+from pfslam.loops.places import Place, align, blind, search_window
+from pfslam.poses import Trajectory, between, compose, invert, transform_points
 from pfslam.recording import Recording
 from pfslam.runs import SlamResult
 
@@ -23,8 +24,10 @@ LEAST_WAY, NEARBY, DRIFT, FARTHEST = 10.0, 1.5, 0.02, 8.0
 """After so many metres a loop is looked for, within ``NEARBY + DRIFT * way`` (m), at most ``FARTHEST``."""
 YAW, YAW_DRIFT, YAW_MOST = 0.1, 0.001, 0.5
 """The same for headings (rad, rad per m, rad)."""
-LEAST_SHARE, TWIN, LEAST_NORMALS, SUPPORT = 0.6, 0.9, 0.003, 2
-"""Points that two places explain of each other; a twin's score; normals that make a direction known; loops agreeing."""
+LEAST_SHARE, TWIN, SUPPORT = 0.6, 0.9, 2
+"""Share of points that two places explain of each other; score of a twin; loops that agree with one."""
+AGREES, LEAST_SCALE = 7.81, 0.01
+"""Squared error (chi-square) that 19 of 20 right loops stay below; least error of the wheels' scale that counts."""
 LOOP_FLOOR, NEIGHBOUR_FLOOR = np.array([0.03, 0.03, 0.005]) ** 2, np.array([0.01, 0.01, 0.02]) ** 2
 """Variances (m^2, m^2, rad^2) that no match is better than, however many beams agree."""
 
@@ -61,7 +64,10 @@ def close_loops(recording: Recording, result: SlamResult) -> Revision:
     loops = consistent(match_loops(places, at, candidates), at)
     path, grid, scale = poses, result.grid, np.zeros(len(keys))
     if len(loops) + len(neighbours):
-        revised, scale, weights = relax(chain.joined(neighbours, loops), at)
+        held = confirming(loops, at)
+        revised, scale, weights = relax(chain.joined(neighbours, held), at)
+        if np.abs(scale).max() < LEAST_SCALE:
+            revised, scale, weights = relax(chain.joined(held), at)
         loops = loops.chosen(weights[len(weights) - len(loops) :] > 0.5)
         path = carried(poses, keys, revised)
         grid = redrawn(recording, result, path)
@@ -133,8 +139,8 @@ def match_loops(places: list[Place], poses: np.ndarray, candidates: list[tuple[i
         fit = align(here, there, best, (0.1, 0.05))
         back = align(there, here, invert(fit.pose), (0.1, 0.05), rounds=1)
         if min(fit.share, back.share) >= LEAST_SHARE:
-            repeats = (twin - best)[:2] if second > TWIN * score else None
-            found.append((i, j, fit.pose, softened(fit.information, LOOP_FLOOR, repeats)))
+            unknown = blind(here, there, fit) + ([(twin - best)[:2]] if second > TWIN * score else [])
+            found.append((i, j, fit.pose, softened(fit.information, LOOP_FLOOR, unknown)))
     return _edges(found)
 
 
@@ -150,7 +156,8 @@ def neighbour_edges(places: list[Place], poses: np.ndarray, wheels: np.ndarray) 
         if min(len(places[i].points), len(places[i + APART].points)) >= 10:
             reach = 0.02 + 0.03 * float(np.hypot(*guess[:2]))
             fit = align(places[i], places[i + APART], guess, (reach, 0.02))
-            found.append((i, i + APART, fit.pose, softened(fit.information, NEIGHBOUR_FLOOR)))
+            unknown = blind(places[i], places[i + APART], fit)
+            found.append((i, i + APART, fit.pose, softened(fit.information, NEIGHBOUR_FLOOR, unknown)))
     return _edges(found)
 
 
@@ -161,19 +168,16 @@ def _edges(found: list[tuple]) -> Edges:
     return Edges(*ends, poses, informations, np.zeros(len(found)), np.ones(len(found), dtype=bool))
 
 
-def softened(information: np.ndarray, floor: np.ndarray, repeats: np.ndarray | None = None) -> np.ndarray:
-    """Return an honest information ``(3, 3)``: none along ``repeats (2,)`` or where no wall faces, none above a floor.
+def softened(information: np.ndarray, floor: np.ndarray, unknown: Sequence[np.ndarray]) -> np.ndarray:
+    """Return an honest information ``(3, 3)``: none along the directions ``unknown (2,)``, and none above a floor.
 
     The Schur complement Omega - Omega u u^T Omega / u^T Omega u is what remains if the place along u may be anything;
     Omega (I + Sigma_0 Omega)^-1 adds the floor's covariance, also to an Omega that has no inverse.
     """
-    share, directions = np.linalg.eigh(information[:2, :2])
-    bare = directions[:, 0] if share[0] < LEAST_NORMALS * share.sum() else None
-    for direction in (bare, repeats):
-        if direction is not None:
-            u = np.append(direction / np.hypot(*direction), 0.0)
-            known = information @ u
-            information = information - np.outer(known, known) / max(float(u @ known), 1e-9)
+    for direction in unknown:
+        u = np.append(direction / np.hypot(*direction), 0.0)
+        known = information @ u
+        information = information - np.outer(known, known) / max(float(u @ known), 1e-9)
     soft = information @ np.linalg.inv(np.eye(3) + np.diag(floor) @ information)
     return 0.5 * (soft + soft.T)
 
@@ -195,15 +199,23 @@ def consistent(loops: Edges, poses: np.ndarray, reach: float = 8.0) -> Edges:
     return loops.chosen(keep)
 
 
+def confirming(loops: Edges, poses: np.ndarray) -> Edges:
+    """Return the loops such that those which agree with the path hold it as it is, and the others pull.
+
+    A loop agrees if its error is one that 19 of 20 right ones stay below. What it measured is no better than what the
+    path says already, and would only bring its noise.
+    """
+    agrees = chi_square(loops, poses, np.zeros(len(poses))) <= AGREES
+    says = between(poses[loops.i], poses[loops.j])
+    return replace(loops, pose=np.where(agrees[:, None], says, loops.pose))
+
+
 def carried(poses: np.ndarray, keys: np.ndarray, revised: np.ndarray) -> np.ndarray:
-    """Revise all poses ``(T, 3)``: the motions from the key scans before and after each, blended between them."""
+    """Revise all poses ``(T, 3)`` by what moves the key scans to their places, interpolated between them."""
+    change = compose(revised, invert(poses[keys]))
+    change[:, 2] = np.unwrap(change[:, 2])
     scans = np.arange(len(poses))
-    k = np.clip(np.searchsorted(keys, scans, side="right") - 1, 0, len(keys) - 1)
-    after = np.minimum(k + 1, len(keys) - 1)
-    first, last = (compose(revised[n], between(poses[keys[n]], poses)) for n in (k, after))
-    share = np.clip((scans - keys[k]) / np.maximum(keys[after] - keys[k], 1), 0.0, 1.0)[:, None]
-    change = last - first
-    return first + share * np.column_stack([change[:, :2], wrap_angle(change[:, 2])])
+    return compose(np.column_stack([np.interp(scans, keys, column) for column in change.T]), poses)
 
 
 def redrawn(recording: Recording, result: SlamResult, path: np.ndarray) -> OccupancyGrid:

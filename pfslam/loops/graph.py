@@ -60,6 +60,12 @@ def residuals(edges: Edges, poses: np.ndarray, scale: np.ndarray) -> np.ndarray:
     return np.column_stack([c * dx + s * dy - x, c * dy - s * dx - y, turn])
 
 
+def chi_square(edges: Edges, poses: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Return the squared errors ``(E,)`` in units of their standard deviations, e^T Omega e."""
+    error = residuals(edges, poses, scale)
+    return np.einsum("ei,eij,ej->e", error, edges.information, error)
+
+
 def jacobians(edges: Edges, poses: np.ndarray) -> np.ndarray:
     """Return the derivatives ``(E, 3, 7)`` of the errors for x, y, theta of pose i, of pose j, and for s_i."""
     a, b = poses[edges.i], poses[edges.j]
@@ -116,8 +122,7 @@ def relax(edges: Edges, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     scale, weights = np.zeros(len(poses)), np.ones(len(edges))
     for width in KERNELS:
         for _ in range(ITERATIONS):
-            error = residuals(edges, poses, scale)
-            chi2 = np.einsum("ei,eij,ej->e", error, edges.information, error)
+            chi2 = chi_square(edges, poses, scale)
             weights = np.where(edges.doubtful, robust_weights(chi2, width), 1.0)
             poses, scale = gauss_newton_step(edges, poses, scale, weights)
     return poses, scale, weights

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -27,6 +28,8 @@ NEIGHBOURS, NEAR, STRAIGHT = 2, 0.25, 9.0
 """A normal comes from so many beams either side, so near (m), in a piece so much longer than thick (both squared)."""
 TURN, REACH, RHO = 0.3, 0.3, 0.05
 """A radian between normals counts as so many metres; partners reach so far (m); weights fall to exp(-1/2) at rho."""
+BESIDE, PEAK, LEAST_NORMALS = (-0.45, -0.3, 0.3, 0.45), 1.3, 0.003
+"""A match that knows a direction knows so many times more than so far (m) beside it, and has this share of normals."""
 SIGMA, INDEPENDENT = 0.015, 0.2
 """Noise of a range (m), and the share of the beams that err independently of each other."""
 
@@ -63,19 +66,13 @@ class Place:
         normals = transform_points(np.array([0.0, 0.0, pose[2]]), self.normals)
         return Place(transform_points(pose, self.points), normals)
 
-    @property
-    def features(self) -> np.ndarray:
-        """Where the points lie and which way they face, ``(M, 4)`` in metres."""
-        return np.hstack([self.points, TURN * self.normals])
-
     @cached_property
     def tree(self) -> cKDTree:
-        """For finding a point's partner."""
-        return cKDTree(self.features)
+        """For finding a point's partner by where it lies and which way it faces, in metres."""
+        return cKDTree(np.hstack([self.points, TURN * self.normals]))
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(NamedTuple):
     """How one place fits another: ``pose (3,)``, ``information (3, 3)``, and the share of its points explained."""
 
     pose: np.ndarray
@@ -83,34 +80,50 @@ class Fit:
     share: float
 
 
+def lines(target: Place, source: Place, pose: np.ndarray, rho: float) -> tuple[Fit, np.ndarray]:
+    """Compare ``source`` at ``pose (3,)`` with the lines of ``target``; also return the gradient ``(3,)`` of the cost.
+
+    The cost is sum w r^2 / 2 sigma^2 with r = n^T (R q + t - p) and w = exp(-r^2 / 2 rho^2). The information is that of
+    the lines alone, sum w J^T J / sigma^2: along a bare corridor there is none.
+    """
+    moved, factor = source.seen_from(pose), INDEPENDENT / SIGMA**2
+    features = np.hstack([moved.points, TURN * moved.normals])
+    distance, partner = target.tree.query(features, distance_upper_bound=REACH)
+    found = np.isfinite(distance)
+    points, partner = moved.points[found], partner[found]
+    normal, arm = target.normals[partner], points - pose[:2]
+    residual = np.sum(normal * (points - target.points[partner]), axis=1)
+    J = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
+    weight = np.exp(-0.5 * (residual / rho) ** 2)
+    information, gradient = factor * (J * weight[:, None]).T @ J, factor * J.T @ (weight * residual)
+    return Fit(pose, information, float(np.sum(weight)) / len(moved.points)), gradient
+
+
 def align(
     target: Place, source: Place, start: np.ndarray, sigmas: tuple[float, float], rounds: int = 15
 ) -> Fit:
-    """Fit ``source`` to ``target`` by point-to-line ICP from ``start (3,)``, which is known to ``sigmas`` (m, rad).
-
-    Minimises sum w (n^T (R q + t - p))^2 / sigma^2 and the cost of leaving ``start``. The information is that of the
-    lines alone, sum w J^T J / sigma^2: along a bare corridor there is none.
-    """
-    pose, prior = start, np.diag([sigmas[0], sigmas[0], sigmas[1]]) ** 2
-    prior, factor = np.linalg.inv(prior), INDEPENDENT / SIGMA**2
+    """Fit ``source`` to ``target`` by point-to-line ICP from ``start (3,)``, which is known to ``sigmas`` (m, rad)."""
+    pose, prior = start, np.diag(np.array([sigmas[0], sigmas[0], sigmas[1]]) ** -2.0)
     for k in range(rounds):
-        moved = source.seen_from(pose)
-        distance, partner = target.tree.query(moved.features, distance_upper_bound=REACH)
-        found = np.isfinite(distance)
-        if np.count_nonzero(found) < 10:
-            return Fit(pose, np.zeros((3, 3)), 0.0)
-        points, normal = moved.points[found], target.normals[partner[found]]
-        arm = points - pose[:2]
-        residual = np.sum(normal * (points - target.points[partner[found]]), axis=1)
-        J = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
-        weight = np.exp(-0.5 * (residual / (RHO if k > 2 else 3 * RHO)) ** 2)
-        information = factor * (J * weight[:, None]).T @ J
-        force = factor * J.T @ (weight * residual) + prior @ (pose - start)
-        step = np.linalg.solve(information + prior, force)
+        fit, gradient = lines(target, source, pose, RHO if k > 2 else 3 * RHO)
+        step = np.linalg.solve(fit.information + prior, gradient + prior @ (pose - start))
         pose = pose - step
         if np.max(np.abs(step)) < 1e-4:
             break
-    return Fit(pose, information, float(np.sum(weight)) / len(moved.points))
+    return fit._replace(pose=pose)
+
+
+def blind(target: Place, source: Place, fit: Fit) -> list[np.ndarray]:
+    """List the direction ``(2,)``, if there is one, about which a match says no more than it would a little further on.
+
+    Seen from near, some points of a bare wall seem to face along it, and find partners wherever the place is put. Those
+    of a door frame find theirs in one place only.
+    """
+    known, directions = np.linalg.eigh(fit.information[:2, :2])
+    weak = directions[:, 0]
+    moved = (fit.pose + offset * np.append(weak, 0.0) for offset in BESIDE)
+    beside = max(weak @ lines(target, source, pose, RHO)[0].information[:2, :2] @ weak for pose in moved)
+    return [weak] if known[0] <= max(PEAK * beside, LEAST_NORMALS * known.sum()) else []
 
 
 def search_window(target: Place, source: Place, pose: np.ndarray, metres: float, radians: float):

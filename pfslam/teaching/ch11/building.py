@@ -65,20 +65,23 @@ def two_halves(door: bool = True) -> Place:
     Without the ``door`` nothing tells the halves apart.
     """
     twins = [(-x1, -y1, -x0, -y0) for x0, y0, x1, y1 in HALF]
-    areas = np.array([*HALF, *twins[1:], *([DOOR] if door else [])])
-    path = make_path(np.array(ROUTE))
-    plan = FloorPlan(areas, ("corridor",) * len(areas), np.array(ROUTE))
-    walls = outline(areas)
+    world = world_of(np.array([*HALF, *twins[1:], *([DOOR] if door else [])]), np.array(ROUTE))
+    return Place(true_map(world), driven(world), world.pose_wp[:2])
+
+
+def world_of(areas: np.ndarray, route: np.ndarray) -> World:
+    """Build the world whose free room is the union of rectangles ``(R, 4)``, with a route through it ``(W, 2)``."""
+    path, walls = make_path(route), outline(areas)
+    plan = FloorPlan(areas, ("corridor",) * len(areas), route)
     always = np.tile([-np.inf, np.inf], (len(walls), 1))
-    world = World(plan, path, invert(start_pose(path)), walls, np.zeros(len(walls), dtype=int), always, ())
-    return Place(true_map(world), _driven(world), world.pose_wp[:2])
+    return World(plan, path, invert(start_pose(path)), walls, np.zeros(len(walls), dtype=int), always, ())
 
 
-def _driven(world: World) -> Recording:
+def driven(world: World, seed: int = 11) -> Recording:
     """Simulate the drive along the world's path with the robot of the book and a scanner that sees eight metres."""
     timing = Timing(still_start=1.0, still_end=2.0)
     config = replace(HALL, robot=RobotModel(lidar=LIDAR), cruise_speed=0.7, timing=timing)
-    rng = [np.random.default_rng([11, k]) for k in range(6)]
+    rng = [np.random.default_rng([seed, k]) for k in range(6)]
     drive = drive_path(world.path, (), config, rng[0], rng[1])
     t = np.arange(0.5, drive.duration - 1.6, 1.0 / SCANS_PER_SECOND)
     ranges = measured(true_ranges(world, drive, LIDAR, t), config, rng[2])

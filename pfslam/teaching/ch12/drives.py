@@ -35,6 +35,8 @@ COLUMNS = (
     "run_s",
     "loops_s",
 )
+GIVEN = Path(__file__).parent / "given.csv"
+GIVEN_COLUMNS = ("drive", "seconds", "before_m", "after_m", "accepted", "run_s", "loops_s")
 FALSE = 5.0
 """A loop is false if its error is greater than so many of its own standard deviations."""
 
