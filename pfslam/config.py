@@ -213,15 +213,19 @@ class SlamConfig(Settings):
         """Return scan matching without particles: one pose, predicted by odometry, then matched and polished."""
         return replace(cls.refined(), particles=1, noise=MotionNoise(sampled=False))
 
-    def careful(self) -> SlamConfig:
-        """Return the settings for a second look, after scans have misled a run: slower, and made for people and glass.
+    def careful(self, scatter: float = 0.0) -> SlamConfig:
+        """Return the settings for a second look, where scans mislead: slower, made for people, glass and noisy ranges.
 
-        Methods without a polish, or with a map for each particle, have none and come back as they are.
+        With ``scatter`` (m), the standard deviation of the ranges, a beam must end farther behind a hit to have seen
+        through it: four of them, which is three of the difference between two ranges. A line needs more hits here: a
+        few that scatter look like a line that is none. Methods without a polish, or with a map for each particle, come
+        back as they are.
         """
         if self.polish is None or self.maps == "per-particle":
             return self
-        polish = replace(self.polish, elongation=1.3, independent_beams=150.0)
-        return replace(self, polish=polish, care=self.care or CareConfig())
+        polish = replace(self.polish, min_hits=8, elongation=1.3, independent_beams=150.0)
+        margin = max(CareConfig.margin, round(4.0 * scatter / self.map.resolution))
+        return replace(self, polish=polish, care=self.care or CareConfig(margin=margin))
 
     def as_dict(self) -> dict:
         """Return all settings as plain nested dictionaries, for ``summary.json`` and tables."""

@@ -80,6 +80,8 @@ class RgbdStream:
 
 SCANS_PER_SECOND = 8.0
 """How many scans of a faster scanner a filter uses unless told otherwise: 5 of the course's 40 make one update."""
+SCATTER_SCANS = 200
+"""So many scans of a recording, evenly spread, tell how far its ranges scatter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +134,20 @@ class Recording:
             return 1
         rate = 1.0 / float(np.median(np.diff(self.lidar.t)))
         return max(1, round(rate / SCANS_PER_SECOND))
+
+    def range_scatter(self) -> float:
+        """Estimate how far the ranges of neighbouring beams scatter (m): their standard deviation, 0 without scans.
+
+        Along a wall the second difference of three neighbouring ranges is almost nothing but noise, sqrt(6) times as
+        large as that of one. Their median is taken, because some triples lie across an edge.
+        """
+        if self.lidar is None:
+            return 0.0
+        ranges = self.lidar.ranges[:: max(1, len(self.lidar.ranges) // SCATTER_SCANS)].astype(float)
+        seen = self.robot.lidar.valid(ranges)
+        bend = ranges[:, :-2] - 2.0 * ranges[:, 1:-1] + ranges[:, 2:]
+        bend = np.abs(bend[seen[:, :-2] & seen[:, 1:-1] & seen[:, 2:]])
+        return float(np.median(bend) / (0.6745 * np.sqrt(6.0))) if len(bend) else 0.0
 
     def true_path(self) -> Trajectory:
         """The true trajectory of a simulated recording; ``DataError`` where nobody knows it."""

@@ -17,7 +17,10 @@ from pfslam.per_particle import Histories, per_particle_step
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.slam import SlamState, StepInfo, slam_step
-from pfslam.trust import Distrust, distrust, in_doubt, misled
+from pfslam.trust import Distrust, alarms, distrust, in_doubt, misled
+
+NOISY = 0.04
+"""Ranges that scatter by more than this (m) smear a wall over several cells; common scanners are good to 1 or 2 cm."""
 
 
 class State(Protocol):
@@ -111,20 +114,31 @@ def run_slam(
     ``config=None`` is ``SlamConfig.refined()``; ``rng=None`` is seed 0. ``progress(iterable, total=n)`` may wrap the
     loop, as tqdm does. Without ``keep_particles`` the infos hold no clouds, which saves memory on long runs.
 
-    A run whose scans have misled it (``trust.misled``) is done again with ``config.careful()``, if that differs. The
-    second run stands unless more of it is in doubt; the result's ``config`` tells. Without ``second_look`` the first
-    run stands, whatever happened.
+    A run whose scans have misled it (``trust.misled``), or whose ranges scatter by more than ``NOISY``, is done again
+    with ``config.careful()``, if that differs. The second run stands unless more of it is in doubt; the result's
+    ``config`` tells. Without ``second_look`` the first run stands, whatever happened.
     """
     config = SlamConfig.refined() if config is None else config
     rng = np.random.default_rng(0) if rng is None else rng
     result = _one_run(recording, config, rng, progress, keep_particles)
-    if second_look and config.careful() != config and misled(result.infos):
-        second = _one_run(recording, config.careful(), rng, progress, keep_particles)
-        return min(second, result, key=_scans_in_doubt)
+    careful = config.careful(recording.range_scatter())
+    if second_look and careful != config and in_need_of_care(recording, result):
+        second = _one_run(recording, careful, rng, progress, keep_particles)
+        return min(second, result, key=scans_in_doubt)
     return result
 
 
-def _scans_in_doubt(result: SlamResult) -> int:
+def in_need_of_care(recording: Recording, result: SlamResult) -> bool:
+    """Tell whether a run is to be done again with care: its ranges are noisy, or its scans have misled it.
+
+    Noise is no reason after the robot was carried off: there scans contradict odometry and are right.
+    """
+    noisy = recording.range_scatter() > NOISY and not len(alarms(result.infos))
+    return noisy or misled(result.infos)
+
+
+def scans_in_doubt(result: SlamResult) -> int:
+    """Count the scans of a run whose estimate is not to be trusted."""
     return int(np.count_nonzero(in_doubt(result.distrust, result.trajectory.t)))
 
 

@@ -11,7 +11,7 @@ from pfslam.config import CareConfig, SlamConfig
 from pfslam.correlation import score_field
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
-from pfslam.runs import run_slam
+from pfslam.runs import in_need_of_care, run_slam
 from pfslam.simulator import Hazards, simulate
 
 CARE = CareConfig()
@@ -141,7 +141,26 @@ def test_methods_without_lines_or_with_many_maps_have_no_careful_settings():
     assert SlamConfig.matching().careful().particles == 1
 
 
+def test_noisy_ranges_must_end_farther_behind_a_hit_to_have_seen_through_it():
+    margins = [SlamConfig.refined().careful(metres).care.margin for metres in (0.0, 0.01, 0.05, 0.1)]
+    assert margins == [CARE.margin, CARE.margin, 4, 8]
+    cautious = replace(SlamConfig.refined(), care=replace(CARE, margin=1))
+    assert cautious.careful(0.1).care.margin == 1
+
+
 FEW = replace(SlamConfig.refined(), particles=50)
+
+
+@pytest.mark.slow
+def test_noisy_ranges_alone_ask_for_care():
+    quiet = pfslam.load("hall")
+    ranges = quiet.lidar.ranges
+    noise = np.random.default_rng(0).normal(0.0, 0.06, ranges.shape).astype(ranges.dtype)
+    noise[~quiet.robot.lidar.valid(ranges)] = 0.0
+    noisy = replace(quiet, lidar=replace(quiet.lidar, ranges=np.maximum(ranges + noise, 0.0)))
+    run = run_slam(quiet, FEW, keep_particles=False, second_look=False)
+    assert not in_need_of_care(quiet, run)
+    assert in_need_of_care(noisy, run)
 
 
 @pytest.mark.slow
@@ -172,8 +191,8 @@ def test_care_costs_little_where_nothing_moves():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "metres"), [("people20", 0.06), ("everything20", 0.3)])
-def test_real_wheels_among_people(real_data, name, metres):
+@pytest.mark.parametrize(("name", "metres"), [("people20", 0.06), ("glass20", 0.06), ("everything20", 0.3)])
+def test_real_wheels_among_people_and_glass(real_data, name, metres):
     data = pfslam.load(20, real_data / "hard" / name)
     found = trajectory_error(run_slam(data, keep_particles=False).trajectory, data.truth)
     assert found.ate_rmse_m <= metres

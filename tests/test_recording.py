@@ -111,3 +111,25 @@ def test_a_filter_sees_about_eight_scans_a_second(hertz, every):
     odometry = Trajectory(t, np.zeros((200, 3)))
     scans = LidarScans(t, np.ones((200, 1), dtype=np.float32))
     assert Recording("set", robot, odometry=odometry, lidar=scans).default_every == every
+
+
+@pytest.mark.parametrize("metres", [0.0, 0.01, 0.05])
+def test_the_scatter_of_ranges_is_their_noise_whatever_the_room_and_the_missing_beams(metres):
+    rng, lidar = np.random.default_rng(0), LidarModel()
+    room = np.minimum(2.0 / np.maximum(np.abs(np.cos(lidar.angles)), 0.1), 5.0)  # two walls, and a round end
+    ranges = room + metres * rng.standard_normal((40, lidar.beams))
+    ranges[rng.random(ranges.shape) < 0.2] = 0.0
+    ranges[:, 300:400] = lidar.range_max
+    scans = LidarScans(np.arange(40.0), ranges.astype(np.float32))
+    odometry = Trajectory(np.arange(40.0), np.zeros((40, 3)))
+    recording = Recording("room", RobotModel(lidar=lidar), odometry=odometry, lidar=scans)
+    assert recording.range_scatter() == pytest.approx(metres, rel=0.05, abs=1e-4)
+
+
+def test_without_scans_or_three_beams_side_by_side_nothing_scatters():
+    odometry = Trajectory(np.arange(2.0), np.zeros((2, 3)))
+    assert Recording("log", odometry=odometry).range_scatter() == 0.0
+    ranges = np.full((2, LidarModel().beams), 3.0, np.float32)
+    ranges[:, ::2] = 0.0
+    scans = LidarScans(odometry.t, ranges)
+    assert Recording("log", odometry=odometry, lidar=scans).range_scatter() == 0.0

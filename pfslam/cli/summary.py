@@ -104,7 +104,7 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
     lines = said_by_the_loader(recording)
     lines += [] if recording.lidar is not None else ["no LiDAR in this data set: dead reckoning only"]
     if summary.get("second_look"):
-        lines.append("people or glass misled the scans: the run was done again with care")
+        lines.append("people, glass or noise misled the scans: the run was done again with care")
     for check in summary.get("checks_failed", ()):
         lines.append(f"check failed: {check['question']} {check['found']}, expected {check['expected']}")
     if stretches := summary["distrust"]:
