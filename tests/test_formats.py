@@ -155,6 +155,22 @@ def test_a_map_of_another_program(tmp_path):
     np.testing.assert_array_equal(cells, [[1, -1]])
 
 
+def test_a_map_with_a_png_image(tmp_path, grid):
+    write_map(tmp_path / "map.yaml", grid)
+    spec, cells = read_map(tmp_path / "map.yaml")
+    pixels = cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_UNCHANGED)
+    cv2.imwrite(str(tmp_path / "map.png"), pixels)
+    (tmp_path / "png.yaml").write_text((tmp_path / "map.yaml").read_text().replace(".pgm", ".png"))
+    again, same = read_map(tmp_path / "png.yaml")
+    assert again == spec
+    np.testing.assert_array_equal(same, cells)
+    cv2.imwrite(str(tmp_path / "map.png"), cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR))
+    with pytest.raises(
+        DataError, match=r"map\.png: image: found .* 3 channels of 8 bits, expected .* 1 channels"
+    ):
+        read_map(tmp_path / "png.yaml")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -164,6 +180,7 @@ def test_a_map_of_another_program(tmp_path):
         ("resolution: 0.5", "resolution: big", "resolution: found 'big'"),
         ("resolution: 0.5", "resolution: -1", "resolution"),
         ("map.pgm", "none.pgm", "none.pgm"),
+        ("negate: 0", "negate: 0\nmode: raw", "mode: found raw, expected trinary"),
     ],
 )
 def test_bad_map_files(tmp_path, grid, old, new, message):

@@ -13,7 +13,7 @@ import numpy as np
 from pfslam.errors import DataError
 from pfslam.grid import MAX_CELLS, GridSpec, OccupancyGrid
 from pfslam.io.files import atomic_write, read_bytes, read_text, write_text
-from pfslam.io.images import write_png
+from pfslam.io.images import PNG_MAGIC, decode_grey_png, write_png
 from pfslam.poses import Trajectory
 from pfslam.recording import nearest_stamp
 
@@ -153,7 +153,9 @@ def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
         raise DataError(path, "free_thresh, occupied_thresh", found, "probabilities, the lesser first")
     if yaw != 0.0:
         raise DataError(path, "origin", f"a map rotated by {yaw:g} rad", "a third value of 0")
-    pixels = _read_pgm(path.parent / keys["image"].strip("'\""))
+    if (mode := keys.get("mode", "trinary").strip("'\"")) != "trinary":
+        raise DataError(path, "mode", mode, "trinary, as map_server writes it")
+    pixels = _read_pixels(path.parent / keys["image"].strip("'\""))
     share = pixels[::-1] / 255.0 if negate else (255.0 - pixels[::-1]) / 255.0
     cells = (share > occupied).astype(np.int8) - (share < free).astype(np.int8)
     try:
@@ -174,9 +176,14 @@ def read_known_map(path: str | Path) -> OccupancyGrid:
     return OccupancyGrid(spec, cells.astype(np.float32))
 
 
-def _read_pgm(path: Path) -> np.ndarray:
-    """Read the pixels ``(H, W)`` uint8 of a binary PGM image."""
+def _read_pixels(path: Path) -> np.ndarray:
+    """Read the pixels ``(H, W)`` uint8 of a binary PGM image, or of a grey PNG image."""
     data = read_bytes(path, MAX_CELLS + 4096)
+    return decode_grey_png(path, data, MAX_CELLS) if data.startswith(PNG_MAGIC) else _pgm_pixels(path, data)
+
+
+def _pgm_pixels(path: Path, data: bytes) -> np.ndarray:
+    """Take the pixels ``(H, W)`` uint8 out of the bytes of a binary PGM image."""
     words: list[bytes] = []
     at = 0
     while len(words) < 4 and at < min(len(data), 4096):
@@ -185,7 +192,8 @@ def _read_pgm(path: Path) -> np.ndarray:
         words += data[at:end].split(b"#")[0].split()
         at = end + 1
     if len(words) != 4 or words[0] != b"P5" or words[3] != b"255" or not all(w.isdigit() for w in words[1:]):
-        raise DataError(path, "header", repr(data[:20]), "a binary PGM image with 255 grey values")
+        expected = "a binary PGM image (P5) with 255 grey values, or a PNG image"
+        raise DataError(path, "header", repr(data[:20]), expected)
     width, height = int(words[1][:9]), int(words[2][:9])
     if len(data) - at != width * height or width * height == 0:
         raise DataError(path, "pixels", f"{len(data) - at} bytes", f"{width} x {height}, at least one")

@@ -42,6 +42,14 @@ def decode_png(path: str | Path, data: bytes, shape: tuple[int, int, int], dtype
     return pixels if shape[2] == 1 else np.ascontiguousarray(pixels[..., ::-1])
 
 
+def decode_grey_png(path: str | Path, data: bytes, most: int) -> np.ndarray:
+    """Decode the bytes of a PNG file with one channel of 8 bits and at most so many pixels, ``(H, W)`` uint8."""
+    (height, width, _), _ = _png_shape(path, data)
+    if height * width > most:
+        raise DataError(path, "image", f"{width} x {height} pixels", f"at most {most} pixels")
+    return decode_png(path, data, (height, width, 1), np.dtype(np.uint8))
+
+
 def write_png(path: str | Path, pixels: np.ndarray) -> None:
     """Write ``(H, W)``, ``(H, W, 3)`` RGB or ``(H, W, 4)`` RGBA pixels as PNG, whole or not at all."""
     with atomic_write(path) as file:
