@@ -57,6 +57,7 @@ hard: $(STAMP)  # The filter on drives that are not clean, and whether it says s
 
 consistency: $(STAMP)  # How often cloud and covariance hold the truth: the second table on that page
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/consistency.py $(DATA) --out book/tables/consistency.csv
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/consistency.py $(DATA) --picture book/_static/covariance.webp
 
 lint: $(STAMP)
 	"$(BIN)/ruff" check .
