@@ -104,7 +104,7 @@ def opened(path: Path) -> Iterator[Any]:
     except DataError:
         raise
     except Exception as error:  # the library raises many kinds for a damaged bag
-        found = f"{type(error).__name__}: {error}"
+        found = ": ".join(filter(None, (type(error).__name__, str(error))))
         raise DataError(path, "bag", found, "a whole ROS bag, closed by its recorder") from error
 
 

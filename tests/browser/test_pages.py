@@ -12,6 +12,8 @@ pytestmark = pytest.mark.browser
 
 SENTENCES_CUT_OFF = """() => [...document.querySelectorAll('.pfslam-sentences pre')]
   .filter(e => e.scrollWidth > e.clientWidth).map(e => e.textContent.trim().slice(0, 60))"""
+FORMULAS_WITH_SCROLL_BARS = """selector => [...document.querySelectorAll(`article :is(${selector})`)]
+  .filter(e => /auto|scroll/.test(getComputedStyle(e).overflowX)).map(e => e.textContent)"""
 CODE_CUT_OFF = """() => [...document.querySelectorAll('article pre')]
   .filter(e => e.scrollWidth > e.clientWidth + 1).map(e => e.textContent.trim().slice(0, 60))"""
 BEYOND_SCREEN = """() => [...document.querySelectorAll(
@@ -136,6 +138,11 @@ def test_no_sideways_scroll(shared, width):
     assert shared.evaluate(WIDTH_BEYOND_SCREEN) <= 0
 
 
+def test_a_formula_in_a_sentence_has_no_scroll_bar(shared):
+    """Headless, scroll bars are hidden; elsewhere they stand between the lines."""
+    assert shared.evaluate(FORMULAS_WITH_SCROLL_BARS, "span.math, span.math mjx-container") == []
+
+
 def test_tables_equations_and_explorers_fit_a_phone(shared):
     shared.set_viewport_size({"width": 390, "height": 900})
     assert shared.evaluate(BEYOND_SCREEN) == []
@@ -171,6 +178,17 @@ def test_search_finds_what_is_a_formula_or_a_short_name(visit, site, words, page
     seen.page.wait_for_selector(f'#search-results li a[href*="{page}"]')
 
 
+@pytest.mark.parametrize(
+    ("words", "chapter"),
+    [("Neff", "03"), ("ESS", "03"), ("kidnapped", "11"), ("loop closure", "12"), ("bag", "13")],
+)
+def test_search_finds_the_chapter_first(visit, site, words, chapter):
+    page = visit(f"search.html?q={words}", "file").page
+    page.wait_for_selector("#search-results li a")
+    first = page.locator("#search-results li > a").first.get_attribute("href")
+    assert first.startswith(f"notebooks/{chapter}")
+
+
 def test_search_shows_chapters_first_and_pages_for_maintainers_last(visit, site):
     page = visit("search.html?q=resampling", "file").page
     page.wait_for_selector('#search-results li a[href*="book/teachers"]')
@@ -195,6 +213,7 @@ def test_on_paper_code_is_whole_and_answers_stand_at_the_end(visit, chapter_page
     page.emulate_media(media="print")
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     assert page.evaluate(CODE_CUT_OFF) == []
+    assert page.evaluate(FORMULAS_WITH_SCROLL_BARS, ".math, mjx-container") == []
     assert page.locator(".pfslam-at-the-end > .pfslam-unfolded").count() == count
     assert page.locator(".pfslam-at-the-end :is(details, summary)").count() == 0
     assert all(text.strip() for text in page.locator(".pfslam-unfolded").all_inner_texts())
