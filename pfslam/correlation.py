@@ -82,13 +82,17 @@ def squared_distance(occupied: np.ndarray, reach: int) -> np.ndarray:
     array([[0, 1, 4],
            [1, 2, 5]], dtype=uint8)
     """
-    squared = np.where(occupied, 0, reach**2 + 1).astype(np.uint8)
-    for lines in (squared, squared.T):
+    height, width = occupied.shape
+    squared = np.full((height, width + reach), reach**2 + 1, dtype=np.uint8)  # a gap between the end and next row
+    squared[:, :width][occupied] = 0
+    lines = squared.reshape(-1)
+    for stride in (1, width + reach):
         before = lines.copy()
         for k in range(1, reach + 1):
-            np.minimum(lines[k:], before[:-k] + k**2, out=lines[k:])
-            np.minimum(lines[:-k], before[k:] + k**2, out=lines[:-k])
-    return squared
+            farther, by = before + k**2, k * stride
+            np.minimum(lines[by:], farther[:-by], out=lines[by:])
+            np.minimum(lines[:-by], farther[by:], out=lines[:-by])
+    return squared[:, :width]
 
 
 def updated_field(field: ScoreField, occupied: np.ndarray, rectangle: tuple[slice, slice]) -> ScoreField:

@@ -55,11 +55,12 @@ class HitMoments:
         """Add the hits ``(M, 2)`` (world, m) of the scan with this number, all of which must lie inside the grid."""
         cells = self.spec.world_to_cell(points_w)
         x, y = ((points_w - self.spec.cell_to_world(cells)) / self.spec.resolution).T
+        flat = cells[:, 1] * self.spec.shape[1] + cells[:, 0]
         slots = self.slots.copy()
-        new = np.unique(cells[slots[cells[:, 1], cells[:, 0]] == 0], axis=0)
-        slots[new[:, 1], new[:, 0]] = len(self.sums) + np.arange(len(new))
+        new = np.unique(flat[slots.take(flat) == 0])
+        slots.put(new, len(self.sums) + np.arange(len(new)))
         sums = np.vstack([self.sums, np.zeros((len(new), 6))])
-        rows = slots[cells[:, 1], cells[:, 0]]
+        rows = slots.take(flat)
         for column, values in zip(sums.T, (np.ones_like(x), x, y, x * x, x * y, y * y), strict=True):
             np.add.at(column, rows, values)
         return HitMoments(self.spec, slots, sums, np.append(self.first, np.full(len(new), scan)))

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -24,6 +23,8 @@ from pfslam.search.lattice import Lattice, Window, distinct_nodes
 
 CACHE = 2**17
 """Numbers (float32) gathered at once: half a megabyte stays in the processor's cache until they are added up."""
+TOGETHER = 8
+"""Neighbouring headings that are scored at once: most of their cells are the same, and fetched once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,11 +103,12 @@ def score_volume(
 ) -> np.ndarray:
     """Score all nodes from ``low (3,)`` to ``high (3,)`` inclusive, as ``(headings, rows, columns)`` float32."""
     nx, ny, nk = high - low + 1
-    patches, scans = patches_and_scans(field, spec, points_b, lattice, low, high, (ny, nx))
+    patches, cells = patches_and_cells(field, spec, points_b, lattice, low, high, (ny, nx))
     volume = np.zeros((nk, ny * nx), dtype=np.float32)
-    for scores, (counts, iy, ix) in zip(volume, scans, strict=True):
-        for some in chunks(len(counts), ny * nx):
-            scores += counts[some] @ patches[iy[some], ix[some]].reshape(-1, ny * nx)
+    for k in range(0, nk, TOGETHER):
+        counts, iy, ix = counted(cells[k : k + TOGETHER], patches.shape[:2])
+        for some in chunks(len(ix), ny * nx):
+            volume[k : k + TOGETHER] += counts[:, some] @ patches[iy[some], ix[some]].reshape(-1, ny * nx)
     return volume.reshape(nk, ny, nx)
 
 
@@ -121,15 +123,17 @@ def window_scores(
     """Score the window around each of ``nodes (U, 3)``, ``(U, P)`` float32, all windows of a heading together."""
     headings, side, _ = window.shape
     low, high = nodes.min(axis=0) - window.reach, nodes.max(axis=0) + window.reach
-    patches, scans = patches_and_scans(field, spec, points_b, lattice, low, high, (side, side))
+    patches, cells = patches_and_cells(field, spec, points_b, lattice, low, high, (side, side))
     scores = np.zeros((len(nodes), headings, side * side), dtype=np.float32)
     x, y, first = (nodes - window.reach - low).T
-    for k, (counts, iy, ix) in enumerate(scans):
+    for k, one_heading in enumerate(cells):
+        distinct, counts = np.unique(one_heading, return_counts=True)
+        iy, ix = np.divmod(distinct, patches.shape[1])
         here = np.flatnonzero((first <= k) & (k < first + headings))
-        for some in chunks(len(here), len(counts) * side * side):
+        for some in chunks(len(here), len(ix) * side * side):
             who = here[some]
-            found = patches[y[who, None] + iy, x[who, None] + ix].reshape(len(who), len(counts), -1)
-            scores[who, k - first[who]] = counts @ found
+            found = patches[y[who, None] + iy, x[who, None] + ix].reshape(len(who), len(ix), -1)
+            scores[who, k - first[who]] = counts.astype(np.float32) @ found
     return scores.reshape(len(nodes), -1)
 
 
@@ -139,31 +143,32 @@ def chunks(n: int, size: int) -> Iterator[slice]:
     return (slice(i, i + step) for i in range(0, n, step))
 
 
-def patches_and_scans(field: ScoreField, spec, points_b, lattice: Lattice, low, high, shape: tuple[int, int]):
-    """Collect all patches of ``shape`` near a scan, and those that each heading from ``low`` to ``high`` adds up.
+def patches_and_cells(field: ScoreField, spec, points_b, lattice: Lattice, low, high, shape: tuple[int, int]):
+    """Collect all patches of ``shape`` near a scan, and the cells that it falls into at the headings ``low`` to ``high``.
 
-    Returns ``(patches, scans)``: ``patches[iy, ix]`` is the patch that one cell of the scan selects for the node
-    ``low``; ``scans`` holds for each heading the distinct cells as ``(counts, iy, ix)``, each ``(C,)``.
+    Returns ``(patches, cells)``: ``patches[iy, ix]`` is the patch that one cell of the scan selects for the node
+    ``low``; ``cells (K, M)`` are flat indices into the first two axes of ``patches``.
     """
     cells = rotated_cells(points_b, lattice.step_yaw * np.arange(low[2], high[2] + 1), spec) + low[:2]
     (x0, y0), (x1, y1) = cells.min(axis=(0, 1)), cells.max(axis=(0, 1))
     nx, ny, _ = high - low + 1
     patches = sliding_window_view(_crop(field.values, x0, y0, x1 + nx, y1 + ny), shape)
-    width = x1 - x0 + 1
-    keys, counts, begin = _merged((cells[..., 1] - y0) * width + cells[..., 0] - x0)
-    iy, ix = np.divmod(keys, width)
-    pieces = [slice(*ends) for ends in pairwise(begin)]
-    return patches, [(counts[some], iy[some], ix[some]) for some in pieces]
+    return patches, (cells[..., 1] - y0) * patches.shape[1] + cells[..., 0] - x0
 
 
-def _merged(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the distinct keys of each row of ``(K, M)``, one row after the other, their counts, and where rows begin."""
-    keys = np.sort(keys, axis=1)
-    distinct = np.ones(keys.shape, dtype=bool)
-    distinct[:, 1:] = keys[:, 1:] != keys[:, :-1]
-    at = np.flatnonzero(distinct)
-    counts = np.diff(at, append=keys.size).astype(np.float32)
-    return keys.ravel()[at], counts, np.searchsorted(at, np.arange(len(keys) + 1) * keys.shape[1])
+def counted(cells: np.ndarray, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Count how often each row of ``cells (K, M)``, flat indices, has each of the cells that occur in any of them.
+
+    Returns ``(counts, iy, ix)``: counts ``(K, C)`` float32, and where in an array of that shape the C cells lie.
+    """
+    occurs = np.zeros(shape[0] * shape[1], dtype=bool)
+    occurs[cells] = True
+    distinct = np.flatnonzero(occurs)
+    number = np.empty(len(occurs), dtype=np.int64)
+    number[distinct] = np.arange(len(distinct))
+    rows = np.arange(len(cells))[:, None] * len(distinct)
+    counts = np.bincount((rows + number[cells]).ravel(), minlength=len(cells) * len(distinct))
+    return counts.reshape(len(cells), -1).astype(np.float32), *np.divmod(distinct, shape[1])
 
 
 def rotated_cells(points_b: np.ndarray, yaws: np.ndarray, spec: GridSpec) -> np.ndarray:
