@@ -123,18 +123,19 @@ def _climb(box: BoxScores, poses, lattice: Lattice, window: Window, sigmas, conf
     offset = ((poses - lattice.pose(box.nodes[node])) / sigma).T
     at_node = scale * box.scores.astype(float) - 0.5 * np.sum(delta.T**2, axis=1)
 
-    def objective(some, steps):
-        return _linear(at_node[node[some], steps], offset[:, some], delta[:, steps])
+    def objective(steps):
+        return _linear(at_node[node, steps], offset, delta[:, steps])
 
-    rows = np.arange(len(node))
     candidates = _candidates(at_node, delta, 0.5 * lattice.steps / sigma)
-    choice = candidates[np.argmax(objective(rows[:, None], candidates), axis=1)]
+    of_candidates = at_node.take(candidates, axis=1).take(node, axis=0)
+    J = _linear(of_candidates, offset[:, :, None], delta[:, candidates])
+    choice = candidates[np.argmax(J, axis=1)]
     step = window.steps()[choice].astype(float)
     if config.sub_cell:
-        step += _peaks(lambda steps: objective(rows, steps), choice, window)
+        step += _peaks(objective, choice, window)
     best = box.scores[node, choice]
     if config.weight == "likelihood":
-        gain = objective(rows, choice) - 0.5 * np.sum(offset.T**2, axis=1)
+        gain = objective(choice) - 0.5 * np.sum(offset.T**2, axis=1)
     else:
         gain = _gain(best / full_score, best, config)
     return lattice.pose(box.nodes[node] + step), best, gain

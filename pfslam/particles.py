@@ -124,7 +124,7 @@ def effective_sample_size(weights: np.ndarray) -> float:
     2.0
     """
     weights = np.asarray(weights, dtype=float)
-    if not np.isclose(weights.sum(), 1.0):
+    if not abs(weights.sum() - 1.0) <= 1e-5:
         raise DataError(
             "effective_sample_size", "weights", f"sum {weights.sum():.6g}", "weights that sum to 1"
         )

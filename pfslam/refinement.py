@@ -76,15 +76,13 @@ class HitMoments:
         Cells nearer than that to the border have none.
         """
         height, width = self.spec.shape
-        inside = ((cells >= reach) & (cells < [width - reach, height - reach])).all(axis=1)
-        total = np.zeros((len(cells), 6))
+        ix, iy = cells.T
+        inside = (ix >= reach) & (ix < width - reach) & (iy >= reach) & (iy < height - reach)
         dx, dy, moved = _neighbourhood(reach)
-        ix, iy = cells[inside].T
         # By flat index and `take`: the same numbers, three times as fast as indices for every axis.
-        rows = self.slots.take((iy * width + ix)[:, None] + (dy * width + dx))
-        blocks = self.sums.take(rows, axis=0)
-        total[inside] = blocks.reshape(len(ix), len(moved)) @ moved
-        return total
+        rows = self.slots.take((iy * width + ix)[:, None] + (dy * width + dx), mode="clip")
+        rows[~inside] = 0
+        return self.sums.take(rows, axis=0).reshape(len(cells), len(moved)) @ moved
 
 
 @lru_cache(maxsize=4)
@@ -119,11 +117,11 @@ class Lines:
 def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig) -> Lines:
     """Fit a line to the wall near each of the points ``(M, 2)``: principal axes of the hits in 3 x 3 cells."""
     cells = moments.spec.world_to_cell(points_w)
-    n, x, y, xx, xy, yy = moments.around(cells, config.reach).T
+    n, x, y, xx, xy, yy = np.ascontiguousarray(moments.around(cells, config.reach).T)
     enough = n >= config.min_hits
     n = np.where(enough, n, 1.0)
-    mean = np.column_stack([x, y]) / n[:, None]
-    vxx, vxy, vyy = xx / n - mean[:, 0] ** 2, xy / n - mean[:, 0] * mean[:, 1], yy / n - mean[:, 1] ** 2
+    x, y = x / n, y / n
+    vxx, vxy, vyy = xx / n - x**2, xy / n - x * y, yy / n - y**2
     # Eigenvalues of a symmetric 2 x 2 matrix: half trace plus and minus a radius; the long axis lies at `angle`.
     half_trace, radius = 0.5 * (vxx + vyy), np.hypot(0.5 * (vxx - vyy), vxy)
     angle = 0.5 * np.arctan2(2.0 * vxy, vxx - vyy)
@@ -131,10 +129,16 @@ def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig
     found = enough & (elongation > config.elongation)
     # Rough or half-seen pieces show other faces as the robot moves on, and pull the pose along: trust straight ones.
     # What counts as straight depends on the LiDAR's noise, so the scan's own median sets the scale.
-    typical = np.median(elongation[found]) if found.any() else 1.0
+    typical = _median(elongation[found]) if found.any() else 1.0
     trust = (elongation / (elongation + typical)) ** 2
-    centre = moments.spec.cell_to_world(cells) + mean * moments.spec.resolution
+    centre = moments.spec.cell_to_world(cells) + np.column_stack([x, y]) * moments.spec.resolution
     return Lines(found, centre, np.column_stack([-np.sin(angle), np.cos(angle)]), trust)
+
+
+def _median(values: np.ndarray) -> float:
+    """Return what ``np.median`` does, in a quarter of its time for a few hundred numbers."""
+    ordered, n = np.sort(values), len(values)
+    return float(0.5 * (ordered[(n - 1) // 2] + ordered[n // 2]))
 
 
 class LineFit(NamedTuple):
@@ -206,13 +210,15 @@ def line_residuals(
 ) -> LineFit:
     """Measure the beams' distances (m) from their lines, with the Jacobian for x, y, theta, and weigh them."""
     arm = transform_points([0.0, 0.0, pose[2]], points_b)
-    lines = nearby_lines(moments, arm + pose[:2], config)
-    arm, normal = arm[lines.found], lines.normal[lines.found]
     points_w = arm + pose[:2]
-    residual = np.sum(normal * (points_w - lines.centre[lines.found]), axis=1)
-    jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
-    weight = lines.trust[lines.found] * np.exp(-0.5 * (residual / config.rho) ** 2)
-    return LineFit(residual, jacobian, weight, points_w)
+    lines = nearby_lines(moments, points_w, config)
+    found = lines.found
+    (ax, ay), (nx, ny) = arm[found].T, lines.normal[found].T
+    dx, dy = (points_w - lines.centre)[found].T
+    residual = nx * dx + ny * dy
+    jacobian = np.column_stack([nx, ny, ny * ax - nx * ay])
+    weight = lines.trust[found] * np.exp(-0.5 * (residual / config.rho) ** 2)
+    return LineFit(residual, jacobian, weight, points_w[found])
 
 
 def weighed_step(
