@@ -83,7 +83,9 @@ def squared_distance(occupied: np.ndarray, reach: int) -> np.ndarray:
            [1, 2, 5]], dtype=uint8)
     """
     height, width = occupied.shape
-    squared = np.full((height, width + reach), reach**2 + 1, dtype=np.uint8)  # a gap between the end and next row
+    squared = np.full(
+        (height, width + reach), reach**2 + 1, dtype=np.uint8
+    )  # a gap between the end and next row
     squared[:, :width][occupied] = 0
     lines = squared.reshape(-1)
     for stride in (1, width + reach):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pfslam.correlation import ScoreField, map_correlation, score_field, updated_field
+from pfslam.correlation import ScoreField, map_correlation, score_field, squared_distance, updated_field
 from pfslam.grid import GridSpec
 from pfslam.poses import transform_points
 from pfslam.search import boxes, volume
@@ -200,6 +200,38 @@ def test_likelihood_field_is_that_of_the_nearest_occupied_cell(seed, height, wid
     np.testing.assert_array_equal(count.values, occupied)
     assert field.values.dtype == count.values.dtype == np.float32
     assert (field.top, count.top) == (1000, 1)
+
+
+@given(st.integers(0, 10_000), st.integers(1, 12), st.integers(1, 12), st.integers(0, 6))
+@settings(max_examples=60)
+def test_squared_distance_is_the_least_over_all_occupied_cells(seed, height, width, reach):
+    occupied = np.random.default_rng(seed).random((height, width)) < 0.1
+    found, there = squared_distance(occupied, reach), np.argwhere(occupied)
+    for iy, ix in np.ndindex(occupied.shape):
+        squared = ((there - [iy, ix]) ** 2).sum(axis=1).min(initial=10_000)
+        assert found[iy, ix] == squared if squared <= reach**2 else found[iy, ix] > reach**2
+
+
+def test_counted_cells_are_those_of_each_row_counted_one_by_one():
+    cells = np.random.default_rng(0).integers(0, 35, (8, 40))
+    counts, iy, ix = volume.counted(cells, (5, 7))
+    np.testing.assert_array_equal(7 * iy + ix, np.unique(cells))
+    for row, found in zip(cells, counts, strict=True):
+        np.testing.assert_array_equal(found, [np.count_nonzero(row == cell) for cell in np.unique(cells)])
+
+
+@pytest.mark.parametrize("headings", [1, 7, 8, 9, 16, 20])
+def test_headings_scored_together_are_scored_as_one_by_one(headings):
+    _, occupied, spec, points = random_case(7, beams=60)
+    field, low = score_field(occupied, "distance"), np.array([-3, -2, 5])
+    high = low + [6, 4, headings - 1]
+    together = volume.score_volume(field, spec, points, LATTICE, low, high)
+    for k in range(headings):
+        step = np.array([0, 0, k])
+        alone = volume.window_scores(
+            field, spec, points, LATTICE, np.array([[0, 0, 5]]) + step, Window(2, 0)
+        ).reshape(5, 5)
+        np.testing.assert_array_equal(together[k, :, 1:6], alone)
 
 
 @given(st.integers(0, 10_000), st.sampled_from(["occupied", "distance"]))

@@ -8,7 +8,16 @@ import pytest
 from pfslam.config import PolishConfig
 from pfslam.grid import GridSpec
 from pfslam.poses import invert, transform_points, wrap_angle
-from pfslam.refinement import LINE_SIGMA, MAX_STEP, HitMoments, nearby_lines, polish, weighed_step
+from pfslam.refinement import (
+    LINE_SIGMA,
+    MAX_STEP,
+    HitMoments,
+    _median,
+    line_residuals,
+    nearby_lines,
+    polish,
+    weighed_step,
+)
 
 SPEC = GridSpec((-6.013, -6.021), 0.05, (240, 240))
 CONFIG = PolishConfig()
@@ -59,6 +68,40 @@ def test_every_cell_remembers_the_scan_that_hit_it_first():
     moments = HitMoments.empty(SPEC).add(hits[:2], 3).add(hits, 5)
     np.testing.assert_array_equal(moments.first_scan(np.vstack([hits, [[2.0, 2.0]]])), [3, 3, 5, -1])
     np.testing.assert_array_equal(moments.covering(SPEC.grown(7, 5, 3, 2)).first_scan(hits), [3, 3, 5])
+
+
+def test_moments_are_added_hit_by_hit_to_the_last_bit():
+    hits = np.random.default_rng(2).uniform(-0.3, 0.3, (900, 2))
+    moments, sums = HitMoments.empty(SPEC), {}
+    for scan in np.split(hits, 3):
+        moments = moments.add(scan)
+    cells = SPEC.world_to_cell(hits)
+    for (ix, iy), (x, y) in zip(cells, (hits - SPEC.cell_to_world(cells)) / 0.05, strict=True):
+        sums[ix, iy] = sums.get((ix, iy), np.zeros(6)) + [1.0, x, y, x * x, x * y, y * y]
+    assert len(sums) < 300  # most cells are hit several times
+    for (ix, iy), expected in sums.items():
+        np.testing.assert_array_equal(moments.sums[moments.slots[iy, ix]], expected)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 200, 541])
+def test_median_is_that_of_numpy_to_the_last_bit(n):
+    values = np.random.default_rng(n).exponential(size=n)
+    assert _median(values) == np.median(values)
+
+
+def test_residuals_are_those_of_the_definition_to_the_last_bit():
+    hits = ROOM + np.random.default_rng(3).normal(0.0, 0.005, ROOM.shape)
+    moments, points_b = HitMoments.empty(SPEC).add(hits), seen_from(TRUE_POSE, hits)
+    pose = TRUE_POSE + [0.01, -0.02, 0.01]
+    arm = turned(points_b, pose[2])
+    lines = nearby_lines(moments, arm + pose[:2], CONFIG)
+    fit = line_residuals(moments, points_b, pose, CONFIG)
+    expected = np.sum(lines.normal * (arm + pose[:2] - lines.centre), axis=1)
+    np.testing.assert_array_equal(fit.residual, expected[lines.found])
+    np.testing.assert_array_equal(fit.points_w, (arm + pose[:2])[lines.found])
+    np.testing.assert_array_equal(fit.jacobian[:, :2], lines.normal[lines.found])
+    across = lines.normal[:, 1] * arm[:, 0] - lines.normal[:, 0] * arm[:, 1]
+    np.testing.assert_array_equal(fit.jacobian[:, 2], across[lines.found])
 
 
 @pytest.mark.parametrize("reach", [1, 2])

@@ -144,10 +144,10 @@ def chunks(n: int, size: int) -> Iterator[slice]:
 
 
 def patches_and_cells(field: ScoreField, spec, points_b, lattice: Lattice, low, high, shape: tuple[int, int]):
-    """Collect all patches of ``shape`` near a scan, and the cells that it falls into at the headings ``low`` to ``high``.
+    """Collect all patches of ``shape`` near a scan, and the cells that it falls into at each heading.
 
     Returns ``(patches, cells)``: ``patches[iy, ix]`` is the patch that one cell of the scan selects for the node
-    ``low``; ``cells (K, M)`` are flat indices into the first two axes of ``patches``.
+    ``low``; ``cells (K, M)``, for the headings from ``low`` to ``high``, are flat indices into its first two axes.
     """
     cells = rotated_cells(points_b, lattice.step_yaw * np.arange(low[2], high[2] + 1), spec) + low[:2]
     (x0, y0), (x1, y1) = cells.min(axis=(0, 1)), cells.max(axis=(0, 1))
