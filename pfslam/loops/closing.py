@@ -26,7 +26,7 @@ YAW, YAW_DRIFT, YAW_MOST = 0.1, 0.001, 0.5
 """The same for headings (rad, rad per m, rad)."""
 LEAST_SHARE, TWIN, SUPPORT = 0.6, 0.9, 2
 """Share of points that two places explain of each other; score of a twin; loops that agree with one."""
-AGREES, LEAST_SCALE = 7.81, 0.01
+AGREES, LEAST_SCALE = 7.81, 0.015
 """Squared error (chi-square) that 19 of 20 right loops stay below; least error of the wheels' scale that counts."""
 LOOP_FLOOR, NEIGHBOUR_FLOOR = np.array([0.03, 0.03, 0.005]) ** 2, np.array([0.01, 0.01, 0.02]) ** 2
 """Variances (m^2, m^2, rad^2) that no match is better than, however many beams agree."""
