@@ -145,6 +145,7 @@ class Recording:
             return 0.0
         ranges = self.lidar.ranges[:: max(1, len(self.lidar.ranges) // SCATTER_SCANS)].astype(float)
         seen = self.robot.lidar.valid(ranges)
+        ranges = np.where(seen, ranges, 0.0)  # a difference of two infinite ranges is no number
         bend = ranges[:, :-2] - 2.0 * ranges[:, 1:-1] + ranges[:, 2:]
         bend = np.abs(bend[seen[:, :-2] & seen[:, 1:-1] & seen[:, 2:]])
         return float(np.median(bend) / (0.6745 * np.sqrt(6.0))) if len(bend) else 0.0
