@@ -1,6 +1,6 @@
 """Chapter 12: what closing loops did on simulated drives, stored, and pictures of one long drive before and after.
 
-``book/_tools/loops.py`` made the table and the arrays.
+``python book/_tools/loops.py DATA`` made the tables and the arrays.
 """
 
 from __future__ import annotations
@@ -75,6 +75,28 @@ def drives_table() -> Shown:
         "false",
         "time [% of drive]",
     )
+    return Shown(head, body)
+
+
+def given(drive: str, column: str) -> float:
+    """Return one number of the two recordings that are not stored: "another ring" and "Intel, all relations"."""
+    (row,) = (row for row in csv.DictReader(io.StringIO(read_text(GIVEN))) if row["drive"] == drive)
+    return float(row[column])
+
+
+def given_table() -> Shown:
+    """Return for each recording that is not stored its errors before and after, and the processor's time that it took.
+
+    The time is that of the run and of all that closes its loops, as a share of the time that the robot drove.
+    """
+    body = []
+    for row in csv.DictReader(io.StringIO(read_text(GIVEN))):
+        before, after, seconds, run, loops = (
+            float(row[c]) for c in ("before_m", "after_m", "seconds", "run_s", "loops_s")
+        )
+        shares = (f"{100 * s / seconds:.1f}" for s in (run, loops))
+        body.append((row["drive"], f"{100 * before:.2f}", f"{100 * after:.2f}", row["accepted"], *shares))
+    head = ("recording", "before [cm]", "after [cm]", "loops", "run [% of drive]", "loops [% of drive]")
     return Shown(head, body)
 
 
