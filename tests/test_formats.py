@@ -155,6 +155,15 @@ def test_a_map_of_another_program(tmp_path):
     np.testing.assert_array_equal(cells, [[1, -1]])
 
 
+def test_an_origin_item_by_item(tmp_path, grid):
+    write_map(tmp_path / "map.yaml", grid)
+    text = (tmp_path / "map.yaml").read_text()
+    assert "origin: [-10.25, 3.5, 0.0]" in text
+    items = "origin: # x, y, yaw\n  - -10.25\n  - 3.5\n  - 0.0"
+    (tmp_path / "map.yaml").write_text(text.replace("origin: [-10.25, 3.5, 0.0]", items))
+    assert read_map(tmp_path / "map.yaml")[0] == grid.spec
+
+
 def test_a_map_with_a_png_image(tmp_path, grid):
     write_map(tmp_path / "map.yaml", grid)
     spec, cells = read_map(tmp_path / "map.yaml")

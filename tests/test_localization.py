@@ -1,6 +1,8 @@
 """Localization in a known map: the bound, the field, the filter against an exact one, symmetry, and kidnapping."""
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from scipy.stats import chi2
 
 import pfslam
 from pfslam.__main__ import main
+from pfslam.cli.search import closing_words_of_search
 from pfslam.config import MotionNoise
 from pfslam.errors import DataError
 from pfslam.events import ScanEvent
@@ -372,6 +375,16 @@ def test_locate_writes_trajectory_summary_and_picture(files, capsys):
     from cv2 import imread
 
     assert imread(str(out / "located.png")).shape[:2] == known_map(ROOM).spec.shape
+
+
+def test_a_place_lost_again_is_said_to_be_a_guess(files):
+    recording = pfslam.load(str(files / "drive.npz"))
+    result = locate(known_map(ROOM), recording, LocalizationConfig(every=1))
+    assert "now at" in closing_words_of_search(recording, result, Path("out"))
+    lost = replace(result, infos=(*result.infos[:-1], replace(result.infos[-1], share=0.1)))
+    words = closing_words_of_search(recording, lost, Path("out"))
+    assert "not sure at the end: seemed found after" in words
+    assert "is it the map of this building?" in words
 
 
 def test_the_seed_and_the_number_are_the_users(files):

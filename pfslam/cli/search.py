@@ -55,7 +55,10 @@ def closing_words_of_search(recording: Recording, result: LocalizationResult, ou
     else:
         seconds = result.found_at - result.trajectory.t[0]
         x, y, theta = result.trajectory.poses[-1]
-        sure = "now" if result.located[-1] else "no longer sure, last"
         place = f"({x:.2f} m, {y:.2f} m, {np.degrees(theta):.0f} deg)"
-        lines.append(f"found after {seconds:.1f} s; {sure} at {place}")
+        if result.located[-1]:
+            lines.append(f"found after {seconds:.1f} s; now at {place}")
+        else:
+            lines.append(f"not sure at the end: seemed found after {seconds:.1f} s; last guess {place}")
+            lines.append("is it the map of this building?")
     return "\n".join([*lines, f"results are in {out}"])

@@ -130,14 +130,26 @@ def _yaml(image: str, spec: GridSpec, keys: dict[str, float]) -> str:
     return head + "".join(f"{key}: {value}\n" for key, value in keys.items())
 
 
+def _yaml_keys(text: str) -> dict[str, str]:
+    """Split the lines ``key: value`` of a map's text; lists stand in brackets or have a line for each item."""
+    keys: dict[str, str] = {}
+    for line in (line.split("#")[0].strip() for line in text.splitlines()):
+        if keys and line.startswith("- "):
+            last = next(reversed(keys))
+            keys[last] = ",".join(filter(None, [keys[last], line[2:].strip()]))
+        elif ":" in line:
+            key, _, value = line.partition(":")
+            keys[key.strip()] = value.strip()
+    return keys
+
+
 def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
     """Read a ROS map_server map from its ``.yaml``: the grid, and int8 ``(H, W)``, 1 occupied, -1 free, 0 unknown.
 
     Row 0 is y_min, as in all our grids. Rotated maps (a third origin value) are refused.
     """
     path = Path(path)
-    lines = (line.split("#")[0].partition(":") for line in read_text(path).splitlines())
-    keys = {key.strip(): value.strip() for key, colon, value in lines if colon}
+    keys = _yaml_keys(read_text(path))
     needed = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
     if missing := [key for key in needed if key not in keys]:
         raise DataError(path, "keys", ", ".join(keys)[:200] or "none", f"a key named {missing[0]}")
