@@ -20,6 +20,8 @@ from pfslam.tilt import TiltConfig
 
 MAX_PARTICLES = 100_000
 MAX_EVERY = 10**6
+NOISY = 0.04
+"""Ranges that scatter by more than this (m) smear a wall over several cells; common scanners are good to 1 or 2 cm."""
 NoiseSize = Annotated[float, Range(0.0, 100.0)]
 HalfWidth = Annotated[int, Range(0, 10_000)]
 HalfWidths = tuple[HalfWidth, HalfWidth]
@@ -217,13 +219,14 @@ class SlamConfig(Settings):
         """Return the settings for a second look, where scans mislead: slower, made for people, glass and noisy ranges.
 
         With ``scatter`` (m), the standard deviation of the ranges, a beam must end farther behind a hit to have seen
-        through it: four of them, which is three of the difference between two ranges. A line needs more hits here: a
-        few that scatter look like a line that is none. Methods without a polish, or with a map for each particle, come
-        back as they are.
+        through it: four of them, which is three of the difference between two ranges. Above ``NOISY`` a line needs more
+        hits: a few that scatter look like a line that is none. Methods without a polish, or with a map for each
+        particle, come back as they are.
         """
         if self.polish is None or self.maps == "per-particle":
             return self
-        polish = replace(self.polish, min_hits=8, elongation=1.3, independent_beams=150.0)
+        min_hits = 8 if scatter > NOISY else self.polish.min_hits
+        polish = replace(self.polish, min_hits=min_hits, elongation=1.3, independent_beams=150.0)
         margin = max(CareConfig.margin, round(4.0 * scatter / self.map.resolution))
         return replace(self, polish=polish, care=self.care or CareConfig(margin=margin))
 

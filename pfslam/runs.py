@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from pfslam.config import SlamConfig
+from pfslam.config import NOISY, SlamConfig
 from pfslam.errors import DataError
 from pfslam.events import Drive, ScanEvent
 from pfslam.grid import OccupancyGrid
@@ -18,9 +18,6 @@ from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.slam import SlamState, StepInfo, slam_step
 from pfslam.trust import Distrust, alarms, distrust, in_doubt, misled
-
-NOISY = 0.04
-"""Ranges that scatter by more than this (m) smear a wall over several cells; common scanners are good to 1 or 2 cm."""
 
 
 class State(Protocol):

@@ -317,7 +317,8 @@ def test_report_saves_the_figures_it_is_given(tmp_path, data, monkeypatch):
 
 def test_report_without_matplotlib_is_one_line(tmp_path, data, monkeypatch, capsys):
     monkeypatch.delitem(sys.modules, "pfslam.teaching.show.figures", raising=False)
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    for name in ["matplotlib", *(name for name in sys.modules if name.startswith("matplotlib."))]:
+        monkeypatch.setitem(sys.modules, name, None)
     assert main(["report", "7", "--data", str(data), "--out", str(tmp_path)]) == 2
     said = capsys.readouterr().err
     assert "package: found no matplotlib" in said

@@ -1,7 +1,7 @@
 """How often, how soon and with how many particles a robot is found: ``python book/_tools/locate.py``.
 
-Writes the two tables of chapter 11: ``locate.csv`` over simulated buildings and starts, and ``exact.csv``, how far
-clouds of several sizes are from a histogram filter on a small map.
+Writes the three tables of chapter 11: ``locate.csv`` over simulated buildings and starts, ``poor.csv`` with a map that
+lacks the furniture, and ``exact.csv``, how far clouds of several sizes are from a histogram filter on a small map.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ import numpy as np
 
 from pfslam.io.files import write_text
 from pfslam.localization import LocalizationConfig, locate, spread
+from pfslam.particles import Particles
 from pfslam.poses import Trajectory
 from pfslam.simulator import simulate
-from pfslam.teaching.ch11.building import distances, match_along, part, true_map
+from pfslam.teaching.ch11.building import distances, match_along, part, true_map, without_furniture
 from pfslam.teaching.ch11.exact import distance_to_exact
-from pfslam.teaching.ch11.measured import COLUMNS, EXACT, TABLE
+from pfslam.teaching.ch11.measured import COLUMNS, EXACT, POOR, TABLE
 
 BUILDINGS, STARTS, SECONDS = range(1, 11), (10.0, 45.0, 80.0), 30.0
 NUMBERS, SEEDS = (100, 300, 1000, 3000, 10_000, 30_000), range(5)
@@ -65,8 +66,31 @@ def buildings() -> list[str]:
     return rows
 
 
+def poor_maps() -> list[str]:
+    """Run with and without injection on plans without furniture, from nowhere and from a start that is known."""
+    rows = []
+    for building in BUILDINGS:
+        simulation = simulate("hall", building)
+        grid = true_map(without_furniture(simulation.world))
+        for start in STARTS:
+            recording = part(simulation.recording, start, SECONDS)
+            first = recording.true_path().at(recording.scans().t[0])
+            for inject in (True, False):
+                config = replace(WHOLE, inject=inject)
+                for known in (False, True):
+                    rng = np.random.default_rng([building, int(start)])
+                    poses = first + rng.normal(0.0, [0.05, 0.05, 0.02], (500, 3))
+                    cloud = Particles(poses, np.zeros(500)) if known else None
+                    rng = rng if known else np.random.default_rng([building, int(start)])
+                    result = locate(grid, recording, config, rng=rng, start=cloud, keep_particles=False)
+                    end = distances(result.trajectory, recording)[-1]
+                    rows.append(f"{building},{start},{int(known)},{int(inject)},{end:.2f}")
+    return rows
+
+
 def main() -> None:
-    """Write both tables."""
+    """Write the tables."""
+    write_text(Path(POOR), "\n".join(["building,start_s,known,inject,error_at_end_m", *poor_maps()]) + "\n")
     exact = [f"{n},{seed},{distance_to_exact(n, seed):.4f}" for n in NUMBERS for seed in SEEDS]
     write_text(Path(EXACT), "\n".join(["particles,seed,total_variation", *exact]) + "\n")
     print(*exact, sep="\n", flush=True)

@@ -13,7 +13,14 @@ from pfslam.localization import (
 from pfslam.teaching.ch11.building import distances, kidnapped, part, two_halves
 from pfslam.teaching.ch11.checks import check_inject, check_particles_needed
 from pfslam.teaching.ch11.exact import HEADINGS, Histogram
-from pfslam.teaching.ch11.measured import counts, distances_by_number, exact_picture, found_table, values
+from pfslam.teaching.ch11.measured import (
+    counts,
+    distances_by_number,
+    exact_picture,
+    found_table,
+    right_on_poor_maps,
+    values,
+)
 from pfslam.teaching.ch11.pictures import (
     info_at,
     kidnap_picture,
@@ -50,6 +57,7 @@ __all__ = [
     "map_along",
     "numbers_picture",
     "part",
+    "right_on_poor_maps",
     "search_explorer",
     "shares",
     "show_source",

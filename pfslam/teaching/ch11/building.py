@@ -23,7 +23,7 @@ from pfslam.simulator.drive import drive_path, make_path, start_pose
 from pfslam.simulator.lidar import measured, true_ranges
 from pfslam.simulator.odometry import encoder_counts, imu_samples
 from pfslam.simulator.plan import FloorPlan, outline
-from pfslam.simulator.world import World
+from pfslam.simulator.world import WALL_KINDS, World
 from pfslam.slam import SlamState, slam_step
 from pfslam.uncertainty import NOTHING_DRAWN
 
@@ -56,6 +56,13 @@ def true_map(simulation: Simulation | World, resolution: float = 0.05) -> Occupa
     spec = world.spec(resolution)
     cells = np.where(world.true_grid(spec), 1.0, np.where(world.free_area(spec), -1.0, 0.0))
     return OccupancyGrid(spec, cells.astype(np.float32))
+
+
+def without_furniture(world: World) -> World:
+    """Return the building as it stood before anybody moved in."""
+    keep = world.wall_kind != WALL_KINDS.index("clutter")
+    walls, kind, closed = (array[keep] for array in (world.walls, world.wall_kind, world.closed))
+    return replace(world, walls=walls, wall_kind=kind, closed=closed, clutter=())
 
 
 @cache

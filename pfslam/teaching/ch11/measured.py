@@ -1,6 +1,6 @@
 """Chapter 11: what was measured over buildings and starts, and against the exact filter, from the stored tables.
 
-``book/_tools/locate.py`` made both.
+``book/_tools/locate.py`` made them.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from pfslam.teaching.show.tables import Shown
 
 TABLE = Path(__file__).parent / "locate.csv"
 EXACT = Path(__file__).parent / "exact.csv"
+POOR = Path(__file__).parent / "poor.csv"
 COLUMNS = ("label", "building", "start_s", "seconds_to_find", "metres_to_find", "error_when_found_m", "error_at_end_m",
            "particles")  # fmt: skip
 RIGHT = 0.5
@@ -62,6 +63,13 @@ def found_table() -> Shown:
         mean = f"{np.mean(values(label, 'particles')):,.0f}"
         rows.append((label, f"{count['right']} of {count['runs']}", wrong, median, mean))
     return Shown(("method", "right at the end", "sure, but wrong", "sure after [s]", "mean number"), rows)
+
+
+def right_on_poor_maps(known: bool, inject: bool) -> int:
+    """Count the runs, from a start that is known or not, that end right on a plan without the furniture."""
+    rows = csv.DictReader(io.StringIO(read_text(POOR)))
+    wanted = (str(int(known)), str(int(inject)))
+    return sum(float(r["error_at_end_m"]) <= RIGHT for r in rows if (r["known"], r["inject"]) == wanted)
 
 
 def distances_by_number() -> dict[int, np.ndarray]:
