@@ -83,9 +83,8 @@ def squared_distance(occupied: np.ndarray, reach: int) -> np.ndarray:
            [1, 2, 5]], dtype=uint8)
     """
     height, width = occupied.shape
-    squared = np.full(
-        (height, width + reach), reach**2 + 1, dtype=np.uint8
-    )  # a gap between the end and next row
+    # All rows in one line, with gaps between them that are too wide to see across.
+    squared = np.full((height, width + reach), reach**2 + 1, dtype=np.uint8)
     squared[:, :width][occupied] = 0
     lines = squared.reshape(-1)
     for stride in (1, width + reach):

@@ -47,9 +47,9 @@ class HitMoments:
 
     def covering(self, spec: GridSpec) -> HitMoments:
         """Return the same moments on a larger grid."""
-        return (
-            self if spec == self.spec else replace(self, spec=spec, slots=embed(self.slots, self.spec, spec))
-        )
+        if spec == self.spec:
+            return self
+        return replace(self, spec=spec, slots=embed(self.slots, self.spec, spec))
 
     def add(self, points_w: np.ndarray, scan: int = 0) -> HitMoments:
         """Add the hits ``(M, 2)`` (world, m) of the scan with this number, all of which must lie inside the grid."""

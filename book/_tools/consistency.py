@@ -8,8 +8,6 @@ never stored. ``--picture FILE`` draws the ellipses along the drive through the 
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -30,7 +28,7 @@ from pfslam.evaluation.cloud import (
 )
 from pfslam.evaluation.trajectory import aligned_at_first
 from pfslam.io.course import load_course
-from pfslam.io.files import atomic_write, write_text
+from pfslam.io.files import atomic_write, write_csv
 from pfslam.recording import Recording
 from pfslam.runs import run_slam
 from pfslam.simulator import simulate
@@ -146,9 +144,7 @@ def main() -> None:
         lines.append(row(name, Parallel(n_jobs=arguments.jobs)(delayed(outcome)(*run) for run in runs)))
         print(*lines[-1], sep=" | ", flush=True)
     if arguments.out is not None:
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(lines)
-        write_text(arguments.out, text.getvalue())
+        write_csv(arguments.out, lines)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import copy
-import csv
 import io
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -27,7 +26,7 @@ from joblib import Parallel, delayed
 import pfslam
 from pfslam.config import CareConfig, PolishConfig, SlamConfig
 from pfslam.io.course import load_course
-from pfslam.io.files import write_text
+from pfslam.io.files import write_csv, write_text
 from pfslam.poses import compose, invert
 from pfslam.recording import Recording
 from pfslam.runs import SlamResult, in_need_of_care, run_slam, scans_in_doubt
@@ -260,9 +259,7 @@ def main() -> None:
     found = drives(arguments.data)
     lines = table_without(found, arguments.seeds) if arguments.without else table(found, arguments.seeds)
     if arguments.out is not None:
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(lines)
-        write_text(arguments.out, text.getvalue())
+        write_csv(arguments.out, lines)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,6 @@ that are never stored, ``DATA/intel/intel.log`` (with ``intel.relations``) and s
 
 from __future__ import annotations
 
-import csv
-import io
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -21,7 +19,7 @@ from joblib import Parallel, delayed
 import pfslam
 from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import relations_error, trajectory_error
-from pfslam.io.files import write_text
+from pfslam.io.files import write_csv
 from pfslam.io.formats import read_relations
 from pfslam.loops.closing import Revision, chain_edges, close_loops, key_scans
 from pfslam.poses import Trajectory, between
@@ -152,11 +150,7 @@ def given(data: Path) -> Iterator[tuple]:
 
 def write_table(path: Path, columns: tuple[str, ...], rows: list[tuple]) -> None:
     """Write a table, its numbers rounded to five digits after the point."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([round(v, 5) if isinstance(v, float) else v for v in row] for row in rows)
-    write_text(path, text.getvalue())
+    write_csv(path, [columns, *([round(v, 5) if isinstance(v, float) else v for v in row] for row in rows)])
 
 
 def main(data: Path) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.io.files import read_text, write_text
+from pfslam.io.files import read_text, write_csv
 
 TEXT_COLUMNS = ("label", "dataset", "data_dir", "method", "error")
 RESULTS = (
@@ -37,11 +37,7 @@ def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
 def write_table(path: Path, rows: list[dict[str, Any]]) -> None:
     """Write the rows as CSV."""
     columns = columns_of(rows)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([_cell(row.get(column)) for column in columns] for row in rows)
-    write_text(path, text.getvalue())
+    write_csv(path, [columns, *([_cell(row.get(column)) for column in columns] for row in rows)])
 
 
 def _cell(value: Any) -> str:
