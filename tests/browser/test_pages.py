@@ -58,6 +58,13 @@ def test_pages_hold_no_traceback(site):
         assert 'class="output traceback' not in text, path
 
 
+def test_numbers_in_sentences_are_written_as_numbers(site):
+    """A NumPy number that is quoted without a format shows its type: np.int64(2)."""
+    found = re.compile(r'<span class="output text_plain">[^<]*\bnp\.[^<]*</span>')
+    shown = {path.name: found.findall(path.read_text(encoding="utf-8")) for path in site.rglob("*.html")}
+    assert not {name: spans for name, spans in shown.items() if spans}
+
+
 def test_internal_links_and_anchors_lead_somewhere(site, anatomies):
     broken = []
     for path, anatomy in anatomies.items():
