@@ -57,7 +57,7 @@ class Messages:
             "angle_max": lidar.angle_max,
             "angle_increment": lidar.increment,
             "time_increment": sweep / steps,
-            "scan_time": 0.1,
+            "scan_time": 0.0,
             "range_min": lidar.range_min,
             "range_max": lidar.range_max,
         }

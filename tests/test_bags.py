@@ -488,6 +488,17 @@ def test_a_sweep_that_varies_a_little_is_one_sweep(tmp_path):
     assert (len(found.lidar.t), found.dropped, found.notes) == (55, {}, ())
 
 
+def test_a_scan_that_takes_time_without_saying_which_beam_when_is_mentioned(tmp_path):
+    rows = rows_of(BOX)
+    for message in scans_of(rows):
+        message.scan_time = 0.1
+    found = loaded(tmp_path, rows)
+    assert found.robot.lidar.sweep == 0.0
+    assert found.notes == (
+        "on /scan time_increment is 0 and scan_time 0.1 s: all beams of a scan are taken at once",
+    )
+
+
 def test_scans_of_several_frames_are_not_mixed(tmp_path):
     """Two scanners on one topic: the frame with more scans is used, and the others are counted."""
     rows = rows_of(BOX)

@@ -37,7 +37,7 @@ def load_scans(
     low = yaw + side * first.angle_min
     high = low + side * (count - 1) * step
     sweep = (count - 1) * float(np.median([message.time_increment for message in held]))
-    sweep = _sweep(log, stream.topic, t, sweep)
+    sweep = _sweep(log, stream.topic, t, sweep, first.scan_time)
     t = t + 0.5 * sweep  # ROS stamps the first beam, this package the middle one
     if low > high:
         ranges, low, high, sweep = ranges[:, ::-1], high, low, -sweep
@@ -143,8 +143,12 @@ def _check_end(log: Log, topic: str, first: Any) -> None:
         )
 
 
-def _sweep(log: Log, topic: str, t: np.ndarray, sweep: float) -> float:
+def _sweep(log: Log, topic: str, t: np.ndarray, sweep: float, scan_time: float) -> float:
     """Return the time (s) from first beam to last, or 0 where what the messages say cannot be."""
+    if sweep == 0.0 and scan_time > 0.0:
+        log.notes.append(
+            f"on {topic} time_increment is 0 and scan_time {scan_time:g} s: all beams of a scan are taken at once"
+        )
     longest = min(LONGEST_SWEEP, 1.1 * float(np.median(np.diff(t)))) if len(t) > 1 else LONGEST_SWEEP
     if abs(sweep) <= longest:
         return sweep
