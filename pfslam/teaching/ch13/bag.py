@@ -93,5 +93,5 @@ def write_scan(pen: Pen, t: float, ranges: np.ndarray, recording: Recording) -> 
     lidar = recording.robot.lidar
     angles, limits = (lidar.angle_min, lidar.angle_max, lidar.increment), (lidar.range_min, lidar.range_max)
     values = np.ascontiguousarray(ranges, dtype=np.float32)
-    scan = (pen.header(t, "laser"), *angles, 0.0, 0.1, *limits, values, values[:0])
+    scan = (pen.header(t, "laser"), *angles, 0.0, 0.0, *limits, values, values[:0])
     pen.write("/scan", t, pen.make("sensor_msgs/LaserScan", *scan))
