@@ -127,7 +127,7 @@ def level_scan(
     high = points[:, 2] >= floor
     sensor = rotation_matrix(roll=tilt[1], pitch=tilt[0]) @ lidar.position_b
     return (
-        points[high, :2],
+        points[:, :2].compress(high, axis=0),
         np.flatnonzero(lidar.valid(ranges))[high],
         sensor[:2],
         int(np.count_nonzero(~high)),

@@ -81,7 +81,8 @@ class GridSpec:
     def contains(self, cells) -> np.ndarray:
         """Tell which cells ``(..., 2)``, given as (ix, iy), lie inside the grid (bool ``(...)``)."""
         cells = np.asarray(cells)
-        return (cells >= 0).all(axis=-1) & (cells[..., 0] < self.shape[1]) & (cells[..., 1] < self.shape[0])
+        ix, iy = cells[..., 0], cells[..., 1]
+        return (ix >= 0) & (ix < self.shape[1]) & (iy >= 0) & (iy < self.shape[0])
 
     def grown(self, left: int, right: int, bottom: int, top: int) -> GridSpec:
         """Return the grid with so many cells more on each side."""
@@ -242,7 +243,8 @@ def integrate_scan(
     ix, iy = grid.spec.world_to_cell(points_w).T
     change[iy - rectangle[0].start, ix - rectangle[1].start] = config.hit if hits is None else 0.0
     log_odds = grid.log_odds.copy()
-    log_odds[rectangle] = np.clip(log_odds[rectangle] + change, -config.clamp, config.clamp)
+    change += log_odds[rectangle]
+    np.clip(change, -config.clamp, config.clamp, out=log_odds[rectangle])
     if hits is not None and len(hits):
         ix, iy = grid.spec.world_to_cell(hits).T
         log_odds[iy, ix] = np.minimum(log_odds[iy, ix] + np.float32(config.hit), config.clamp)

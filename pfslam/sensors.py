@@ -177,7 +177,7 @@ def scan_points_3d(
     """End points ``(M, 3)`` of the valid beams in the level body frame; z is the height above the wheels' ground."""
     ranges = np.asarray(ranges, dtype=float)
     valid = lidar.valid(ranges)
-    points_l = ranges[valid, None] * _beam_directions(lidar)[valid]
+    points_l = ranges[valid][:, None] * _beam_directions(lidar).compress(valid, axis=0)
     points_b = points_l + lidar.position_b
     return apply_transform(transform(rotation_matrix(roll, pitch)), points_b) if pitch or roll else points_b
 

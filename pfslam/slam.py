@@ -359,7 +359,7 @@ def aligned_covariance(state: SlamState, aligned: Polished, variance: np.ndarray
 def unexplained(state: SlamState, event: ScanEvent, pose: np.ndarray) -> float:
     """Return the share of beams that end in ground the map knows, farther than the field's ``NEAR`` from its walls."""
     cells = state.grid.spec.world_to_cell(transform_points(pose, event.points_b))
-    ix, iy = cells[state.grid.spec.contains(cells)].T
+    ix, iy = cells.compress(state.grid.spec.contains(cells), axis=0).T
     known = state.grid.log_odds[iy, ix] != 0.0
     far = state.field.values[iy, ix] < NEAR[state.field.kind]
     return float(np.count_nonzero(known & far)) / max(int(np.count_nonzero(known)), 1)

@@ -174,11 +174,10 @@ def counted(cells: np.ndarray, shape: tuple[int, int]) -> tuple[np.ndarray, np.n
 def rotated_cells(points_b: np.ndarray, yaws: np.ndarray, spec: GridSpec) -> np.ndarray:
     """Return the cells ``(K, M, 2)`` that points ``(M, 2)`` fall into from the world's origin with each yaw."""
     c, s = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
-    x = c * points_b[:, 0] - s * points_b[:, 1]
-    y = s * points_b[:, 0] + c * points_b[:, 1]
-    return spec.world_to_cell(
-        np.moveaxis(np.stack([x, y]), 0, -1)
-    )  # all x, then all y: faster to look through
+    points_w = np.empty((2, len(yaws), len(points_b)))  # all x, then all y: faster to look through
+    points_w[0] = c * points_b[:, 0] - s * points_b[:, 1]
+    points_w[1] = s * points_b[:, 0] + c * points_b[:, 1]
+    return spec.world_to_cell(np.moveaxis(points_w, 0, -1))
 
 
 def _crop(values: np.ndarray, x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
