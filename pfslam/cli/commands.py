@@ -27,13 +27,12 @@ from pfslam.config import PRESETS
 from pfslam.datasets import dataset_name, load
 from pfslam.errors import DataError
 from pfslam.evaluation.checkup import check_up
-from pfslam.io.bag_images import choose_images
 from pfslam.io.bags import BagOptions, choose_topics
 from pfslam.io.course import save_course
 from pfslam.io.files import atomic_write, check_writable, write_text
 from pfslam.io.formats import read_known_map, write_covariances, write_map, write_texture, write_tum
 from pfslam.io.images import write_png
-from pfslam.io.messages import Log, is_bag, list_topics
+from pfslam.io.messages import Log, is_bag, read_topics
 from pfslam.io.recordings import save
 from pfslam.localization import LocalizationConfig, locate
 from pfslam.motion import dead_reckoning
@@ -152,11 +151,10 @@ def info_command(arguments: argparse.Namespace) -> None:
     """Print what a data set holds and what a run would use."""
     path = Path(arguments.dataset)
     if path.exists() and is_bag(path):
-        topics, options = list_topics(path), bag_options(arguments)
+        topics = read_topics(path)
         used: list[str] = []
         with suppress(DataError):  # which is said when the bag is loaded
-            used += choose_topics(Log(path), topics, options).values()
-            used += choose_images(Log(path), topics, options.depth, options.rgb)
+            used += choose_topics(Log(path), topics, bag_options(arguments)).values()
         print(topic_table(topics, used), end="\n\n", flush=True)
     print(describe(load_dataset(arguments)))
 

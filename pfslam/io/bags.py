@@ -10,31 +10,31 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.io.bag_images import INFO, choose_images, load_images
+from pfslam.io.bag_images import INFO, load_images
 from pfslam.io.bag_scans import load_scans
-from pfslam.io.frames import Frames, are_poses, seven, transforms
+from pfslam.io.frames import POSE, Frames, frame_of, transforms
 from pfslam.io.headings import with_better_headings
-from pfslam.io.limits import check_size
-from pfslam.io.messages import IMAGE, TF, Log, Messages, Topic, list_topics, ordered, read_messages
+from pfslam.io.messages import IMAGE, TF, Log, Topic, ordered, read_topics
 from pfslam.poses import Trajectory
-from pfslam.recording import Imu, LidarScans, Recording
+from pfslam.recording import Imu, Recording
 from pfslam.sensors import STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel
 
-SCAN, ODOMETRY, IMU = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
-USUAL = {SCAN: ("/scan",), ODOMETRY: ("/odom",), IMU: ("/imu/data", "/imu")}
-"""Of several topics of a type, the one with such a name is used."""
-OPTION = {SCAN: "--scan", ODOMETRY: "--odom", IMU: "--imu"}
-ODOMETRY_FRAME, BASE_FRAMES = "odom", ("base_footprint", "base_link")
-OTHER_SCANS = {
-    "sensor_msgs/msg/PointCloud2": "pointcloud_to_laserscan",
-    "sensor_msgs/msg/MultiEchoLaserScan": "laser_proc",
+USES = {
+    "scan": ("sensor_msgs/msg/LaserScan", ("/scan",)),
+    "odom": ("nav_msgs/msg/Odometry", ("/odom",)),
+    "imu": ("sensor_msgs/msg/Imu", ("/imu/data", "/imu")),
+    "depth": (IMAGE, ()),
+    "rgb": (IMAGE, ()),
 }
-"""Types that are not read, and the ROS package that makes a LaserScan of each."""
+"""The type of the messages for each use, and the usual names of their topic."""
+NOT_READ = [f"sensor_msgs/msg/{kind}" for kind in ("PointCloud2", "MultiEchoLaserScan", "CompressedImage")]
+ODOMETRY_FRAME, BASE_FRAMES = "odom", ("base_footprint", "base_link")
+LARGEST = 1e3
+"""No IMU measures more rad/s, or more g."""
 
 
 @dataclass(frozen=True)
@@ -52,116 +52,90 @@ class BagOptions:
 def load_bag(path: str | Path, options: BagOptions | None = None) -> Recording:
     """Read a ROS bag: its scans, its odometry as logged, its IMU, and the LiDAR's place from the tree of frames.
 
-    Header stamps count; the bag's own time takes their place only where all of them are zero. Messages are put in the
-    order of their stamps; of those with the same stamp the first counts. Raises ``DataError`` naming topic and time.
+    Header stamps count; the bag's own time takes their place only where all of them are zero, or their clock was set
+    during the drive. Messages are put in the order of their stamps; of those with the same stamp the first counts.
+    Raises ``DataError`` naming topic and time.
     """
     path, options = Path(path), options or BagOptions()
-    log, topics = Log(path), list_topics(path)
+    log, topics = Log(path), read_topics(path)
     chosen = choose_topics(log, topics, options)
-    _check_topics(path, topics, chosen)
-    wanted = {topic: kind for kind, topic in chosen.items()}
-    images = choose_images(log, topics, options.depth, options.rgb)
-    wanted |= {topic: INFO if topic.endswith("camera_info") else IMAGE for topic in images}
-    trees = {name: TF for name, topic in topics.items() if topic.kind == TF}
-    streams = read_messages(path, wanted | trees)
-    frames = Frames.of(path, [pair for name in trees for pair in streams[name].with_arrival()])
-    odometry, base = _odometry(log, streams.get(chosen.get(ODOMETRY, "")), frames)
-    imu = _imu(log, streams.get(chosen.get(IMU, "")), frames, base)
+    trees = [topic.name for topic in topics.values() if topic.kind == TF]
+    topics = read_topics(path, {*chosen.values(), *trees})
+    read = {use: ordered(log, topics[name]) for use, name in chosen.items() if use != "info"}
+    frames = Frames.of(log, [topics[name] for name in trees])
+    odometry, base = _odometry(log, read.get("odom"), frames)
+    imu = _imu(log, read["imu"], frames, base) if "imu" in read else None
     if imu is not None:
         odometry, note = with_better_headings(odometry, imu)
         log.notes += [note] if note else []
-    model, lidar = LidarModel(), None
-    if SCAN in chosen:
-        model, lidar = load_scans(log, streams[chosen[SCAN]], frames, base, options.lidar_at)
-        _check_clocks(path, chosen[SCAN], lidar, odometry)
-    pictures = load_images(log, [streams[topic] for topic in images], frames, base) if images else None
+    model, lidar, pictures = LidarModel(), None, None
+    if "scan" in read:
+        model, lidar = load_scans(log, read["scan"], frames, base, options.lidar_at)
+    if "info" in chosen:
+        info = topics[chosen["info"]].contents[0]
+        pictures = load_images(log, read["depth"], read["rgb"], info, frames, base)
     eye, camera = pictures or (RgbdModel(), None)
-    said: dict[str, Any] = {"dropped": log.dropped, "notes": tuple(log.notes)}
-    robot = RobotModel(lidar=model, camera=eye)
-    return Recording(path.stem, robot, imu=imu, odometry=odometry, lidar=lidar, camera=camera, **said)
-
-
-def _check_topics(path: Path, topics: Mapping[str, Topic], chosen: Mapping[str, str]) -> None:
-    """Raise ``DataError`` for a bag without messages, or one whose scans are of a type that is not read."""
-    if not any(len(topic.t) for topic in topics.values()):
-        raise DataError(path, "bag", "no messages", "scans and odometry")
-    others = [topic for topic in topics.values() if topic.kind in OTHER_SCANS and len(topic.t)]
-    if others and SCAN not in chosen:
-        found = ", ".join(f"{topic.name} ({topic.kind.rpartition('/')[2]})" for topic in others)
-        maker = OTHER_SCANS[others[0].kind]
-        expected = f"a topic of LaserScan, as the ROS package {maker} makes one of it"
-        raise DataError(path, "scans", found, expected)
-
-
-def _check_clocks(path: Path, topic: str, lidar: LidarScans, odometry: Trajectory) -> None:
-    """Raise ``DataError`` if no scan was made within the odometry's time."""
-    if not odometry.covers(lidar.t).any():
-        found = f"{lidar.t[0]:.3f} to {lidar.t[-1]:.3f} s"
-        expected = f"times within the odometry's, {odometry.t[0]:.3f} to {odometry.t[-1]:.3f} s"
-        raise DataError(path, f"stamps on {topic}", found, expected)
+    robot, said = RobotModel(lidar=model, camera=eye), (log.dropped, tuple(log.notes))
+    return Recording(path.stem, robot, None, imu, odometry, lidar, camera, None, *said)
 
 
 def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) -> dict[str, str]:
-    """Choose the topics to read, by type."""
-    named = {SCAN: options.scan, ODOMETRY: options.odom, IMU: options.imu}
-    chosen = {kind: _choose(log, topics, kind, name) for kind, name in named.items()}
-    return {kind: topic for kind, topic in chosen.items() if topic is not None}
+    """Choose the topics for each use: the one named, the only one of its type, or one of the usual name.
 
-
-def _choose(log: Log, topics: Mapping[str, Topic], kind: str, name: str | None) -> str | None:
-    """Choose the topic of a type: the one named, else the only one with messages, else one of the usual name."""
-    short, option = kind.rpartition("/")[2], OPTION[kind]
-    found = [topic.name for topic in topics.values() if topic.kind == kind and len(topic.t)]
-    if name is not None:
-        if "/" + name.lstrip("/") not in found:
-            raise DataError(log.path, f"{option} {name}", ", ".join(found) or "none", f"a topic of {short}")
-        return "/" + name.lstrip("/")
-    if len(found) < 2:
-        return found[0] if found else None
-    best = next((usual for usual in USUAL[kind] if usual in found), None)
-    if best is None and kind != IMU:
-        raise DataError(log.path, f"topics of {short}", ", ".join(found), f"one, named with {option}")
-    for other in found:
-        if other != best:
-            log.count(f"messages on {other}, since {best or 'none'} is used", len(topics[other].t))
-    return best
-
-
-def _odometry(log: Log, stream: Messages | None, frames: Frames) -> tuple[Trajectory, str]:
-    """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames."""
-    if stream is None:
-        stream, base = _moved_on_tf(log, frames)
-        t, held = ordered(log, stream)
-        T = np.array(held)
+    Images are used where depth, with the word in its name, colour and the depth camera's description are all there.
+    """
+    chosen = {}
+    for use, (kind, usual) in USES.items():
+        short = kind.rpartition("/")[2]
+        found = [topic.name for topic in topics.values() if topic.kind == kind and topic.messages]
+        fit = [name for name in found if kind != IMAGE or ("depth" in name.lower()) == (use == "depth")]
+        if named := getattr(options, use):
+            fit = [name for name in found if name.lstrip("/") == named.lstrip("/")]
+            if not fit:
+                raise DataError(
+                    log.path, f"--{use} {named}", ", ".join(found) or "none", f"a topic of {short}"
+                )
+        best = fit if len(fit) == 1 else [name for name in usual if name in fit]
+        if best:
+            chosen[use] = best[0]
+        elif fit and use in ("scan", "odom"):
+            raise DataError(log.path, f"topics of {short}", ", ".join(fit), f"one, named with --{use}")
+    info = topics.get(chosen.get("depth", "").rpartition("/")[0] + "/camera_info")
+    if "rgb" in chosen and info is not None and info.kind == INFO and info.messages:
+        chosen["info"] = info.name
     else:
-        t, held = ordered(log, stream)
-        rows = np.array([seven(m.pose.pose.position, m.pose.pose.orientation) for m in held])
-        if (good := are_poses(rows)).any():  # a robot that has just been started may send an empty one
-            log.count(f"messages on {stream.topic} that are no poses", np.count_nonzero(~good))
-            t, rows = t[good], rows[good]
-        T = transforms(log.path, stream.topic, t * 1e9, rows)
-        known = {frame for pair in frames.edges for frame in pair}
-        base = held[0].child_frame_id.lstrip("/") or next(
-            (b for b in BASE_FRAMES if b in known), BASE_FRAMES[1]
-        )
-    poses = np.column_stack([T[:, :2, 3], np.arctan2(T[:, 1, 0], T[:, 0, 0])])
-    check_size(log.path, f"{stream.topic}.poses", poses)
-    return Trajectory(t, poses), base
+        chosen = {use: name for use, name in chosen.items() if USES[use][0] != IMAGE}
+    kinds = [*NOT_READ, *(kind for kind, _ in USES.values())]
+    for topic in topics.values():
+        if topic.kind in kinds and topic.name not in chosen.values():
+            short = topic.kind.rpartition("/")[2]
+            log.count(f"messages of {short} on {topic.name}, which is not read", len(topic.messages))
+    return chosen
 
 
-def _moved_on_tf(log: Log, frames: Frames) -> tuple[Messages, str]:
-    """Return the transforms of the odometry on /tf, and the frame that it moves."""
-    pairs = [pair for pair in frames.edges if _last_part(pair[0]).startswith(ODOMETRY_FRAME)]
-    pairs.sort(key=lambda pair: pair[0] != ODOMETRY_FRAME)
+def _odometry(log: Log, topic: Topic | None, frames: Frames) -> tuple[Trajectory, str]:
+    """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames."""
+    if topic is None:
+        topic, base = _odometry_on_tf(log, frames)
+        topic, T = transforms(log, topic, POSE)
+    else:
+        known = {frame for pair in frames.topics for frame in pair}
+        usual = [frame for frame in BASE_FRAMES if frame in known] or BASE_FRAMES[1:]
+        base = topic.contents[0].child_frame_id.lstrip("/") or usual[0]
+        topic, T = transforms(log, topic, {"pose.pose.position": "xyz", "pose.pose.orientation": "xyzw"})
+    return Trajectory(topic.t, np.column_stack([T[:, :2, 3], np.arctan2(T[:, 1, 0], T[:, 0, 0])])), base
+
+
+def _odometry_on_tf(log: Log, frames: Frames) -> tuple[Topic, str]:
+    """Return the transforms of the odometry on /tf, and the frame that it moves: of a robot's own name, too."""
+    pairs = [pair for pair in frames.topics if _last_part(pair[0]).startswith(ODOMETRY_FRAME)]
     if not pairs:
-        moving = "".join(f"; on /tf {a} -> {b} moves" for a, b in frames.moving()[:3])
+        moving = [f"{a} -> {b} on /tf" for a, b in frames.topics if (a, b) not in frames.still]
         expected = f"nav_msgs/Odometry, or {ODOMETRY_FRAME} -> {BASE_FRAMES[1]} on /tf"
-        raise DataError(log.path, "odometry", f"none{moving}", expected)
-    pair = next((p for base in BASE_FRAMES for p in pairs if _last_part(p[1]) == base), pairs[0])
-    log.notes.append(f"odometry is read from /tf: {pair[0]} -> {pair[1]}")
-    stamped, arrived, found = frames.edges[pair]
-    topic = f"/tf ({pair[0]} -> {pair[1]})"
-    return Messages(topic, stamped.tolist(), arrived.tolist(), list(found)), pair[1]
+        raise DataError(log.path, "odometry", ", ".join(moving) or "none", expected)
+    parent, child = pair = min(pairs, key=lambda pair: (_last_part(pair[1]) not in BASE_FRAMES, pair))
+    log.notes.append(f"odometry is read from /tf: {parent} -> {child}")
+    return ordered(log, frames.topics[pair]), child
 
 
 def _last_part(frame: str) -> str:
@@ -169,25 +143,18 @@ def _last_part(frame: str) -> str:
     return frame.rpartition("/")[2]
 
 
-def _imu(log: Log, stream: Messages | None, frames: Frames, base: str) -> Imu | None:
+def _imu(log: Log, topic: Topic, frames: Frames, base: str) -> Imu | None:
     """Read the IMU, its axes turned into the body's."""
-    if stream is None:
+    rows = topic.numbers({"angular_velocity": "xyz", "linear_acceleration": "xyz"})
+    rows[:, 3:] /= STANDARD_GRAVITY
+    good = (np.abs(rows) < LARGEST).all(axis=1)
+    frame, topic = frame_of(topic.contents[0]), log.keep(topic, good, "without usable numbers")
+    if len(topic.messages) < 2:
         return None
-    t, held = ordered(log, stream)
-    rates = np.array([[getattr(m.angular_velocity, axis) for axis in "xyz"] for m in held])
-    pushes = np.array([[getattr(m.linear_acceleration, axis) for axis in "xyz"] for m in held])
-    good = np.isfinite(rates).all(axis=1) & np.isfinite(pushes).all(axis=1)
-    log.count(f"messages on {stream.topic} that are not numbers", np.count_nonzero(~good))
-    if np.count_nonzero(good) < 2:
-        return None
-    frame = held[0].header.frame_id.lstrip("/")
-    T = np.eye(4) if frame == base else frames.fixed(base, frame)
+    T = frames.fixed(base, frame)
     if T is None:
         log.notes.append(
-            f"no chain of frames from {base} to {frame}: {stream.topic} is taken for level and upright"
+            f"no chain of frames from {base} to {frame}: {topic.name} is taken for level and upright"
         )
         T = np.eye(4)
-    rates, pushes = rates[good] @ T[:3, :3].T, pushes[good] @ T[:3, :3].T / STANDARD_GRAVITY
-    check_size(log.path, f"{stream.topic}.angular_velocity", rates)
-    check_size(log.path, f"{stream.topic}.acceleration_g", pushes)
-    return Imu(t[good], rates, pushes)
+    return Imu(topic.t, rows[good, :3] @ T[:3, :3].T, rows[good, 3:] @ T[:3, :3].T)
