@@ -198,9 +198,9 @@ def building_table(metrics: tuple[str, ...] = ("position error", "heading error"
             found = paired_interval(change.before, change.after, np.random.default_rng(0))
             value, interval, verdict = in_words(found, "+.2f")
             better = int(np.sum(change.after < change.before))
-            cells += [f"{value} ({interval})", f"{better} of {len(change.before)}", verdict]
+            cells += [f"{value} ({interval})", f"{better}", verdict]
         rows.append(cells)
     heads = ["change"]
     for metric in metrics:
-        heads += [f"{metric} [{METRICS[metric].unit}]", "better in", "verdict"]
+        heads += [f"{metric} [{METRICS[metric].unit}]", f"better [of {len(change.before)}]", "verdict"]
     return Shown(heads, rows)

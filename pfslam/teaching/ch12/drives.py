@@ -65,16 +65,7 @@ def drives_table() -> Shown:
         counts = (f"{numbers(c, kind).sum():.0f}" for c in ("candidates", "accepted", "false"))
         share = 100 * numbers("loops_s", kind).sum() / numbers("seconds", kind).sum()
         body.append((kind, f"{len(numbers('seed', kind))}", *errors, *counts, f"{share:.0f}"))
-    head = (
-        "drive",
-        "drives",
-        "before [cm]",
-        "after [cm]",
-        "candidates",
-        "accepted",
-        "false",
-        "time [% of drive]",
-    )
+    head = ("drive", "runs", "before [cm]", "after [cm]", "tried", "kept", "false", "time [%]")
     return Shown(head, body)
 
 
@@ -96,7 +87,7 @@ def given_table() -> Shown:
         )
         shares = (f"{100 * s / seconds:.1f}" for s in (run, loops))
         body.append((row["drive"], f"{100 * before:.2f}", f"{100 * after:.2f}", row["accepted"], *shares))
-    head = ("recording", "before [cm]", "after [cm]", "loops", "run [% of drive]", "loops [% of drive]")
+    head = ("recording", "before [cm]", "after [cm]", "kept", "run [%]", "loops [%]")
     return Shown(head, body)
 
 
