@@ -842,8 +842,11 @@ def test_scans_of_another_type_are_counted(tmp_path, kind):
 def test_a_folder_without_metadata_and_files_that_are_no_bags(tmp_path):
     path = write_bag(tmp_path / "drive", "sqlite3", rows_of(BOX))
     (path / "metadata.yaml").unlink()
-    with pytest.raises(DataError, match=r"data set: found .*drive', expected .* the path of a ROS bag"):
+    with pytest.raises(DataError, match=r"drive: bag: .* expected a whole ROS bag, .* with its metadata.yaml"):
         pfslam.load(path)
+    (tmp_path / "metadata.yaml").write_text("anything")
+    with pytest.raises(DataError, match=r"metadata.yaml: bag: .* expected a whole ROS bag"):
+        pfslam.load(tmp_path / "metadata.yaml")
     for name in ("a.bag", "a.mcap", "a.db3"):
         (tmp_path / name).write_bytes(b"not a bag")
         with pytest.raises(DataError, match=rf"{name}: bag: .* expected a whole ROS bag"):

@@ -19,6 +19,8 @@ from pfslam.errors import DataError
 IMAGE, TF, OLD_TF = "sensor_msgs/msg/Image", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 SUFFIXES = (".bag", ".mcap", ".db3", ".active", ".zstd")
 """Of the files of bags; the last two are those of a bag that is not closed, or packed, and are refused."""
+INDEX = "metadata.yaml"
+"""The file in the folder of a ROS 2 bag that says what else is there."""
 LATE = 1.0
 """Seconds by which the delay of a message, from its stamp to its arrival, may differ from what is usual."""
 LONG_GAP = 0.5
@@ -88,8 +90,9 @@ class Log:
 
 
 def is_bag(path: Path) -> bool:
-    """Tell from its name whether a path is a bag: a file of a bag's kind, or the folder of a ROS 2 bag."""
-    return (path / "metadata.yaml").is_file() if path.is_dir() else path.suffix.lower() in SUFFIXES
+    """Tell from its name whether a path is a bag: a file of a bag's kind, or a folder that holds such files."""
+    names = [entry.name for entry in path.iterdir()] if path.is_dir() else [path.name]
+    return any(name == INDEX or Path(name).suffix.lower() in SUFFIXES for name in names)
 
 
 def read_topics(path: Path, wanted: Collection[str] = (), at: int | None = None) -> dict[str, Topic]:
@@ -123,7 +126,8 @@ def read_topics(path: Path, wanted: Collection[str] = (), at: int | None = None)
                 topic.messages.append(Message(stamped, arrived, content))
     except Exception as error:  # the library raises many kinds for a damaged bag
         found = ": ".join(filter(None, (type(error).__name__, str(error))))
-        raise DataError(path, place, found, "a whole ROS bag, closed by its recorder") from error
+        expected = f"a whole ROS bag, closed by its recorder: a file, or a folder with its {INDEX}"
+        raise DataError(path, place, found, expected) from error
     return topics
 
 
