@@ -842,7 +842,9 @@ def test_scans_of_another_type_are_counted(tmp_path, kind):
 def test_a_folder_without_metadata_and_files_that_are_no_bags(tmp_path):
     path = write_bag(tmp_path / "drive", "sqlite3", rows_of(BOX))
     (path / "metadata.yaml").unlink()
-    with pytest.raises(DataError, match=r"drive: bag: .* expected a whole ROS bag, .* with its metadata.yaml"):
+    with pytest.raises(
+        DataError, match=r"drive: bag: .* expected a whole ROS bag, .* with its metadata.yaml"
+    ):
         pfslam.load(path)
     (tmp_path / "metadata.yaml").write_text("anything")
     with pytest.raises(DataError, match=r"metadata.yaml: bag: .* expected a whole ROS bag"):
