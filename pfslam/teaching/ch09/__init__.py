@@ -18,6 +18,9 @@ from pfslam.teaching.ch09.tables import (
     buildings,
     buildings_picture,
     changes_table,
+    decided,
+    hard_ladder,
+    hard_ladder_table,
     ladder,
     ladder_picture,
     ladder_table,
@@ -27,6 +30,7 @@ from pfslam.teaching.ch09.tables import (
     medians_cm,
     prior_table,
     spread_table,
+    steps,
 )
 from pfslam.teaching.ch09.walls import walls_table
 from pfslam.teaching.show.source import show_source
@@ -42,8 +46,11 @@ __all__ = [
     "check_first_pose_error",
     "check_line_step",
     "check_sub_cell",
+    "decided",
     "grid_lock",
     "grid_lock_picture",
+    "hard_ladder",
+    "hard_ladder_table",
     "judged_table",
     "ladder",
     "ladder_picture",
@@ -63,6 +70,7 @@ __all__ = [
     "score_field",
     "show_source",
     "spread_table",
+    "steps",
     "turned_start",
     "walls_table",
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -14,12 +16,13 @@ from pfslam.teaching.show.tables import (
     Shown,
     errors_by_label,
     labels_of,
+    number_of_buildings,
     read_table,
     select,
     study_file,
 )
 
-LADDER = "ch09_ladder"
+LADDER, HARD_LADDER = "ch09_ladder", "ch09_hard_ladder"
 BARE = "dead reckoning"
 KNOWN_AS = {
     "+ gentle clearing": "inverse sensor model",
@@ -33,7 +36,9 @@ KNOWN_AS = {
     "+ sub-cell step": "parabolic peak",
     "+ noise of the motion": "odometry motion model",
     "+ exact start": "",
-    "+ wider window": "correlative matching",
+    "+ coarser headings": "",
+    "+ wider in x, y": "correlative matching",
+    "+ wider in heading": "correlative matching",
     "+ every second beam": "thinning",
     "+ draw after motion": "keyframes",
     "+ tilt": "attitude compensation",
@@ -78,14 +83,60 @@ def ladder_table() -> Shown:
         helped = _better(found, before) if before is not None and label.startswith("+") else ""
         rows.append((label, cm(found), cm(found.max()), helped))
         before = found
-    return Shown(("change", "median [cm]", "worst [cm]", "better in"), rows)
+    return Shown(("change", "median [cm]", "worst [cm]", f"better [of {number_of_buildings(LADDER)}]"), rows)
 
 
 def _better(found: np.ndarray, before: np.ndarray) -> str:
     if np.array_equal(found, before):
         return "the same runs"
     same = np.count_nonzero(found == before)
-    return f"{np.count_nonzero(found < before)} of {len(found)}" + (f", {same} the same" if same else "")
+    return f"{np.count_nonzero(found < before)}" + (f", {same} the same" if same else "")
+
+
+def hard_ladder() -> dict[str, np.ndarray]:
+    """Return the error (m) in the buildings with people, doors, glass, sweep, bumps and slip, rung by rung."""
+    return errors_by_label(read_table(HARD_LADDER))
+
+
+def steps(errors: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return what each rung adds to the error (m) of the one before it, in each building."""
+    rungs = list(errors)
+    return {rung: errors[rung] - errors[before] for before, rung in pairwise(rungs) if rung.startswith("+")}
+
+
+def median_interval(values: np.ndarray) -> tuple[float, float]:
+    """Return two of the values between which the median lies in at least 95 % of all samples of so many.
+
+    It lies outside the k-th smallest and the k-th largest with the probability that fewer than k of n coins fall on
+    one side, twice. There must be six values or more.
+
+    >>> median_interval(np.arange(10.0))
+    (1.0, 8.0)
+    """
+    n = len(values)
+    outside = 2 * np.cumsum([comb(n, i) for i in range(n)]) / 2.0**n
+    cut = int(np.count_nonzero(outside <= 0.05)) - 1
+    ordered = np.sort(values)
+    return float(ordered[cut]), float(ordered[n - 1 - cut])
+
+
+def decided(differences: dict[str, np.ndarray]) -> list[str]:
+    """List the rungs whose interval does not contain zero."""
+    return [rung for rung, values in differences.items() if np.prod(median_interval(values)) > 0]
+
+
+def hard_ladder_table() -> Shown:
+    """Return what the rungs that matter on hard drives do there, and in the same buildings without hazards."""
+    hard, seeds = steps(hard_ladder()), np.unique(read_table(HARD_LADDER)["simulator.seed"])
+    clean = steps(errors_by_label(select(read_table(LADDER), **{"simulator.seed": seeds})))
+    rows = []
+    for rung in decided(hard):
+        low, high = median_interval(hard[rung])
+        medians = (f"{100 * np.median(found[rung]):+.1f}" for found in (clean, hard))
+        better = f"{np.count_nonzero(hard[rung] < 0)}"
+        rows.append((rung, *medians, f"{100 * low:+.1f} to {100 * high:+.1f}", better))
+    head = ("change", "clean [cm]", "hard [cm]", "95 % interval", f"better [of {len(seeds)}]")
+    return Shown(head, rows)
 
 
 def changed_fields(study: str) -> dict[str, str]:
@@ -137,18 +188,27 @@ def left_out(polish: bool, drive: str = "hall") -> dict[str, np.ndarray]:
 
 def left_out_table() -> Shown:
     """Return the errors without each change, without the polish and with it, and where the change is missed."""
-    rows = []
+    rows, count = [], number_of_buildings("ch09_leave_one_out")
     for drive, note in (("hall", ""), ("ramp", ", on slopes")):
         bare, full = left_out(False, drive), left_out(True, drive)
         for label in bare:
             row = [label + note]
             for errors in (bare, full):
                 missed = np.count_nonzero(errors[label] > errors["nothing"])
-                said = "" if label == "nothing" else f"{missed} of {len(errors[label])}"
+                said = "" if label == "nothing" else f"{missed}"
                 row += [cm(errors[label], 2), cm(errors[label].max(), 2), said]
             rows.append(row)
-    head = ("taken away", "no polish: median", "worst", "worse in", "polish: median", "worst", "worse in")
-    return Shown([f"{h} [cm]" if h.endswith(("median", "worst")) else h for h in head], rows)
+    worse = f"worse [of {count}]"
+    head = (
+        "taken away",
+        "no polish: median [cm]",
+        "worst [cm]",
+        worse,
+        "polish: median [cm]",
+        "worst [cm]",
+        worse,
+    )
+    return Shown(head, rows)
 
 
 # ---- other studies
