@@ -95,7 +95,9 @@ def readings_table(exhibits: dict[str, Exhibit]) -> Shown:
     """One row per fault shows the number that gives it away, healthy and broken."""
     rows = []
     for name, exhibit in exhibits.items():
-        good, bad = (f"{round(exhibit.reading[state], 2) + 0.0:.2f}" for state in STATES)
+        values = [round(exhibit.reading[state], 2) + 0.0 for state in STATES]
+        counted = max(values) > 1 and all(value == round(value) for value in values)
+        good, bad = (f"{value:.{0 if counted else 2}f}" for value in values)
         unit = f" [{exhibit.unit}]" if exhibit.unit else ""
         rows.append((f"{name}: {exhibit.number}{unit}", good, bad))
     return Shown(("fault and its number", *STATES), rows)
