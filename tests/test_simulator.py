@@ -451,6 +451,8 @@ def test_other_layouts():
     ranges = corridor.recording.lidar.ranges
     assert corridor.recording.truth.poses[-1, 0] == pytest.approx(20.0, abs=0.1)
     assert np.median(ranges[:, 540]) > 30.0  # straight ahead there is nothing within range
+    other = simulate(SimulatorConfig(name="corridor", layout="corridor"), seed=3)
+    assert abs(np.ptp(other.world.walls[..., 1]) - np.ptp(corridor.world.walls[..., 1])) > 0.1
     two = make_world(replace(HALL, laps=2), np.random.SeedSequence(2))
     assert path_length(two.path) == pytest.approx(2 * HALL.path_length, rel=0.02)
 

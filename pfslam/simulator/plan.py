@@ -46,7 +46,7 @@ def make_plan(config: SimulatorConfig, rng: np.random.Generator, turn_at: float 
     if config.layout == "arms":
         return _arms(config, rng, turn_at)
     if config.layout == "corridor":
-        return _corridor()
+        return _corridor(rng)
     return _ring(config, rng)
 
 
@@ -189,10 +189,11 @@ def _ring_size(config: SimulatorConfig, rng: np.random.Generator) -> tuple[float
     return 0.5 * rng.uniform(1.95, 2.15), rng.uniform(17.0, 20.0), rng.uniform(11.0, 14.0)
 
 
-def _corridor() -> FloorPlan:
+def _corridor(rng: np.random.Generator) -> FloorPlan:
     """Forty metres of nothing on either side of a 20 m drive: the ends are beyond the LiDAR's 30 m."""
-    areas = {"corridor": [(-40.0, -1.0, 60.0, 1.0)]}
-    return _plan(areas, np.array([[0.0, 0.0], [10.0, 0.1], [20.0, 0.0]]))
+    half = 0.5 * rng.uniform(1.6, 2.8)
+    areas = {"corridor": [(-40.0, -half, 60.0, half)]}
+    return _plan(areas, np.column_stack([[0.0, 10.0, 20.0], rng.uniform(-0.3, 0.3, 3)]))
 
 
 def _plan(areas: dict, waypoints, slopes=(), mirror: bool = False) -> FloorPlan:
