@@ -22,8 +22,8 @@ AROUND, APART = 2, 2
 """A place holds so many key scans either side; where only wheels measured, scans so far apart are matched anew."""
 LEAST_WAY, NEARBY, DRIFT, FARTHEST = 10.0, 1.5, 0.02, 8.0
 """After so many metres a loop is looked for, within ``NEARBY + DRIFT * way`` (m), at most ``FARTHEST``."""
-YAW, YAW_DRIFT, YAW_MOST = 0.1, 0.001, 0.5
-"""The same for headings (rad, rad per m, rad)."""
+YAW_SHARE = 0.06
+"""Headings are searched so many radians to each side for every metre of that."""
 LEAST_SHARE, TWIN, SUPPORT = 0.6, 0.9, 2
 """Share of points that two places explain of each other; score of a twin; loops that agree with one."""
 AGREES, LEAST_SCALE = 7.81, 0.015
@@ -128,14 +128,12 @@ def submap(places: list[Place], poses: np.ndarray, k: int) -> Place:
 
 def match_loops(places: list[Place], poses: np.ndarray, candidates: list[tuple[int, int, float]]) -> Edges:
     """Match the candidates, and keep those in which each place explains most of the other."""
-    way, found = way_along(poses), []
+    found = []
     for i, j, radius in candidates:
-        here, there = submap(places, poses, i), submap(places, poses, j)
-        yaw = YAW + YAW_DRIFT * (way[j] - way[i])
+        here, there, guess = submap(places, poses, i), submap(places, poses, j), between(poses[i], poses[j])
         if min(len(here.points), len(there.points)) < 10:
             continue
-        window = radius, min(yaw, YAW_MOST)
-        (best, score), (twin, second) = search_window(here, there, between(poses[i], poses[j]), *window)
+        (best, score), (twin, second) = search_window(here, there, guess, radius, YAW_SHARE * radius)
         fit = align(here, there, best, (0.1, 0.05))
         back = align(there, here, invert(fit.pose), (0.1, 0.05), rounds=1)
         if min(fit.share, back.share) >= LEAST_SHARE:
@@ -152,11 +150,10 @@ def neighbour_edges(places: list[Place], poses: np.ndarray, wheels: np.ndarray) 
     """
     found = []
     for i in np.flatnonzero([wheels[k : k + APART].any() for k in range(len(poses) - APART)]):
-        guess = between(poses[i], poses[i + APART])
-        if min(len(places[i].points), len(places[i + APART].points)) >= 10:
-            reach = 0.02 + 0.03 * float(np.hypot(*guess[:2]))
-            fit = align(places[i], places[i + APART], guess, (reach, 0.02))
-            unknown = blind(places[i], places[i + APART], fit)
+        here, there, guess = places[i], places[i + APART], between(poses[i], poses[i + APART])
+        if min(len(here.points), len(there.points)) >= 10:
+            fit = align(here, there, guess, (0.02 + 0.03 * float(np.hypot(*guess[:2])), 0.02))
+            unknown = blind(here, there, fit)
             found.append((i, i + APART, fit.pose, softened(fit.information, NEIGHBOUR_FLOOR, unknown)))
     return _edges(found)
 
@@ -212,10 +209,8 @@ def confirming(loops: Edges, poses: np.ndarray) -> Edges:
 
 def carried(poses: np.ndarray, keys: np.ndarray, revised: np.ndarray) -> np.ndarray:
     """Revise all poses ``(T, 3)`` by what moves the key scans to their places, interpolated between them."""
-    change = compose(revised, invert(poses[keys]))
-    change[:, 2] = np.unwrap(change[:, 2])
-    scans = np.arange(len(poses))
-    return compose(np.column_stack([np.interp(scans, keys, column) for column in change.T]), poses)
+    change = Trajectory(keys, compose(revised, invert(poses[keys])))
+    return compose(change.at(np.clip(np.arange(len(poses)), keys[0], keys[-1])), poses)
 
 
 def redrawn(recording: Recording, result: SlamResult, path: np.ndarray) -> OccupancyGrid:

@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.sparse import coo_array, diags_array
+from scipy.sparse import block_diag, bsr_array, csr_array, diags_array
 from scipy.sparse.linalg import spsolve
 
-from pfslam.poses import wrap_angle
+from pfslam.poses import between, wrap_angle
 
 SCALE_SIGMA, WALK_SIGMA = 0.05, 0.002
 """How wrong the wheels' scale is at first, and how far it changes from one key scan to the next (another floor)."""
@@ -53,11 +53,10 @@ def residuals(edges: Edges, poses: np.ndarray, scale: np.ndarray) -> np.ndarray:
 
     e = (R(theta_i)^T (p_j - p_i) - (1 + w s_i) z_xy,  theta_j - theta_i - z_theta), the heading wrapped.
     """
-    a, b = poses[edges.i], poses[edges.j]
-    c, s, (dx, dy) = np.cos(a[:, 2]), np.sin(a[:, 2]), (b - a)[:, :2].T
-    x, y = (1.0 + edges.wheels * scale[edges.i]) * edges.pose[:, :2].T
-    turn = wrap_angle(b[:, 2] - a[:, 2] - edges.pose[:, 2])
-    return np.column_stack([c * dx + s * dy - x, c * dy - s * dx - y, turn])
+    error = between(poses[edges.i], poses[edges.j]) - edges.pose
+    error[:, :2] -= (edges.wheels * scale[edges.i])[:, None] * edges.pose[:, :2]
+    error[:, 2] = wrap_angle(error[:, 2])
+    return error
 
 
 def chi_square(edges: Edges, poses: np.ndarray, scale: np.ndarray) -> np.ndarray:
@@ -94,20 +93,18 @@ def gauss_newton_step(edges: Edges, poses: np.ndarray, scale: np.ndarray, weight
     H = sum w J^T Omega J and b = sum w J^T Omega e; an edge fills only the rows and columns of its own unknowns. Pose 0
     is held fast: all motions are relative, so the whole graph could move without any error.
     """
-    K, error, J = len(poses), residuals(edges, poses, scale), jacobians(edges, poses)
-    JtO = np.einsum("eki,ekl->eil", J, edges.information) * weights[:, None, None]
-    xyz = [0, 1, 2]
-    at = np.hstack([3 * edges.i[:, None] + xyz, 3 * edges.j[:, None] + xyz, 3 * K + edges.i[:, None]])
-    rows = np.repeat(at[:, :, None], 7, axis=2)
-    columns = rows.transpose(0, 2, 1)
-    H = coo_array(((JtO @ J).ravel(), (rows.ravel(), columns.ravel())), shape=(4 * K, 4 * K))
-    b = np.bincount(at.ravel(), np.einsum("eil,el->ei", JtO, error).ravel(), minlength=4 * K)
+    K, E, xyz = len(poses), len(edges), np.arange(3)
+    columns = np.hstack([3 * edges.i[:, None] + xyz, 3 * edges.j[:, None] + xyz, 3 * K + edges.i[:, None]])
+    ends = np.arange(0, 21 * E + 1, 7)
+    slopes = jacobians(edges, poses).ravel()
+    J = csr_array((slopes, np.repeat(columns, 3, axis=0).ravel(), ends), shape=(3 * E, 4 * K))
+    information = weights[:, None, None] * edges.information
+    JtO = J.T @ bsr_array((information, np.arange(E), np.arange(E + 1)))
     # The scales: the first near zero, each near the one before.
-    walk = np.full(K - 1, WALK_SIGMA**-2)
-    inner = np.append(walk, 0.0) + np.append(SCALE_SIGMA**-2, walk)
-    prior = diags_array([inner, -walk, -walk], offsets=[0, 1, -1], shape=(K, K)).tocoo()
-    H = H + coo_array((prior.data, (prior.row + 3 * K, prior.col + 3 * K)), shape=H.shape)
-    b[3 * K :] += prior @ scale
+    steps = diags_array([np.ones(K), -np.ones(K - 1)], offsets=[0, -1])
+    prior = steps.T @ diags_array(np.append(SCALE_SIGMA, np.full(K - 1, WALK_SIGMA)) ** -2) @ steps
+    H = JtO @ J + block_diag([csr_array((3 * K, 3 * K)), prior])
+    b = JtO @ residuals(edges, poses, scale).ravel() + np.append(np.zeros(3 * K), prior @ scale)
     step = np.append(np.zeros(3), -spsolve(H.tocsc()[3:, 3:], b[3:]))
     poses = poses + step[: 3 * K].reshape(K, 3)
     return np.column_stack([poses[:, :2], wrap_angle(poses[:, 2])]), scale + step[3 * K :]

@@ -28,8 +28,8 @@ NEIGHBOURS, NEAR, STRAIGHT = 2, 0.25, 9.0
 """A normal comes from so many beams either side, so near (m), in a piece so much longer than thick (both squared)."""
 TURN, REACH, RHO = 0.3, 0.3, 0.05
 """A radian between normals counts as so many metres; partners reach so far (m); weights fall to exp(-1/2) at rho."""
-BESIDE, PEAK, LEAST_NORMALS = (-0.45, -0.3, 0.3, 0.45), 1.3, 0.003
-"""A match that knows a direction knows so many times more than so far (m) beside it, and has this share of normals."""
+BESIDE, PEAK = (-0.45, -0.3, 0.3, 0.45), 1.3
+"""A match that knows a direction knows so many times more than so far (m) beside it."""
 SIGMA, INDEPENDENT = 0.015, 0.2
 """Noise of a range (m), and the share of the beams that err independently of each other."""
 
@@ -50,21 +50,16 @@ class Place:
         used = np.linalg.norm(points[near] - points[:, None], axis=2) < NEAR
         used &= np.abs(beams[near] - beams[:, None]) <= NEIGHBOURS
         share = used / used.sum(axis=1, keepdims=True)
-        x, y = np.moveaxis(points[near] - np.sum(share[..., None] * points[near], axis=1)[:, None], 2, 0)
-        vxx, vyy, vxy = (np.sum(share * v, axis=1) for v in (x * x, y * y, x * y))
-        half_trace, radius = 0.5 * (vxx + vyy), np.hypot(0.5 * (vxx - vyy), vxy)
-        angle = 0.5 * np.arctan2(2.0 * vxy, vxx - vyy)
-        normals = np.column_stack([-np.sin(angle), np.cos(angle)])
+        offset = points[near] - np.einsum("mn,mni->mi", share, points[near])[:, None]
+        spread, axes = np.linalg.eigh(np.einsum("mn,mni,mnj->mij", share, offset, offset))
+        normals = axes[:, :, 0]
         normals *= -np.sign(np.sum(normals * (points - event.sensor_b), axis=1, keepdims=True))
-        on_wall = (used.sum(axis=1) > NEIGHBOURS + 1) & (
-            half_trace + radius > STRAIGHT * (half_trace - radius)
-        )
+        on_wall = (used.sum(axis=1) > NEIGHBOURS + 1) & (spread[:, 1] > STRAIGHT * spread[:, 0])
         return cls(points[on_wall], normals[on_wall])
 
     def seen_from(self, pose: np.ndarray) -> Place:
         """Return the same place in a frame in which its own is at ``pose (3,)``."""
-        normals = transform_points(np.array([0.0, 0.0, pose[2]]), self.normals)
-        return Place(transform_points(pose, self.points), normals)
+        return Place(transform_points(pose, self.points), transform_points([0.0, 0.0, pose[2]], self.normals))
 
     @cached_property
     def tree(self) -> cKDTree:
@@ -123,7 +118,7 @@ def blind(target: Place, source: Place, fit: Fit) -> list[np.ndarray]:
     weak = directions[:, 0]
     moved = (fit.pose + offset * np.append(weak, 0.0) for offset in BESIDE)
     beside = max(weak @ lines(target, source, pose, RHO)[0].information[:2, :2] @ weak for pose in moved)
-    return [weak] if known[0] <= max(PEAK * beside, LEAST_NORMALS * known.sum()) else []
+    return [weak] if known[0] <= PEAK * beside else []
 
 
 def search_window(target: Place, source: Place, pose: np.ndarray, metres: float, radians: float):
