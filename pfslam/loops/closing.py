@@ -56,9 +56,8 @@ def close_loops(recording: Recording, result: SlamResult) -> Revision:
     a drive that never returns. With neither loops nor such stretches the path stays as it is.
     """
     poses, keys = result.trajectory.poses, key_scans(result)
-    places = [
-        Place.of(e) for k, e in enumerate(Drive.of(recording, result.config).events()) if k in set(keys)
-    ]
+    events = Drive.of(recording, result.config).events()
+    places = [Place.of(event) for k, event in enumerate(events) if k in keys]
     at, chain = poses[keys], chain_edges(result, keys)
     candidates, neighbours = find_candidates(at), neighbour_edges(places, at, chain.wheels)
     loops = consistent(match_loops(places, at, candidates), at)
