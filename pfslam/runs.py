@@ -17,7 +17,7 @@ from pfslam.per_particle import Histories, per_particle_step
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.slam import SlamState, StepInfo, slam_step
-from pfslam.trust import Distrust, alarms, distrust, in_doubt, misled
+from pfslam.trust import Distrust, distrust, in_doubt, misled
 
 
 class State(Protocol):
@@ -126,12 +126,8 @@ def run_slam(
 
 
 def in_need_of_care(recording: Recording, result: SlamResult) -> bool:
-    """Tell whether a run is to be done again with care: its ranges are noisy, or its scans have misled it.
-
-    Noise is no reason after the robot was carried off: there scans contradict odometry and are right.
-    """
-    noisy = recording.range_scatter() > NOISY and not len(alarms(result.infos))
-    return noisy or misled(result.infos)
+    """Tell whether a run is to be done again with care: its ranges are noisy, or its scans have misled it."""
+    return recording.range_scatter() > NOISY or misled(result.infos)
 
 
 def scans_in_doubt(result: SlamResult) -> int:

@@ -253,6 +253,21 @@ def test_a_robot_that_was_carried_off_is_in_doubt_from_then_on(carried):
 
 
 @pytest.mark.slow
+def test_in_noise_a_second_look_still_sees_that_the_robot_was_carried_off(carried):
+    """Careful runs believe odometry, which knows nothing of the way in between; the walls contradict it."""
+    taken, _ = carried
+    scans = taken.lidar
+    noise = np.random.default_rng(0).normal(0.0, 0.06, scans.ranges.shape).astype(scans.ranges.dtype)
+    noise[~taken.robot.lidar.valid(scans.ranges)] = 0.0
+    noisy = replace(taken, lidar=replace(scans, ranges=np.maximum(scans.ranges + noise, 0.0)))
+    result = run_slam(noisy, CONFIG, keep_particles=False)
+    first = result.distrust[0]
+    assert result.config.care is not None
+    assert 0.0 <= first["from"] - (taken.encoders.t[0] + 50.0) <= 3.0
+    assert first["to"] is None
+
+
+@pytest.mark.slow
 def test_a_robot_among_people_says_that_it_was_dragged_along(real_data):
     """Seven people about, one walking ahead: one look is off by more than 0.3 m from 81 s on, and said so before."""
     recording = load_course("20", real_data / "hard" / "people20")
