@@ -112,8 +112,8 @@ def run_slam(
     loop, as tqdm does. Without ``keep_particles`` the infos hold no clouds, which saves memory on long runs.
 
     A run whose scans have misled it (``trust.misled``), or whose ranges scatter by more than ``NOISY``, is done again
-    with ``config.careful()``, if that differs. The second run stands unless more of it is in doubt; the result's
-    ``config`` tells. Without ``second_look`` the first run stands, whatever happened.
+    with ``config.careful()``, if that differs. The second run stands, unless more of it is in doubt and the ranges are
+    not noisy; the result's ``config`` tells. Without ``second_look`` the first run stands, whatever happened.
     """
     config = SlamConfig.refined() if config is None else config
     rng = np.random.default_rng(0) if rng is None else rng
@@ -121,13 +121,22 @@ def run_slam(
     careful = config.careful(recording.range_scatter())
     if second_look and careful != config and in_need_of_care(recording, result):
         second = _one_run(recording, careful, rng, progress, keep_particles)
-        return min(second, result, key=scans_in_doubt)
+        return that_stands(recording, result, second)
     return result
 
 
 def in_need_of_care(recording: Recording, result: SlamResult) -> bool:
     """Tell whether a run is to be done again with care: its ranges are noisy, or its scans have misled it."""
     return recording.range_scatter() > NOISY or misled(result.infos)
+
+
+def that_stands(recording: Recording, first: SlamResult, second: SlamResult) -> SlamResult:
+    """Choose the look that stands: the second, unless more of it is in doubt and the ranges are not noisy.
+
+    Among noisy ranges a run without care may be far off and suspect nothing.
+    """
+    noisy = recording.range_scatter() > NOISY
+    return second if noisy else min(second, first, key=scans_in_doubt)
 
 
 def scans_in_doubt(result: SlamResult) -> int:

@@ -1,6 +1,7 @@
 """Care among people: each measure against a slow and obvious one, and whole drives that it saves or leaves alone."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from pfslam.config import CareConfig, SlamConfig
 from pfslam.correlation import score_field
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
-from pfslam.runs import in_need_of_care, run_slam
+from pfslam.runs import in_need_of_care, run_slam, that_stands
 from pfslam.simulator import Hazards, simulate
 
 CARE = CareConfig()
@@ -161,6 +162,17 @@ def test_noisy_ranges_alone_ask_for_care():
     run = run_slam(quiet, FEW, keep_particles=False, second_look=False)
     assert not in_need_of_care(quiet, run)
     assert in_need_of_care(noisy, run)
+
+
+def test_the_second_look_stands_unless_it_is_more_in_doubt_and_always_in_noise():
+    t = np.arange(10.0)
+    doubts = {n: [{"from": 10.0 - n, "to": None, "reason": ""}] for n in (1, 5)}
+    little, much = (SimpleNamespace(distrust=doubts[n], trajectory=SimpleNamespace(t=t)) for n in (1, 5))
+    clean, noisy = (SimpleNamespace(range_scatter=lambda s=s: s) for s in (0.01, 0.05))
+    assert that_stands(clean, little, much) is little
+    assert that_stands(clean, much, little) is little
+    assert that_stands(clean, little, again := SimpleNamespace(**vars(little))) is again
+    assert that_stands(noisy, little, much) is much
 
 
 @pytest.mark.slow

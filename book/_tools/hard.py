@@ -29,7 +29,7 @@ from pfslam.io.course import load_course
 from pfslam.io.files import write_csv, write_text
 from pfslam.poses import compose, invert
 from pfslam.recording import Recording
-from pfslam.runs import SlamResult, in_need_of_care, run_slam, scans_in_doubt
+from pfslam.runs import SlamResult, in_need_of_care, run_slam, that_stands
 from pfslam.sensors import LidarModel
 from pfslam.settings import changed
 from pfslam.simulator import Hazards, simulate
@@ -187,7 +187,7 @@ class Bench:
             return compared(recording, first).ate
         careful = changed(config.careful(recording.range_scatter()), without.careful)
         second, _ = self.run((other, config, careful), recording, careful, rng)
-        return compared(recording, min(second, first, key=scans_in_doubt)).ate
+        return compared(recording, that_stands(recording, first, second)).ate
 
     def with_lidar(self, change: Callable[[LidarModel], LidarModel]) -> tuple[Recording, LidarModel | None]:
         """Return the recording with another LiDAR model, and that model if it makes any difference to the scans."""
