@@ -334,6 +334,16 @@ def test_good_turns_are_left_alone_and_a_flipped_gyro_is_not_believed():
     assert "not alike (correlation -1.00): the gyro is not used" in note
 
 
+def test_stamps_that_span_an_age_are_left_alone():
+    wheels, _, imu = slalom()
+    late = START + 1e13  # a clock that was set: a table of every second would fill the memory
+    odometry, gyro = (
+        replace(wheels, t=np.append(wheels.t[:-1], late)),
+        replace(imu, t=np.append(imu.t[:-1], late)),
+    )
+    assert with_better_headings(odometry, gyro) == (odometry, None)
+
+
 def test_the_imu_is_turned_into_the_axes_of_the_body(tmp_path):
     """It hangs upside down and shows -0.4 rad/s for the box's turn to the left, and gravity pointing down."""
     mount = [MOUNT, ("base_link", "imu_link", (0, 0, 0.1), UPSIDE_DOWN)]

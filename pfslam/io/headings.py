@@ -9,6 +9,8 @@ from pfslam.recording import Imu
 
 POOR = 0.1
 """Share by which the odometry's turns over one second may differ from the gyro's, root mean square."""
+LONGEST = 1e7
+"""Seconds of a drive; stamps that span more are those of a clock that was set."""
 LEAST_LIKENESS = 0.5
 """Correlation of the turns below which the gyro is not believed either: a flipped axis gives -1."""
 
@@ -19,9 +21,10 @@ def with_better_headings(odometry: Trajectory, imu: Imu) -> tuple[Trajectory, st
     The rule: the turns of both over one second at a time are compared. The odometry is poor if they differ by more than
     a tenth of the gyro's, root mean square. The gyro is believed if both are alike at all: a correlation over one half.
     """
-    edges = np.arange(max(odometry.t[0], imu.t[0]), min(odometry.t[-1], imu.t[-1]), 1.0)
-    if len(edges) < 3 or len(edges) > 10**7:
+    since, until = max(odometry.t[0], imu.t[0]), min(odometry.t[-1], imu.t[-1])
+    if not 2.0 < until - since < LONGEST:
         return odometry, None
+    edges = np.arange(since, until, 1.0)
     heading = np.unwrap(odometry.poses[:, 2])
     integral = np.concatenate([[0.0], np.cumsum(imu.angular_velocity[1:, 2] * np.diff(imu.t))])
     by_wheels, by_gyro = (
