@@ -1,9 +1,11 @@
 """ROS bags, written by the library in every format: what is read equals the direct route, and oddities are named."""
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,7 +32,7 @@ from pfslam.io.bag_scans import nearest_ranges
 from pfslam.io.bags import BagOptions
 from pfslam.io.formats import read_map
 from pfslam.io.headings import with_better_headings
-from pfslam.io.messages import read_topics
+from pfslam.io.messages import is_bag, read_topics
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, between, transform_points
 from pfslam.recording import Imu, LidarScans
@@ -359,6 +361,30 @@ def test_the_imu_is_turned_into_the_axes_of_the_body(tmp_path):
     np.testing.assert_allclose(found.imu.acceleration_g[:, 2], 1.0, atol=1e-12)
     assert found.dropped == {"messages on /imu/data without usable numbers": 1}
     assert found.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("up", "level", "words"),
+    [
+        ((0.0, 0.0, 1.0), 1.0, "leaning by 0 deg, as gravity says"),
+        ((0.0, 1.0, 0.0), 1.0, "leaning by 90 deg, as gravity says"),
+        ((0.0, 0.0, -1.0), 1.0, "leaning by 180 deg, as gravity says"),
+        ((0.0, 0.6, 0.8), 1.0, "leaning by 37 deg, as gravity says"),
+        ((0.0, 0.0, 0.1), 0.1, "upright, as it shows 0.10 g in the mean"),
+    ],
+)
+def test_an_imu_without_a_frame_stands_as_gravity_says(tmp_path, up, level, words):
+    """The box turns left by 0.4 rad/s; the axis about which the gyro shows that points up."""
+    rows = rows_of(BOX)
+    about = np.array(up) / np.linalg.norm(up)
+    for t in BOX.imu.t:
+        rows.append(("/imu/data", nanoseconds(t), NEW.imu(t, 0.4 * about, STANDARD_GRAVITY * np.array(up))))
+    found = loaded(tmp_path, sorted(rows, key=lambda row: row[1]))
+    np.testing.assert_allclose(
+        found.imu.angular_velocity, np.tile([0, 0, 0.4], (len(BOX.imu.t), 1)), atol=1e-9
+    )
+    np.testing.assert_allclose(found.imu.acceleration_g[:, 2], level)
+    assert found.notes == (f"no chain of frames from base_link to imu_link: /imu/data is taken for {words}",)
 
 
 # ---- time --------------------------------------------------------------------------------------
@@ -950,3 +976,29 @@ def test_topics_are_listed_with_their_times(tmp_path):
     assert list(topics) == ["/odom", "/scan", "/tf_static"]
     assert topics["/scan"].kind == SCAN
     np.testing.assert_allclose(topics["/scan"].t, BOX.lidar.t + LATER * 1e-9, atol=1e-6)
+
+
+# ---- bags of other people ----------------------------------------------------------------------
+
+
+def test_every_message_of_a_real_bag_is_used_or_counted():
+    """Bags in the folder that PFSLAM_BAGS names, of which none is part of this repository."""
+    if "PFSLAM_BAGS" not in os.environ:
+        pytest.skip("no bags of real robots: PFSLAM_BAGS names no folder")
+    paths = [path for path in sorted(Path(os.environ["PFSLAM_BAGS"]).iterdir()) if is_bag(path)]
+    refused = []
+    for path in paths:
+        try:
+            found = pfslam.load(path)
+        except DataError:
+            refused.append(path)
+            continue
+        topics = read_topics(path)
+        for stream, kind in ((found.odometry, "Odometry"), (found.imu, "Imu"), (found.lidar, "LaserScan")):
+            names = [name for name, topic in topics.items() if topic.kind.endswith(f"/{kind}")]
+            if stream is not None and names:
+                out = sum(
+                    n for why, n in found.dropped.items() if any(f"on {name} " in f"{why} " for name in names)
+                )
+                assert len(stream.t) + out == sum(len(topics[name].messages) for name in names)
+    assert len(refused) < len(paths)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from pfslam.errors import DataError
@@ -151,10 +152,26 @@ def _imu(log: Log, topic: Topic, frames: Frames, base: str) -> Imu | None:
     frame, topic = frame_of(topic.contents[0]), log.keep(topic, good, "without usable numbers")
     if len(topic.messages) < 2:
         return None
+    body = rows[good].reshape(-1, 2, 3)
     T = frames.fixed(base, frame)
     if T is None:
-        log.notes.append(
-            f"no chain of frames from {base} to {frame}: {topic.name} is taken for level and upright"
-        )
-        T = np.eye(4)
-    return Imu(topic.t, rows[good, :3] @ T[:3, :3].T, rows[good, 3:] @ T[:3, :3].T)
+        R, up = upright(body[:, 1].mean(axis=0))
+        log.notes.append(f"no chain of frames from {base} to {frame}: {topic.name} is taken for {up}")
+    else:
+        R = T[:3, :3]
+    body = body @ R.T
+    return Imu(topic.t, body[:, 0], body[:, 1])
+
+
+def upright(acceleration: np.ndarray) -> tuple[np.ndarray, str]:
+    """Return the smallest rotation ``(3, 3)`` that turns a mean acceleration ``(3,)`` upwards, and what it does.
+
+    Over a drive an accelerometer shows one g upwards in the mean. One that shows much else is taken for upright.
+    """
+    length = float(np.linalg.norm(acceleration))
+    if not 0.8 < length < 1.2:
+        return np.eye(3), f"upright, as it shows {length:.2f} g in the mean"
+    x, y, z = acceleration / length
+    axis, angle = np.array([y, -x, 0.0]) / max(np.hypot(x, y), 1e-9), np.arccos(np.clip(z, -1.0, 1.0))
+    words = f"leaning by {np.degrees(angle):.0f} deg, as gravity says"
+    return cv2.Rodrigues((axis if axis.any() else np.array([1.0, 0.0, 0.0])) * angle)[0], words
