@@ -10,7 +10,7 @@ import pfslam
 from pfslam.evaluation.checkup import check_up, effective_track, scan_turn_fit, scan_turns
 from pfslam.evaluation.faults import first_seconds
 from pfslam.poses import Trajectory
-from pfslam.recording import LidarScans, Recording
+from pfslam.recording import Imu, LidarScans, Recording
 from pfslam.teaching.ch13.robot import FAULTS, HEALTHY
 
 
@@ -122,3 +122,17 @@ def test_a_log_without_wheels_has_no_track():
     found = {f.question: (f.ok, f.found) for f in check_up(log)}
     assert found["Do wheels and gyro turn the same way?"] == (None, "no encoders and gyro")
     assert found["What does the gyro show at rest?"] == (None, "no encoders and gyro")
+
+
+@pytest.mark.parametrize(("factor", "ok"), [(1.0, True), (1.15, True), (1.8, False), (-1.0, False)])
+def test_odometry_and_gyro_are_compared_too(factor, ok):
+    """A log that stands for 8 s and weaves for a minute, with a gyro that shows 0.02 rad/s at rest."""
+    t = np.arange(0.0, 68.0, 0.05)
+    rate = np.where(t < 8, 0.0, 0.5 * np.sin(0.4 * (t - 8)))
+    heading = factor * np.concatenate([[0.0], np.cumsum(rate[1:] * 0.05)])
+    odometry = Trajectory(t, np.column_stack([np.where(t < 8, 0.0, t - 8), np.zeros(len(t)), heading]))
+    gyro = Imu(t, np.outer(rate + 0.02, [0, 0, 1]), np.tile([0.0, 0.0, 1.0], (len(t), 1)))
+    log = replace(box_recording(images=0), encoders=None, imu=gyro, odometry=odometry, lidar=None)
+    found = {f.question: (f.ok, f.found) for f in check_up(log)}
+    assert found["Do wheels and gyro turn the same way?"] == (ok, f"factor {factor:+.2f}")
+    assert found["What does the gyro show at rest?"] == (False, "+0.0200 rad/s in 8 s")

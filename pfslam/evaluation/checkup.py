@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pfslam.evaluation.calibration import gyro_bias
+from pfslam.evaluation.turns import LEAST_SECONDS, compare_turns
 from pfslam.motion import Controls, controls
 from pfslam.recording import LidarScans, Recording, image_pairs
 
@@ -94,10 +95,15 @@ def check_speed(recording: Recording) -> Finding:
 def check_rest(recording: Recording) -> Finding:
     """Check what the gyro shows while the robot stands."""
     question, expected = "What does the gyro show at rest?", f"within {LARGEST_REST_RATE:.2f} rad/s of 0"
-    if recording.encoders is None or recording.imu is None:
+    if recording.imu is None or (recording.encoders is None and recording.odometry is None):
         return Finding(question, None, "no encoders and gyro", expected)
-    bias, error, seconds = gyro_bias(recording)
-    if not np.isfinite(error):
+    if recording.odometry is None:
+        bias, error, seconds = gyro_bias(recording)
+        known = np.isfinite(error)
+    else:
+        turns = compare_turns(recording.odometry, recording.imu, recording.robot.imu.yaw_axis)
+        bias, seconds, known = turns.bias, turns.still, turns.still >= LEAST_SECONDS
+    if not known:
         return Finding(question, None, f"only {seconds:.0f} s at rest", expected)
     return Finding(
         question, abs(bias) <= LARGEST_REST_RATE, f"{bias:+.4f} rad/s in {seconds:.0f} s", expected
@@ -105,10 +111,16 @@ def check_rest(recording: Recording) -> Finding:
 
 
 def check_track(recording: Recording) -> Finding:
-    """Check whether left and right wheels measure the same turns as the gyro, with some effective track."""
+    """Check whether wheels and gyro measure the same turns: left and right with some effective track, or odometry."""
     question, expected = "Do wheels and gyro turn the same way?", "a track of 0.2 to 2 m"
-    if recording.encoders is None or recording.imu is None:
+    if recording.imu is None or (recording.encoders is None and recording.odometry is None):
         return Finding(question, None, "no encoders and gyro", expected)
+    if recording.odometry is not None:
+        expected = "a factor of 0.8 to 1.2"
+        turns = compare_turns(recording.odometry, recording.imu, recording.robot.imu.yaw_axis)
+        if not turns.tell:
+            return Finding(question, None, "too few turns", expected)
+        return Finding(question, 0.8 <= turns.factor <= 1.2, f"factor {turns.factor:+.2f}", expected)
     track = effective_track(recording)
     if track is None:
         return Finding(question, None, "too few turns", expected)

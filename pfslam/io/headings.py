@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from pfslam.evaluation.turns import compare_turns
 from pfslam.poses import Trajectory, between, compose, wrap_angle
 from pfslam.recording import Imu
 
 POOR = 0.1
 """Share by which the odometry's turns over one second may differ from the gyro's, root mean square."""
-LONGEST = 1e7
-"""Seconds of a drive; stamps that span more are those of a clock that was set."""
 LEAST_LIKENESS = 0.5
 """Correlation of the turns below which the gyro is not believed either: a flipped axis gives -1."""
 
@@ -21,32 +20,23 @@ def with_better_headings(odometry: Trajectory, imu: Imu) -> tuple[Trajectory, st
     The rule: the turns of both over one second at a time are compared. The odometry is poor if they differ by more than
     a tenth of the gyro's, root mean square. The gyro is believed if both are alike at all: a correlation over one half.
     """
-    since, until = max(odometry.t[0], imu.t[0]), min(odometry.t[-1], imu.t[-1])
-    if not 2.0 < until - since < LONGEST:
+    turns = compare_turns(odometry, imu)
+    if not turns.tell:
         return odometry, None
-    edges = np.arange(since, until, 1.0)
-    heading = np.unwrap(odometry.poses[:, 2])
-    integral = np.concatenate([[0.0], np.cumsum(imu.angular_velocity[1:, 2] * np.diff(imu.t))])
-    by_wheels, by_gyro = (
-        np.diff(np.interp(edges, t, h)) for t, h in ((odometry.t, heading), (imu.t, integral))
-    )
-    moved = np.hypot(*np.diff(odometry.at(edges)[:, :2], axis=0).T)
-    rest = (moved < 0.005) & (np.abs(by_wheels) < 0.005)
-    bias = float(by_gyro[rest].mean()) if rest.sum() >= 3 else 0.0
-    by_gyro, integral = by_gyro - bias, integral - bias * (imu.t - imu.t[0])
-    if np.abs(by_gyro).sum() < 1.0:
-        return odometry, None
+    by_wheels, by_gyro = turns.by_odometry, turns.by_gyro
     differ = float(np.sqrt(((by_wheels - by_gyro) ** 2).sum() / (by_gyro**2).sum()))
-    alike = float(by_wheels @ by_gyro / max(np.sqrt((by_wheels @ by_wheels) * (by_gyro @ by_gyro)), 1e-12))
     if differ <= POOR:
         return odometry, None
     words = f"the turns of odometry and gyro differ by {100 * differ:.0f} %"
-    if alike < LEAST_LIKENESS:
-        return odometry, f"{words} and are not alike (correlation {alike:+.2f}): the gyro is not used"
+    if turns.likeness < LEAST_LIKENESS:
+        return (
+            odometry,
+            f"{words} and are not alike (correlation {turns.likeness:+.2f}): the gyro is not used",
+        )
     steps = between(odometry.poses[:-1], odometry.poses[1:])
     inside = (odometry.t[:-1] >= imu.t[0]) & (odometry.t[1:] <= imu.t[-1])
-    turns = np.where(inside, np.diff(np.interp(odometry.t, imu.t, integral)), steps[:, 2])
-    better = _chained(odometry, steps, turns)
+    turned = np.diff(np.interp(odometry.t, imu.t, turns.heading))
+    better = _chained(odometry, steps, np.where(inside, turned, steps[:, 2]))
     return better, f"{words}: headings are taken from the gyro, distances from the odometry"
 
 
