@@ -110,6 +110,43 @@ def test_the_hard_ladder_is_the_ladder_in_buildings_with_hazards():
     assert rungs == ch09.decided(ch09.steps(ch09.hard_ladder()))
 
 
+HARD = [
+    ("ch09_leave_one_out", "ch09_hard_leave_one_out", {"every"}),
+    ("ch10_kinds", "ch10_hard_kinds", {"every"}),
+]
+
+
+@pytest.mark.parametrize(("plain", "hard", "other"), HARD)
+def test_hard_studies_differ_by_their_hazards_and_how_many_scans_they_use(plain, hard, other):
+    cases = {
+        (c.label, c.get("simulator.seed")): dict(c.settings) for c in read_study(study_file(plain)).cases
+    }
+    for case in read_study(study_file(hard)).cases:
+        settings = dict(case.settings)
+        assert "simulator.hazards.slip" in settings
+        wanted = cases[case.label, case.get("simulator.seed")]
+        apart = {key for key in settings if settings[key] != wanted.get(key)}
+        assert {key for key in apart if not key.startswith("simulator.hazards.")} == other
+
+
+def test_what_is_missed_where_the_world_moves():
+    found = ch09.left_out(False, "hard")
+    assert set(found) == set(ch09.left_out(False))
+    for label, difference, interval, worse in (row[:1] + row[2:] for row in ch09.hard_left_out_table().rows):
+        apart = 100 * (found[label] - found["nothing"])
+        low, high = (float(end) for end in interval.split(" to "))
+        assert float(difference) == pytest.approx(np.median(apart), abs=0.006)
+        assert low * high > 0
+        assert np.count_nonzero(apart > 0) == int(worse)
+
+
+@pytest.mark.parametrize("polish", [True, False])
+def test_fifty_particles_are_counted_against_one(polish):
+    many, one = (ch10_particles.situation_errors("wheels slip", n, polish) for n in (50, 1))
+    better = sum(a < b for a, b in zip(many, one, strict=True))
+    assert ch10_particles.particles_help("wheels slip", polish) == f"{better} of 10"
+
+
 @pytest.mark.parametrize(("n", "ends"), [(6, (0, 5)), (10, (1, 8)), (20, (5, 14))])
 def test_the_interval_of_a_median_misses_it_in_one_sample_of_twenty_at_most(n, ends):
     """The ends by tables of the sign test; and in samples of normal numbers the median is 0."""
@@ -125,7 +162,18 @@ def test_the_table_of_the_ladder_has_a_row_for_each_rung():
     assert all(float(row[2]) >= float(row[1]) for row in table.rows)
 
 
-@pytest.mark.parametrize("situation", ["ordinary", "blind for 10 s", "blind for 20 s", "kidnapped"])
+@pytest.mark.parametrize(
+    "situation",
+    [
+        "ordinary",
+        "blind for 10 s",
+        "blind for 20 s",
+        "kidnapped",
+        "the world moves",
+        "wheels slip",
+        "people walk",
+    ],
+)
 def test_every_situation_has_a_run_in_every_building_for_every_number_of_particles(situation):
     assert situation in ch10_particles.situations()
     numbers = ("scan matching", *ch10_particles.NUMBERS)
@@ -135,7 +183,7 @@ def test_every_situation_has_a_run_in_every_building_for_every_number_of_particl
 
 
 @pytest.mark.parametrize("polish", [True, False])
-@pytest.mark.parametrize("study", [ch10_kinds.BUILDINGS, ch10_kinds.RINGS])
+@pytest.mark.parametrize("study", list(ch10_kinds.PLACES.values()))
 def test_kinds_are_compared_where_nothing_else_differs(study, polish):
     cases = [c for c in read_study(study_file(study)).cases if c.label.endswith("polish") != polish]
     configs = [c.config() for c in cases if c.get("method") != "dead-reckoning"]

@@ -23,6 +23,7 @@ from pfslam.teaching.show.tables import (
 )
 
 LADDER, HARD_LADDER = "ch09_ladder", "ch09_hard_ladder"
+LEFT_OUT = {"hall": "ch09_leave_one_out", "ramp": "ch09_leave_one_out", "hard": "ch09_hard_leave_one_out"}
 BARE = "dead reckoning"
 KNOWN_AS = {
     "+ gentle clearing": "inverse sensor model",
@@ -179,11 +180,19 @@ NO_POLISH = ", and no polish"
 
 
 def left_out(polish: bool, drive: str = "hall") -> dict[str, np.ndarray]:
-    """Return the errors (m) in all buildings with one ingredient taken away, under the name of that ingredient."""
-    found = errors_by_label(read_table("ch09_leave_one_out"))
+    """Return the errors (m) in all buildings with one ingredient taken away, under the name of that ingredient.
+
+    The drives are those of "hall", of "ramp", which has slopes, or "hard" ones, where the world moves.
+    """
+    found = errors_by_label(read_table(LEFT_OUT[drive]))
     own = {label: e for label, e in found.items() if label.startswith("ramp, ") == (drive == "ramp")}
     own = {label.removeprefix("ramp, "): e for label, e in own.items()}
     return {k.removesuffix(NO_POLISH): e for k, e in own.items() if k.endswith(NO_POLISH) != polish}
+
+
+def missed(errors: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return by how much (m) the error in each building is greater without an ingredient than with all of them."""
+    return {label: e - errors["nothing"] for label, e in errors.items() if label != "nothing"}
 
 
 def left_out_table() -> Shown:
@@ -209,6 +218,19 @@ def left_out_table() -> Shown:
         worse,
     )
     return Shown(head, rows)
+
+
+def hard_left_out_table() -> Shown:
+    """Return the changes that are missed where the world moves, or better left out, all without the polish."""
+    errors, rows = left_out(False, "hard"), []
+    missing = missed(errors)
+    for label in decided(missing):
+        low, high = median_interval(missing[label])
+        apart = f"{100 * np.median(missing[label]):+.2f}"
+        worse = f"{np.count_nonzero(missing[label] > 0)}"
+        rows.append((label, cm(errors[label]), apart, f"{100 * low:+.2f} to {100 * high:+.2f}", worse))
+    worse = f"worse [of {len(errors['nothing'])}]"
+    return Shown(("taken away", "median [cm]", "difference [cm]", "95 % interval", worse), rows)
 
 
 # ---- other studies

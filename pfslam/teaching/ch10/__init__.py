@@ -7,6 +7,7 @@ from pfslam.teaching.ch10.intel import intel_errors, intel_facts, intel_picture,
 from pfslam.teaching.ch10.kinds import (
     cost_ratio,
     histories_explorer,
+    kind_errors,
     kinds_table,
     loop_recording,
     medians_cm,
@@ -14,7 +15,13 @@ from pfslam.teaching.ch10.kinds import (
     play_histories,
     private_better,
 )
-from pfslam.teaching.ch10.particles import lost_while_blind, particles_explorer, particles_table
+from pfslam.teaching.ch10.particles import (
+    lost_while_blind,
+    particles_explorer,
+    particles_help,
+    particles_table,
+    situation_errors,
+)
 from pfslam.teaching.ch10.proposals import Proposals, proposals_picture
 from pfslam.teaching.show.source import show_source
 from pfslam.teaching.show.tables import number_of_buildings
@@ -32,6 +39,7 @@ __all__ = [
     "intel_picture",
     "intel_slips",
     "intel_table",
+    "kind_errors",
     "kinds_table",
     "loop_recording",
     "lost_while_blind",
@@ -39,6 +47,7 @@ __all__ = [
     "number_of_buildings",
     "one_and_many",
     "particles_explorer",
+    "particles_help",
     "particles_table",
     "per_particle_step",
     "play_histories",
@@ -46,4 +55,5 @@ __all__ = [
     "proposals_picture",
     "shifted",
     "show_source",
+    "situation_errors",
 ]

@@ -24,9 +24,10 @@ from pfslam.teaching.show.widgets import Explorer, Slider
 
 FRAMES = 20
 NO_POLISH = ", and no polish"
-BUILDINGS, RINGS = "ch10_kinds", "ch10_ring"
-PLACES = {"buildings": BUILDINGS, "rings": RINGS}
+BUILDINGS, RINGS, MOVING = "ch10_kinds", "ch10_ring", "ch10_hard_kinds"
+PLACES = {"buildings": BUILDINGS, "rings": RINGS, "the world moves": MOVING}
 PRIVATE, SHARED = "a map for each particle", "shared map"
+KINDS = ("dead reckoning", "scan matching", SHARED, PRIVATE)
 
 
 def kind_errors(study: str, polish: bool) -> dict[str, np.ndarray]:
@@ -40,31 +41,25 @@ def kind_errors(study: str, polish: bool) -> dict[str, np.ndarray]:
 
 
 def kinds_table() -> Shown:
-    """Return the median and worst error of each kind, in buildings and round rings, with the polish or without."""
-    columns = [kind_errors(study, polish) for study in (BUILDINGS, RINGS) for polish in (True, False)]
-    rows = []
-    for label in columns[0]:
-        cells = [
-            f"{100 * np.median(errors[label]):.1f} ({100 * errors[label].max():.1f})"
-            if label in errors
-            else ""
-            for errors in columns
-        ]
-        rows.append((label, *cells))
-    places = ("buildings", "rings")
-    return Shown(
-        ("median (worst) [cm]", *(f"{p}, {q}" for p in places for q in ("polish", "no polish"))), rows
-    )
+    """Return the median and worst error of each kind: in buildings, round rings and where the world moves."""
+    rows: list[tuple[str, ...]] = []
+    for place, study in PLACES.items():
+        bare = kind_errors(study, True)["dead reckoning"]
+        for polish, name in ((True, place), (False, f"{place}, no polish")):
+            errors = kind_errors(study, polish) | {"dead reckoning": bare}
+            cells = (f"{100 * np.median(errors[k]):.1f} ({100 * errors[k].max():.1f})" for k in KINDS)
+            rows.append((name, str(len(bare)), *cells))
+    return Shown(("median (worst) [cm]", "drives", *KINDS), rows)
 
 
 def medians_cm(places: str, polish: bool, first: int | None = None) -> dict[str, float]:
-    """Return the median error (cm) of each kind in the "buildings" or round the "rings", all or the ``first`` few."""
+    """Return the median error (cm) of each kind in one of ``PLACES``, over all of its drives or the ``first`` few."""
     errors = kind_errors(PLACES[places], polish)
     return {label: 100 * float(np.median(e[:first])) for label, e in errors.items()}
 
 
 def private_better(places: str, polish: bool) -> str:
-    """Return in how many "buildings" or "rings" private maps have a smaller error than a shared map, in words."""
+    """Return in how many drives of one of ``PLACES`` private maps have a smaller error than a shared map, in words."""
     errors = kind_errors(PLACES[places], polish)
     return f"{np.count_nonzero(errors[PRIVATE] < errors[SHARED])} of {len(errors[SHARED])}"
 

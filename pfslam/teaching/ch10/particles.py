@@ -9,7 +9,7 @@ from pfslam.teaching.show.style import COLOURS, new_figure
 from pfslam.teaching.show.tables import ERROR, Shown, labels_of, read_table, select
 from pfslam.teaching.show.widgets import Explorer, Slider
 
-STUDY = "ch10_particles"
+STUDIES = "ch10_particles", "ch10_hard_particles"
 NUMBERS = (1, 5, 50)
 MATCHING = ", scan matching"
 LOST = 0.3
@@ -18,19 +18,26 @@ SIDES = {"no polish": "particles", "polish": "estimate"}
 
 
 def situations() -> list[str]:
-    """Return the situations of the study."""
-    return [label for label in labels_of(read_table(STUDY)) if not label.endswith(MATCHING)]
+    """Return the situations of the studies."""
+    found = [label for study in STUDIES for label in labels_of(read_table(study))]
+    return [label for label in found if not label.endswith(MATCHING)]
 
 
 def situation_errors(situation: str, particles: int | str, polish: bool = True) -> np.ndarray:
     """Return the errors (m) in every building with so many particles, or with "scan matching"."""
-    table = read_table(STUDY)
+    table = next(t for t in map(read_table, STUDIES) if situation in labels_of(t))
     if particles == "scan matching":
         rows = select(table, label=situation + MATCHING)
     else:
         rows = select(table, label=situation, particles=float(particles))
     polished = np.array([str(value) not in ("0.0", "false", "False") for value in rows["polish"]])
     return rows[ERROR][polished == polish]
+
+
+def particles_help(situation: str, polish: bool) -> str:
+    """Return in how many buildings 50 particles have a smaller error than one, in words."""
+    many, one = (situation_errors(situation, n, polish) for n in (50, 1))
+    return f"{np.count_nonzero(many < one)} of {len(one)}"
 
 
 def lost_while_blind(particles: int | str) -> str:
