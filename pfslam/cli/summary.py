@@ -49,8 +49,8 @@ def summarise(
     if texture is not None:
         summary["image_pairs"] = texture.pairs
     estimates = {"odometry": odometry} | ({"slam": result.trajectory} if result else {})
-    if revision is not None:
-        summary["loops"] = _loops(revision)
+    if revision is not None and result is not None:
+        summary["loops"] = _loops(revision, result.trajectory)
         estimates["revised"] = revision.trajectory
     if recording.truth is None:
         return summary
@@ -83,13 +83,14 @@ def _covariance(result: SlamResult, truth: Trajectory | None) -> dict[str, float
     return found
 
 
-def _loops(revision: Revision) -> dict[str, Any]:
+def _loops(revision: Revision, before: Trajectory) -> dict[str, Any]:
     """Say how many places were compared and found to be the same, and how far the path was moved (m)."""
+    moved = np.hypot(*(revision.trajectory.poses - before.poses)[:, :2].T)
     return {
         "key_scans": len(revision.keys),
         "candidates": revision.candidates,
         "accepted": len(revision.loops),
-        "largest_move_m": float(revision.moved.max()),
+        "largest_move_m": float(moved.max()),
     }
 
 

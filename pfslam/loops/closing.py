@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -11,21 +10,17 @@ import numpy as np
 from pfslam.events import Drive
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
 from pfslam.loops.graph import Edges, chi_square, relax
-from pfslam.loops.places import Place, align, blind, search_window
+from pfslam.loops.places import Place, align, compare, search_window
 from pfslam.poses import Trajectory, between, compose, invert, transform_points
 from pfslam.recording import Recording
 from pfslam.runs import SlamResult
 
-KEY_METRES, KEY_RADIANS = 1.0, 0.5
-"""A key scan is taken after so much motion."""
-AROUND, APART = 2, 2
-"""A place holds so many key scans either side; where only wheels measured, scans so far apart are matched anew."""
-LEAST_WAY, NEARBY, DRIFT, FARTHEST = 10.0, 1.5, 0.02, 8.0
-"""After so many metres a loop is looked for, within ``NEARBY + DRIFT * way`` (m), at most ``FARTHEST``."""
-YAW_SHARE = 0.06
-"""Headings are searched so many radians to each side for every metre of that."""
-LEAST_SHARE, TWIN, SUPPORT = 0.6, 0.9, 2
-"""Share of points that two places explain of each other; score of a twin; loops that agree with one."""
+KEY_METRES, KEY_RADIANS, AROUND, APART = 1.0, 0.5, 2, 2
+"""Motion to the next key scan; such scans either side of a place; how far on one is matched anew after wheels alone."""
+LEAST_WAY, NEARBY, DRIFT, FARTHEST, YAW_SHARE = 10.0, 1.5, 0.02, 8.0, 0.06
+"""Metres to a first loop; its window, ``NEARBY + DRIFT * way``, at most ``FARTHEST`` (m); and rad for every metre."""
+LEAST_POINTS, LEAST_SHARE, TWIN, SUPPORT = 10, 0.6, 0.9, 2
+"""Points in a place; share of them that each explains of the other; score of a twin; loops that agree with a loop."""
 AGREES, LEAST_SCALE = 7.81, 0.015
 """Squared error (chi-square) that 19 of 20 right loops stay below; least error of the wheels' scale that counts."""
 LOOP_FLOOR, NEIGHBOUR_FLOOR = np.array([0.03, 0.03, 0.005]) ** 2, np.array([0.01, 0.01, 0.02]) ** 2
@@ -37,7 +32,7 @@ class Revision:
     """A revised run: the path at the same times, the map drawn from it, and what was done.
 
     ``keys (K,)`` are indices of scans, ``candidates`` the number of pairs looked at, ``loops`` those kept, as edges
-    between key scans, ``moved (T,)`` how far (m) each pose was moved, ``scale (K,)`` what was found about the wheels.
+    between key scans, ``scale (K,)`` what was found about the wheels.
     """
 
     trajectory: Trajectory
@@ -45,7 +40,6 @@ class Revision:
     keys: np.ndarray
     candidates: int
     loops: Edges
-    moved: np.ndarray
     scale: np.ndarray
 
 
@@ -59,19 +53,18 @@ def close_loops(recording: Recording, result: SlamResult) -> Revision:
     events = Drive.of(recording, result.config).events()
     places = [Place.of(event) for k, event in enumerate(events) if k in keys]
     at, chain = poses[keys], chain_edges(result, keys)
-    candidates, neighbours = find_candidates(at), neighbour_edges(places, at, chain.wheels)
-    loops = consistent(match_loops(places, at, candidates), at)
-    path, grid, scale = poses, result.grid, np.zeros(len(keys))
-    if len(loops) + len(neighbours):
+    candidates, path, grid, scale = find_candidates(at), poses, result.grid, np.zeros(len(keys))
+    loops = consistent(matched(places, at, candidates, AROUND, LOOP_FLOOR), at)
+    along = matched(places, at, neighbours(chain), 0, NEIGHBOUR_FLOOR)
+    if len(loops) + len(along):
         held = confirming(loops, at)
-        revised, scale, weights = relax(chain.joined(neighbours, held), at)
+        revised, scale, weights = relax(chain.joined(along, held), at)
         if np.abs(scale).max() < LEAST_SCALE:
             revised, scale, weights = relax(chain.joined(held), at)
         loops = loops.chosen(weights[len(weights) - len(loops) :] > 0.5)
         path = carried(poses, keys, revised)
         grid = redrawn(recording, result, path)
-    moved = np.hypot(*(path - poses)[:, :2].T)
-    return Revision(Trajectory(result.trajectory.t, path), grid, keys, len(candidates), loops, moved, scale)
+    return Revision(Trajectory(result.trajectory.t, path), grid, keys, len(candidates), loops, scale)
 
 
 def key_scans(result: SlamResult) -> np.ndarray:
@@ -118,64 +111,48 @@ def find_candidates(poses: np.ndarray) -> list[tuple[int, int, float]]:
     return pairs
 
 
-def submap(places: list[Place], poses: np.ndarray, k: int) -> Place:
+def submap(places: list[Place], poses: np.ndarray, k: int, around: int) -> Place:
     """Draw a key scan and its neighbours together, in the frame of the key scan."""
-    near = range(max(k - AROUND, 0), min(k + AROUND + 1, len(poses)))
+    near = range(max(k - around, 0), min(k + around + 1, len(poses)))
     parts = [places[n].seen_from(between(poses[k], poses[n])) for n in near]
     return Place(np.vstack([p.points for p in parts]), np.vstack([p.normals for p in parts]))
 
 
-def match_loops(places: list[Place], poses: np.ndarray, candidates: list[tuple[int, int, float]]) -> Edges:
-    """Match the candidates, and keep those in which each place explains most of the other."""
+def neighbours(chain: Edges) -> list[tuple[int, int, float]]:
+    """List pairs of key scans (i, j) a little way apart where only the wheels measured the way; nothing to search."""
+    return [(i, i + APART, 0.0) for i in range(len(chain) + 1 - APART) if chain.wheels[i : i + APART].any()]
+
+
+def matched(places: list[Place], poses: np.ndarray, pairs: list, around: int, floor: np.ndarray) -> Edges:
+    """Match pairs of key scans with ``around`` others either side, and return what was found as edges.
+
+    After a search each place must explain most of the other. If a twin pose is as good, the place may be there as well:
+    its covariance grows by d d^T with d from the best pose to the twin, so that the edge says nothing along d.
+    """
     found = []
-    for i, j, radius in candidates:
-        here, there, guess = submap(places, poses, i), submap(places, poses, j), between(poses[i], poses[j])
-        if min(len(here.points), len(there.points)) < 10:
+    for i, j, radius in pairs:
+        here, there = submap(places, poses, i, around), submap(places, poses, j, around)
+        pose, unsure = between(poses[i], poses[j]), np.diag(floor)
+        if min(len(here.points), len(there.points)) < LEAST_POINTS:
             continue
-        (best, score), (twin, second) = search_window(here, there, guess, radius, YAW_SHARE * radius)
-        fit = align(here, there, best, (0.1, 0.05))
-        back = align(there, here, invert(fit.pose), (0.1, 0.05), rounds=1)
-        if min(fit.share, back.share) >= LEAST_SHARE:
-            unknown = blind(here, there, fit) + ([(twin - best)[:2]] if second > TWIN * score else [])
-            found.append((i, j, fit.pose, softened(fit.information, LOOP_FLOOR, unknown)))
-    return _edges(found)
+        if radius > 0.0:
+            (pose, score), (twin, second) = search_window(here, there, pose, radius, YAW_SHARE * radius)
+            unsure = unsure + (second > TWIN * score) * np.outer(twin - pose, twin - pose)
+        pose = align(here, there, pose)
+        (_, information, share), (_, _, back) = compare(here, there, pose), compare(there, here, invert(pose))
+        if radius == 0.0 or min(share, back) >= LEAST_SHARE:
+            found.append((i, j, pose, softened(information, unsure)))
+    ends, zero = np.array([pair[:2] for pair in found], dtype=int).reshape(-1, 2).T, np.zeros(len(found))
+    motions, certain = (np.array([pair[k] for pair in found]) for k in (2, 3))
+    return Edges(ends[0], ends[1], motions.reshape(-1, 3), certain.reshape(-1, 3, 3), zero, zero == 0.0)
 
 
-def neighbour_edges(places: list[Place], poses: np.ndarray, wheels: np.ndarray) -> Edges:
-    """Match key scans anew with others a little way back, where only the wheels measured the way in between.
+def softened(information: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Return the information ``(3, 3)`` that is left when another error of such a ``covariance (3, 3)`` is added.
 
-    Scan against scan, what little there is across a corridor's length, the sides of a door frame, is not yet smeared by
-    the very error that it is to show. The heading is left to the chain, which knows it better.
+    (Omega^-1 + Sigma)^-1 = Omega (I + Sigma Omega)^-1, also of an Omega that has no inverse.
     """
-    found = []
-    for i in np.flatnonzero([wheels[k : k + APART].any() for k in range(len(poses) - APART)]):
-        here, there, guess = places[i], places[i + APART], between(poses[i], poses[i + APART])
-        if min(len(here.points), len(there.points)) >= 10:
-            fit = align(here, there, guess, (0.02 + 0.03 * float(np.hypot(*guess[:2])), 0.02))
-            unknown = blind(here, there, fit)
-            found.append((i, i + APART, fit.pose, softened(fit.information, NEIGHBOUR_FLOOR, unknown)))
-    return _edges(found)
-
-
-def _edges(found: list[tuple]) -> Edges:
-    i, j, pose, information = zip(*found, strict=True) if found else ((), (), (), ())
-    ends, poses = (np.array(i, dtype=int), np.array(j, dtype=int)), np.reshape(pose, (-1, 3))
-    informations = np.reshape(information, (-1, 3, 3))
-    return Edges(*ends, poses, informations, np.zeros(len(found)), np.ones(len(found), dtype=bool))
-
-
-def softened(information: np.ndarray, floor: np.ndarray, unknown: Sequence[np.ndarray]) -> np.ndarray:
-    """Return an honest information ``(3, 3)``: none along the directions ``unknown (2,)``, and none above a floor.
-
-    The Schur complement Omega - Omega u u^T Omega / u^T Omega u is what remains if the place along u may be anything;
-    Omega (I + Sigma_0 Omega)^-1 adds the floor's covariance, also to an Omega that has no inverse.
-    """
-    for direction in unknown:
-        u = np.append(direction / np.hypot(*direction), 0.0)
-        known = information @ u
-        information = information - np.outer(known, known) / max(float(u @ known), 1e-9)
-    soft = information @ np.linalg.inv(np.eye(3) + np.diag(floor) @ information)
-    return 0.5 * (soft + soft.T)
+    return information @ np.linalg.inv(np.eye(3) + covariance @ information)
 
 
 def consistent(loops: Edges, poses: np.ndarray, reach: float = 8.0) -> Edges:
@@ -202,8 +179,7 @@ def confirming(loops: Edges, poses: np.ndarray) -> Edges:
     path says already, and would only bring its noise.
     """
     agrees = chi_square(loops, poses, np.zeros(len(poses))) <= AGREES
-    says = between(poses[loops.i], poses[loops.j])
-    return replace(loops, pose=np.where(agrees[:, None], says, loops.pose))
+    return replace(loops, pose=np.where(agrees[:, None], between(poses[loops.i], poses[loops.j]), loops.pose))
 
 
 def carried(poses: np.ndarray, keys: np.ndarray, revised: np.ndarray) -> np.ndarray:

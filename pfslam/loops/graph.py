@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.sparse import block_diag, bsr_array, csr_array, diags_array
+from scipy.sparse import block_diag, coo_array, csr_array, diags_array
 from scipy.sparse.linalg import spsolve
 
 from pfslam.poses import between, wrap_angle
@@ -67,13 +67,11 @@ def chi_square(edges: Edges, poses: np.ndarray, scale: np.ndarray) -> np.ndarray
 
 def jacobians(edges: Edges, poses: np.ndarray) -> np.ndarray:
     """Return the derivatives ``(E, 3, 7)`` of the errors for x, y, theta of pose i, of pose j, and for s_i."""
-    a, b = poses[edges.i], poses[edges.j]
-    c, s, (dx, dy) = np.cos(a[:, 2]), np.sin(a[:, 2]), (b - a)[:, :2].T
-    J = np.zeros((len(edges), 3, 7))
+    J, (x, y, _) = np.zeros((len(edges), 3, 7)), between(poses[edges.i], poses[edges.j]).T
+    c, s = np.cos(poses[edges.i, 2]), np.sin(poses[edges.i, 2])
     J[:, 0, 3], J[:, 0, 4], J[:, 1, 3], J[:, 1, 4] = c, s, -s, c
     J[:, :2, :2] = -J[:, :2, 3:5]
-    J[:, 0, 2], J[:, 1, 2] = c * dy - s * dx, -c * dx - s * dy
-    J[:, 2, 2], J[:, 2, 5] = -1.0, 1.0
+    J[:, 0, 2], J[:, 1, 2], J[:, 2, 2], J[:, 2, 5] = y, -x, -1.0, 1.0
     J[:, :2, 6] = -edges.wheels[:, None] * edges.pose[:, :2]
     return J
 
@@ -93,19 +91,18 @@ def gauss_newton_step(edges: Edges, poses: np.ndarray, scale: np.ndarray, weight
     H = sum w J^T Omega J and b = sum w J^T Omega e; an edge fills only the rows and columns of its own unknowns. Pose 0
     is held fast: all motions are relative, so the whole graph could move without any error.
     """
-    K, E, xyz = len(poses), len(edges), np.arange(3)
-    columns = np.hstack([3 * edges.i[:, None] + xyz, 3 * edges.j[:, None] + xyz, 3 * K + edges.i[:, None]])
-    ends = np.arange(0, 21 * E + 1, 7)
-    slopes = jacobians(edges, poses).ravel()
-    J = csr_array((slopes, np.repeat(columns, 3, axis=0).ravel(), ends), shape=(3 * E, 4 * K))
-    information = weights[:, None, None] * edges.information
-    JtO = J.T @ bsr_array((information, np.arange(E), np.arange(E + 1)))
+    K, xyz = len(poses), np.arange(3)
+    own = np.hstack([3 * edges.i[:, None] + xyz, 3 * edges.j[:, None] + xyz, 3 * K + edges.i[:, None]])
+    J, e = jacobians(edges, poses), residuals(edges, poses, scale)
+    JtO = np.swapaxes(J, 1, 2) @ (weights[:, None, None] * edges.information)
+    rows, columns = np.broadcast_arrays(own[:, :, None], own[:, None, :])
+    H = coo_array(((JtO @ J).ravel(), (rows.ravel(), columns.ravel())), shape=(4 * K, 4 * K))
+    b = np.bincount(own.ravel(), (JtO @ e[:, :, None]).ravel(), minlength=4 * K)
     # The scales: the first near zero, each near the one before.
-    steps = diags_array([np.ones(K), -np.ones(K - 1)], offsets=[0, -1])
-    prior = steps.T @ diags_array(np.append(SCALE_SIGMA, np.full(K - 1, WALK_SIGMA)) ** -2) @ steps
-    H = JtO @ J + block_diag([csr_array((3 * K, 3 * K)), prior])
-    b = JtO @ residuals(edges, poses, scale).ravel() + np.append(np.zeros(3 * K), prior @ scale)
-    step = np.append(np.zeros(3), -spsolve(H.tocsc()[3:, 3:], b[3:]))
+    change = diags_array([np.ones(K), -np.ones(K - 1)], offsets=[0, -1])
+    prior = change.T @ diags_array(np.append(SCALE_SIGMA, np.full(K - 1, WALK_SIGMA)) ** -2) @ change
+    H, b[3 * K :] = H + block_diag([csr_array((3 * K, 3 * K)), prior]), b[3 * K :] + prior @ scale
+    step = np.append(np.zeros(3), spsolve(H.tocsc()[3:, 3:], -b[3:]))
     poses = poses + step[: 3 * K].reshape(K, 3)
     return np.column_stack([poses[:, :2], wrap_angle(poses[:, 2])]), scale + step[3 * K :]
 
@@ -117,9 +114,8 @@ def relax(edges: Edges, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     has had a chance to bend (graduated non-convexity, Yang et al., 2020).
     """
     scale, weights = np.zeros(len(poses)), np.ones(len(edges))
-    for width in KERNELS:
-        for _ in range(ITERATIONS):
-            chi2 = chi_square(edges, poses, scale)
-            weights = np.where(edges.doubtful, robust_weights(chi2, width), 1.0)
-            poses, scale = gauss_newton_step(edges, poses, scale, weights)
+    for width in np.repeat(KERNELS, ITERATIONS):
+        chi2 = chi_square(edges, poses, scale)
+        weights = np.where(edges.doubtful, robust_weights(chi2, width), 1.0)
+        poses, scale = gauss_newton_step(edges, poses, scale, weights)
     return poses, scale, weights
