@@ -171,6 +171,7 @@ def test_the_table_of_the_ladder_has_a_row_for_each_rung():
         "kidnapped",
         "the world moves",
         "wheels slip",
+        "wheels slip, every 5th scan",
         "people walk",
     ],
 )
