@@ -118,7 +118,7 @@ def check_track(recording: Recording) -> Finding:
     if recording.odometry is not None:
         expected = "a factor of 0.8 to 1.2"
         turns = compare_turns(recording.odometry, recording.imu, recording.robot.imu.yaw_axis)
-        if not turns.tell:
+        if not turns.enough:
             return Finding(question, None, "too few turns", expected)
         return Finding(question, 0.8 <= turns.factor <= 1.2, f"factor {turns.factor:+.2f}", expected)
     track = effective_track(recording)

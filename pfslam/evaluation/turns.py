@@ -1,4 +1,4 @@
-"""Turns by odometry and by gyro, side by side: do they tell of the same drive?"""
+"""Turns by odometry and by gyro, side by side: were they on the same drive?"""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Turns:
     still: int
 
     @property
-    def tell(self) -> bool:
-        """Tell whether there are turns to compare."""
+    def enough(self) -> bool:
+        """Tell whether the drive turned enough for a comparison."""
         return bool(np.abs(self.by_gyro).sum() >= LEAST_TURN)
 
     @property

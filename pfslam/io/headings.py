@@ -21,7 +21,7 @@ def with_better_headings(odometry: Trajectory, imu: Imu) -> tuple[Trajectory, st
     a tenth of the gyro's, root mean square. The gyro is believed if both are alike at all: a correlation over one half.
     """
     turns = compare_turns(odometry, imu)
-    if not turns.tell:
+    if not turns.enough:
         return odometry, None
     by_wheels, by_gyro = turns.by_odometry, turns.by_gyro
     differ = float(np.sqrt(((by_wheels - by_gyro) ** 2).sum() / (by_gyro**2).sum()))
