@@ -109,6 +109,28 @@ def rotation_matrix(roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> 
     return about_z @ about_y @ about_x
 
 
+def roll_pitch_yaw(rotation: np.ndarray) -> tuple[float, float, float]:
+    """The angles (rad) of ``rotation_matrix`` for a rotation ``(3, 3)``, pitch in [-pi/2, pi/2].
+
+    >>> [round(angle, 9) for angle in roll_pitch_yaw(rotation_matrix(0.1, -0.2, 3.0))]
+    [0.1, -0.2, 3.0]
+    """
+    R = np.asarray(rotation, dtype=float)
+    roll, yaw = np.arctan2(R[[2, 1], [1, 0]], R[[2, 0], [2, 0]]).tolist()
+    return roll, float(-np.arcsin(np.clip(R[2, 0], -1.0, 1.0))), yaw
+
+
+def quaternion_to_rotation(xyzw) -> np.ndarray:
+    """Rotations ``(..., 3, 3)`` of unit quaternions ``(..., 4)``, the real part last.
+
+    >>> quaternion_to_rotation([0.0, 0.0, 1.0, 0.0]).tolist()  # half a turn about z
+    [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    q = np.asarray(xyzw, dtype=float)[..., None, :]
+    cross = np.cross(np.eye(3), q[..., :3])
+    return np.eye(3) + 2.0 * q[..., 3:] * cross + 2.0 * cross @ cross
+
+
 def transform(rotation=None, translation=(0.0, 0.0, 0.0)) -> np.ndarray:
     """A 4 x 4 transform from a rotation ``(3, 3)`` (identity if None) and a translation ``(3,)`` in metres."""
     T = np.eye(4)

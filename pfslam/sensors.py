@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.poses import apply_transform, rotation_matrix, transform
+from pfslam.poses import apply_transform, roll_pitch_yaw, rotation_matrix, transform
 from pfslam.settings import Range, Settings
 
 STANDARD_GRAVITY = 9.80665  # m/s^2 in one g
@@ -123,6 +123,19 @@ class RgbdModel(Settings):
     roll: Number = 0.0
     pitch: Number = float(np.deg2rad(18.0))
     yaw: Number = 0.0
+
+    @classmethod
+    def registered(cls, width: int, height: int, K: np.ndarray, T_bo: np.ndarray) -> RgbdModel:
+        """Describe a camera that gives depth in metres, and a colour for each of its pixels.
+
+        ``K (3, 3)`` are its intrinsics and ``T_bo (4, 4)`` places its optical frame in the body's. Its disparity is one
+        over depth in steps of 1e-4 1/m, each worth 1 mm at 3 m; the largest that fits 16 bits is 0.15 m away.
+        """
+        roll, pitch, yaw = roll_pitch_yaw(T_bo[:3, :3] @ _OPTICAL_TO_CAMERA.T)
+        (fu, skew, u), (_, fv, v), _ = np.asarray(K, dtype=float).tolist()
+        disparity, colour = (1e-4, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0, 1.0)
+        place = tuple(T_bo[:3, 3].tolist())
+        return cls(width, height, fu, fv, skew, u, v, *disparity, *colour, place, roll, pitch, yaw)
 
     @property
     def K(self) -> np.ndarray:

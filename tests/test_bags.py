@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -439,19 +440,17 @@ def test_late_messages_and_gaps_are_spoken_of(tmp_path):
     assert not any("/odom is silent" in note for note in found.notes)
 
 
-@pytest.mark.parametrize("jump", [3600.0, -2.0, 8e8])
-def test_a_clock_that_is_set_during_the_drive(tmp_path, jump):
+def test_a_clock_that_is_set_during_the_drive_is_spoken_of(tmp_path):
     """A robot without a battery for its clock starts at some time, and is set when it finds the network."""
     rows = rows_of(BOX)
     for topic, at, message in rows:
         if topic != "/tf_static" and at > nanoseconds(START + 3.0) + LATER:
-            message.header.stamp.sec += int(jump)
+            message.header.stamp.sec += 3600
     found = loaded(tmp_path, rows)
-    np.testing.assert_allclose(found.lidar.t, BOX.lidar.t + LATER * 1e-9, atol=1e-6)
-    assert found.dropped == {}
-    for note, topic, when in zip(found.notes, ("scan", "odom"), ("3.102", "3.012"), strict=True):
-        expected = f"the stamps on /{topic} jump by {jump:+.1f} s at 130000000{when} s"
-        assert note == f"{expected}: the bag's own time is used"
+    assert len(found.lidar.t) == len(BOX.lidar.t)
+    for topic in ("/scan", "/odom"):
+        assert any(note.startswith(f"{topic} is silent for 3600.") for note in found.notes)
+    assert any("are late or early" in note for note in found.notes)
 
 
 def test_a_recorder_that_stalls_is_no_jump_of_a_clock(tmp_path):
@@ -548,20 +547,6 @@ def test_a_sweep_that_varies_a_little_is_one_sweep(tmp_path):
     assert (len(found.lidar.t), found.dropped, found.notes) == (55, {}, ())
 
 
-def test_a_scan_that_takes_time_without_saying_which_beam_when_is_mentioned(tmp_path):
-    rows = rows_of(BOX)
-    for message in scans_of(rows):
-        message.scan_time = 0.1
-    found = loaded(tmp_path, rows)
-    assert found.robot.lidar.sweep == 0.0
-    assert found.notes == (
-        "on /scan time_increment is 0 and scan_time 0.1 s: all beams of a scan are taken at once",
-    )
-
-
-OTHERS = "messages on /scan of other frames or limits than laser, 0.1 to 30 m"
-
-
 def test_a_scanner_of_one_beam_has_no_sweep(tmp_path):
     lidar = LidarModel(0.0, 0.0, 1, position_b=BOX.robot.lidar.position_b)
     ranges = np.stack([room_ranges(pose, lidar) for pose in BOX.truth.poses])
@@ -573,25 +558,22 @@ def test_a_scanner_of_one_beam_has_no_sweep(tmp_path):
 
 
 def test_scans_of_several_frames_are_not_mixed(tmp_path):
-    """Two scanners on one topic: the frame with more scans is used, and the others are counted."""
+    """Two scanners on one topic: the frame of the first scan is used, and the others are counted."""
     rows = rows_of(BOX)
-    for message in scans_of(rows)[::2]:
+    for message in scans_of(rows)[1::2]:
         message.header = NEW.header(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec, "rear")
-    rows = changed(rows, "/scan", 0, lambda at, m: [])
-    rows = changed(rows, "/scan", 1, lambda at, m: [])
     found = loaded(tmp_path, rows)
-    np.testing.assert_array_equal(found.lidar.t, BOX.lidar.t[1::2])
-    assert found.dropped == {OTHERS: 26}
+    np.testing.assert_array_equal(found.lidar.t, BOX.lidar.t[::2])
+    assert found.dropped == {"messages on /scan of other frames than laser": 27}
 
 
-def test_scans_with_other_limits_or_no_angles_are_counted(tmp_path):
+def test_scans_without_angles_are_counted(tmp_path):
     rows = rows_of(BOX)
-    scans_of(rows)[3].range_max = 8.0
     scans_of(rows)[4].angle_increment = 0.0
     scans_of(rows)[5].ranges = np.zeros(0, dtype=np.float32)
     found = loaded(tmp_path, rows)
-    assert found.dropped == {"messages on /scan without usable angles": 2, OTHERS: 1}
-    assert len(found.lidar.t) == 52
+    assert found.dropped == {"messages on /scan without usable angles": 2}
+    assert len(found.lidar.t) == 53
 
 
 def test_a_whole_turn_may_end_before_it_begins(tmp_path):
@@ -607,14 +589,6 @@ def test_a_whole_turn_may_end_before_it_begins(tmp_path):
     assert found.robot.lidar.angle_min == pytest.approx(-np.pi, abs=1e-6)
     points = scan_points(found.lidar.ranges[9], found.robot.lidar)
     np.testing.assert_allclose(points, scan_points(ranges[9], lidar), atol=1e-4)
-
-
-def test_an_end_that_does_not_fit_the_beams_is_spoken_of(tmp_path):
-    rows = rows_of(BOX)
-    for message in scans_of(rows):
-        message.angle_max = 1.0
-    words = "the beams on /scan end at 2.356 rad by angle_increment, and at 1.000 rad by angle_max"
-    assert loaded(tmp_path, rows).notes == (f"{words}: the former is used",)
 
 
 @pytest.mark.parametrize(
@@ -655,7 +629,7 @@ def test_of_two_lidars_the_usual_name_or_the_one_named(tmp_path):
         {"messages of LaserScan on /rear, which is not read": 30},
     )
     assert len(pfslam.load(path, bag=BagOptions(scan="rear")).lidar.t) == 30
-    with pytest.raises(DataError, match="--scan /odom: found /rear, /scan, expected a topic of LaserScan"):
+    with pytest.raises(DataError, match="--scan /odom: found /rear, /scan, expected one topic of LaserScan"):
         pfslam.load(path, bag=BagOptions(scan="/odom"))
 
 
@@ -667,7 +641,7 @@ def test_two_lidars_without_a_usual_name_are_refused(tmp_path, capsys):
     assert main(["info", str(path)]) == 2
     said = capsys.readouterr()
     assert "/front" in said.out
-    assert "topics of LaserScan: found /front, /rear, expected one, named with --scan" in said.err
+    assert "--scan NAME: found /front, /rear, expected one topic of LaserScan" in said.err
     assert main(["info", str(path), "--scan", "/front"]) == 0
 
 
@@ -774,7 +748,7 @@ def test_the_images_go_into_the_one_file(tmp_path):
     ("changes", "words"),
     [
         ({"frame": "another"}, "depth and colour are not registered: sizes or frames differ"),
-        ({"colour": "yuv422"}, "the encodings 32FC1 and yuv422 are not read"),
+        ({"colour": "yuv422"}, "not read: encoding yuv422"),
     ],
 )
 def test_images_that_do_not_fit_are_counted(tmp_path, changes, words):
@@ -981,24 +955,49 @@ def test_topics_are_listed_with_their_times(tmp_path):
 # ---- bags of other people ----------------------------------------------------------------------
 
 
-def test_every_message_of_a_real_bag_is_used_or_counted():
-    """Bags in the folder that PFSLAM_BAGS names, of which none is part of this repository."""
+@pytest.fixture(scope="module")
+def real_bags():
+    """What can be read in the folder that PFSLAM_BAGS names; none of it is part of this repository."""
     if "PFSLAM_BAGS" not in os.environ:
         pytest.skip("no bags of real robots: PFSLAM_BAGS names no folder")
-    paths = [path for path in sorted(Path(os.environ["PFSLAM_BAGS"]).iterdir()) if is_bag(path)]
-    refused = []
-    for path in paths:
-        try:
-            found = pfslam.load(path)
-        except DataError:
-            refused.append(path)
-            continue
+    found = {}
+    for path in filter(is_bag, sorted(Path(os.environ["PFSLAM_BAGS"]).iterdir())):
+        with suppress(DataError):
+            found[path] = pfslam.load(path)
+    assert found
+    return found
+
+
+def test_every_message_of_a_real_bag_is_used_or_counted(real_bags):
+    for path, found in real_bags.items():
         topics = read_topics(path)
         for stream, kind in ((found.odometry, "Odometry"), (found.imu, "Imu"), (found.lidar, "LaserScan")):
             names = [name for name, topic in topics.items() if topic.kind.endswith(f"/{kind}")]
             if stream is not None and names:
+                left_out = {why: n for why, n in found.dropped.items() if why.startswith("messages ")}
                 out = sum(
-                    n for why, n in found.dropped.items() if any(f"on {name} " in f"{why} " for name in names)
+                    n
+                    for why, n in left_out.items()
+                    if any(f" {name} " in f"{why} ".replace(",", " ") for name in names)
                 )
-                assert len(stream.t) + out == sum(len(topics[name].messages) for name in names)
-    assert len(refused) < len(paths)
+                assert len(stream.t) + out == sum(len(topics[name].t) for name in names)
+
+
+def test_the_filter_draws_sharper_walls_than_the_odometry_of_a_real_bag(real_bags):
+    """Fewer cells of 5 cm hold the ends of all beams."""
+    scanned = [recording for recording in real_bags.values() if recording.lidar is not None]
+    drives = [recording for recording in scanned if np.ptp(recording.odometry.poses, axis=0).max() > 1.0]
+    if not drives:
+        pytest.skip("no bag of a drive with scans in the folder that PFSLAM_BAGS names")
+    for recording in drives:
+        run = pfslam.run_slam(recording, replace(pfslam.SlamConfig.refined(), particles=50))
+        cells = []
+        for path in (recording.odometry, run.trajectory):
+            ends = []
+            for t, ranges in zip(recording.lidar.t, recording.lidar.ranges, strict=True):
+                if run.trajectory.t[0] <= t <= run.trajectory.t[-1]:
+                    ends.append(transform_points(path.at(t), scan_points(ranges, recording.robot.lidar)))
+            cells.append(len(np.unique(np.floor(np.concatenate(ends) / 0.05), axis=0)))
+        by_odometry, by_filter = cells
+        print(recording.name, by_odometry, by_filter)
+        assert by_filter < by_odometry

@@ -16,6 +16,7 @@ from pfslam.texture.floor import (
     depth_mask,
     depth_step,
     disparity_from_depth,
+    disparity_from_depth_image,
     fit_floor_plane,
     floor_mask,
     level_camera,
@@ -47,6 +48,23 @@ def test_no_reading_has_no_depth(disparity):
 def test_disparity_and_depth_invert_each_other():
     disparity = np.arange(0, 1089)
     assert disparity_from_depth(depth_from_disparity(disparity, CAMERA), CAMERA) == pytest.approx(disparity)
+
+
+@pytest.mark.parametrize(
+    ("camera", "depths"),
+    [
+        (CAMERA, (0.6, 1.0, 4.0)),
+        (RgbdModel.registered(640, 480, CAMERA.K, CAMERA.T_bo), (0.16, 1.0, 9.0, 1e4 / 2047)),
+    ],
+)
+def test_an_image_of_depths_comes_back_within_half_a_step_and_nothing_stays_nothing(camera, depths):
+    nothing = [0.0, -1.0, np.nan, np.inf, 0.01 if camera is not CAMERA else 0.2]
+    image = disparity_from_depth_image(np.array([[*depths, *nothing]]), camera)
+    found = depth_from_disparity(image, camera)[0]
+    step = [max(depth_step(depth, camera), 1e-3) for depth in depths]
+    assert image.dtype == np.uint16
+    assert (np.abs(found[: len(depths)] - depths) <= step).all()
+    assert np.isnan(found[len(depths) :]).all()
 
 
 def test_one_step_of_disparity_costs_3_mm_at_1_m_and_27_mm_at_3_m():

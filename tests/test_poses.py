@@ -123,6 +123,22 @@ def test_rotation_is_yaw_after_pitch_after_roll(roll, pitch, yaw):
     np.testing.assert_allclose(P.rotation_matrix(roll, pitch, yaw), about[2] @ about[1] @ about[0], atol=1e-9)
 
 
+@given(angles, angles, angles)
+def test_the_angles_of_a_rotation_make_the_same_rotation(roll, pitch, yaw):
+    rotation = P.rotation_matrix(roll, pitch, yaw)
+    found = P.roll_pitch_yaw(rotation)
+    assert abs(found[1]) <= np.pi / 2
+    np.testing.assert_allclose(P.rotation_matrix(*found), rotation, atol=1e-7)
+
+
+@given(arrays(float, (5, 3), elements=st.floats(-3.0, 3.0)))
+def test_a_quaternion_turns_as_its_axis_and_angle_do(vectors):
+    half = 0.5 * np.linalg.norm(vectors, axis=1, keepdims=True)
+    quaternions = np.hstack([0.5 * np.sinc(half / np.pi) * vectors, np.cos(half)])
+    wanted = [cv2.Rodrigues(vector)[0] for vector in vectors]
+    np.testing.assert_allclose(P.quaternion_to_rotation(quaternions), wanted, atol=1e-9)
+
+
 def test_positive_pitch_looks_down():
     ahead = P.rotation_matrix(pitch=np.deg2rad(30)) @ [1, 0, 0]
     np.testing.assert_allclose(ahead, [np.sqrt(3) / 2, 0, -0.5], atol=1e-15)

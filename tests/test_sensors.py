@@ -1,10 +1,13 @@
 """Sensor geometry by hand: beams, tilt, the camera's place, units."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pfslam.poses import apply_transform
 from pfslam.sensors import ImuModel, LidarModel, RgbdModel, RobotModel, scan_points, scan_points_3d
+from pfslam.texture.floor import associate_rgb, depth_from_disparity
 
 FIVE = LidarModel(angle_min=-np.pi / 2, angle_max=np.pi / 2, beams=5, position_b=(0.2, 0.1, 0.5))
 ROOT_HALF = np.sqrt(0.5)
@@ -80,6 +83,17 @@ def test_principal_point_lies_near_the_middle_of_the_image():
     assert K[0, 0] == K[1, 1] == 585.05108211
     assert K[2].tolist() == [0.0, 0.0, 1.0]
     assert K[0, 1] == K[1, 0] == 0.0
+
+
+def test_a_registered_camera_has_the_pixels_and_the_place_it_was_given():
+    eye = replace(RgbdModel(), roll=0.1, pitch=0.5, yaw=-2.0, position_b=(0.2, -0.1, 0.9))
+    camera = RgbdModel.registered(320, 240, eye.K, eye.T_bo)
+    np.testing.assert_allclose(camera.T_bo, eye.T_bo, atol=1e-12)
+    np.testing.assert_array_equal(camera.K, eye.K)
+    assert (camera.width, camera.height) == (320, 240)
+    np.testing.assert_allclose(depth_from_disparity([10_000, 5_000], camera), [1.0, 2.0])
+    for disparity in (100, 9_000):
+        np.testing.assert_allclose(associate_rgb(31.0, 17.0, disparity, camera), (31.0, 17.0))
 
 
 def test_the_constants_of_the_camera_are_the_reports():

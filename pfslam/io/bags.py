@@ -11,16 +11,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.io.bag_images import INFO, load_images
+from pfslam.io.bag_images import load_images
 from pfslam.io.bag_scans import load_scans
-from pfslam.io.frames import POSE, Frames, frame_of, transforms
+from pfslam.io.frames import EDGE, Frames, chain, frame_of, read_frames, transforms
 from pfslam.io.headings import with_better_headings
 from pfslam.io.messages import IMAGE, TF, Log, Topic, ordered, read_topics
-from pfslam.poses import Trajectory
+from pfslam.poses import Trajectory, rotation_matrix
 from pfslam.recording import Imu, Recording
 from pfslam.sensors import STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel
 
@@ -32,8 +31,8 @@ USES = {
     "rgb": (IMAGE, ()),
 }
 """The type of the messages for each use, and the usual names of their topic."""
+INFO = "sensor_msgs/msg/CameraInfo"
 NOT_READ = [f"sensor_msgs/msg/{kind}" for kind in ("PointCloud2", "MultiEchoLaserScan", "CompressedImage")]
-ODOMETRY_FRAME, BASE_FRAMES = "odom", ("base_footprint", "base_link")
 LARGEST = 1e3
 """No IMU measures more rad/s, or more g."""
 
@@ -53,9 +52,8 @@ class BagOptions:
 def load_bag(path: str | Path, options: BagOptions | None = None) -> Recording:
     """Read a ROS bag: its scans, its odometry as logged, its IMU, and the LiDAR's place from the tree of frames.
 
-    Header stamps count; the bag's own time takes their place only where all of them are zero, or their clock was set
-    during the drive. Messages are put in the order of their stamps; of those with the same stamp the first counts.
-    Raises ``DataError`` naming topic and time.
+    Header stamps count; the bag's own time takes their place only where all of them are zero. Messages are put in the
+    order of their stamps; of those with the same stamp the first counts. Raises ``DataError`` naming topic and time.
     """
     path, options = Path(path), options or BagOptions()
     log, topics = Log(path), read_topics(path)
@@ -63,7 +61,7 @@ def load_bag(path: str | Path, options: BagOptions | None = None) -> Recording:
     trees = [topic.name for topic in topics.values() if topic.kind == TF]
     topics = read_topics(path, {*chosen.values(), *trees})
     read = {use: ordered(log, topics[name]) for use, name in chosen.items() if use != "info"}
-    frames = Frames.of(log, [topics[name] for name in trees])
+    frames = read_frames(log, [topics[name] for name in trees])
     odometry, base = _odometry(log, read.get("odom"), frames)
     imu = _imu(log, read["imu"], frames, base) if "imu" in read else None
     if imu is not None:
@@ -76,7 +74,7 @@ def load_bag(path: str | Path, options: BagOptions | None = None) -> Recording:
         info = topics[chosen["info"]].contents[0]
         pictures = load_images(log, read["depth"], read["rgb"], info, frames, base)
     eye, camera = pictures or (RgbdModel(), None)
-    robot, said = RobotModel(lidar=model, camera=eye), (log.dropped, tuple(log.notes))
+    robot, said = RobotModel(lidar=model, camera=eye), (dict(+log.dropped), tuple(log.notes))
     return Recording(path.stem, robot, None, imu, odometry, lidar, camera, None, *said)
 
 
@@ -87,22 +85,20 @@ def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) ->
     """
     chosen = {}
     for use, (kind, usual) in USES.items():
-        short = kind.rpartition("/")[2]
-        found = [topic.name for topic in topics.values() if topic.kind == kind and topic.messages]
-        fit = [name for name in found if kind != IMAGE or ("depth" in name.lower()) == (use == "depth")]
-        if named := getattr(options, use):
+        named = getattr(options, use)
+        found = [topic.name for topic in topics.values() if topic.kind == kind and len(topic.t)]
+        if named:
             fit = [name for name in found if name.lstrip("/") == named.lstrip("/")]
-            if not fit:
-                raise DataError(
-                    log.path, f"--{use} {named}", ", ".join(found) or "none", f"a topic of {short}"
-                )
+        else:
+            fit = [name for name in found if kind != IMAGE or ("depth" in name.lower()) == (use == "depth")]
         best = fit if len(fit) == 1 else [name for name in usual if name in fit]
         if best:
             chosen[use] = best[0]
-        elif fit and use in ("scan", "odom"):
-            raise DataError(log.path, f"topics of {short}", ", ".join(fit), f"one, named with --{use}")
+        elif named or (fit and use in ("scan", "odom")):
+            field, expected = f"--{use} {named or 'NAME'}", f"one topic of {kind.rpartition('/')[2]}"
+            raise DataError(log.path, field, ", ".join(found) or "none", expected)
     info = topics.get(chosen.get("depth", "").rpartition("/")[0] + "/camera_info")
-    if "rgb" in chosen and info is not None and info.kind == INFO and info.messages:
+    if "rgb" in chosen and info is not None and info.kind == INFO and len(info.t):
         chosen["info"] = info.name
     else:
         chosen = {use: name for use, name in chosen.items() if USES[use][0] != IMAGE}
@@ -110,68 +106,53 @@ def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) ->
     for topic in topics.values():
         if topic.kind in kinds and topic.name not in chosen.values():
             short = topic.kind.rpartition("/")[2]
-            log.count(f"messages of {short} on {topic.name}, which is not read", len(topic.messages))
+            log.dropped[f"messages of {short} on {topic.name}, which is not read"] += len(topic.t)
     return chosen
 
 
 def _odometry(log: Log, topic: Topic | None, frames: Frames) -> tuple[Trajectory, str]:
     """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames."""
-    if topic is None:
-        topic, base = _odometry_on_tf(log, frames)
-        topic, T = transforms(log, topic, POSE)
+    axes = ("pose.pose.position xyz", "pose.pose.orientation xyzw")
+    if topic is not None:
+        base = topic.contents[0].child_frame_id.lstrip("/") or "base_link"
     else:
-        known = {frame for pair in frames.topics for frame in pair}
-        usual = [frame for frame in BASE_FRAMES if frame in known] or BASE_FRAMES[1:]
-        base = topic.contents[0].child_frame_id.lstrip("/") or usual[0]
-        topic, T = transforms(log, topic, {"pose.pose.position": "xyz", "pose.pose.orientation": "xyzw"})
+        # Frames of a robot's own name are known by their last part, as in robot1/odom.
+        pairs = [pair for pair in frames if pair[0].rpartition("/")[2].startswith("odom")]
+        if not pairs:
+            moving = [f"{a} -> {b} on /tf" for a, b in frames if chain(frames, a, b) is None]
+            expected = "nav_msgs/Odometry, or odom -> base_link on /tf"
+            raise DataError(log.path, "odometry", ", ".join(moving) or "none", expected)
+        parent, base = pair = min(pairs, key=lambda pair: ("base" not in pair[1], pair))
+        log.notes.append(f"odometry is read from /tf: {parent} -> {base}")
+        topic, axes = ordered(log, frames[pair][0]), EDGE
+    topic, T = transforms(log, topic, *axes)
     return Trajectory(topic.t, np.column_stack([T[:, :2, 3], np.arctan2(T[:, 1, 0], T[:, 0, 0])])), base
 
 
-def _odometry_on_tf(log: Log, frames: Frames) -> tuple[Topic, str]:
-    """Return the transforms of the odometry on /tf, and the frame that it moves: of a robot's own name, too."""
-    pairs = [pair for pair in frames.topics if _last_part(pair[0]).startswith(ODOMETRY_FRAME)]
-    if not pairs:
-        moving = [f"{a} -> {b} on /tf" for a, b in frames.topics if (a, b) not in frames.still]
-        expected = f"nav_msgs/Odometry, or {ODOMETRY_FRAME} -> {BASE_FRAMES[1]} on /tf"
-        raise DataError(log.path, "odometry", ", ".join(moving) or "none", expected)
-    parent, child = pair = min(pairs, key=lambda pair: (_last_part(pair[1]) not in BASE_FRAMES, pair))
-    log.notes.append(f"odometry is read from /tf: {parent} -> {child}")
-    return ordered(log, frames.topics[pair]), child
-
-
-def _last_part(frame: str) -> str:
-    """Return the name of a frame without the robot's: ``odom`` for ``robot1/odom``."""
-    return frame.rpartition("/")[2]
-
-
 def _imu(log: Log, topic: Topic, frames: Frames, base: str) -> Imu | None:
-    """Read the IMU, its axes turned into the body's."""
-    rows = topic.numbers({"angular_velocity": "xyz", "linear_acceleration": "xyz"})
+    """Read the IMU, its axes turned into the body's: as the tree of frames says, or gravity."""
+    rows = topic.numbers("angular_velocity xyz", "linear_acceleration xyz")
     rows[:, 3:] /= STANDARD_GRAVITY
     good = (np.abs(rows) < LARGEST).all(axis=1)
     frame, topic = frame_of(topic.contents[0]), log.keep(topic, good, "without usable numbers")
-    if len(topic.messages) < 2:
+    if len(topic.t) < 2:
         return None
-    body = rows[good].reshape(-1, 2, 3)
-    T = frames.fixed(base, frame)
-    if T is None:
-        R, up = upright(body[:, 1].mean(axis=0))
+    body, T = rows[good].reshape(-1, 2, 3), chain(frames, base, frame)
+    R, up = upright(body[:, 1].mean(axis=0)) if T is None else (T[:3, :3], "")
+    if up:
         log.notes.append(f"no chain of frames from {base} to {frame}: {topic.name} is taken for {up}")
-    else:
-        R = T[:3, :3]
-    body = body @ R.T
-    return Imu(topic.t, body[:, 0], body[:, 1])
+    turned = body @ R.T
+    return Imu(topic.t, turned[:, 0], turned[:, 1])
 
 
 def upright(acceleration: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return the smallest rotation ``(3, 3)`` that turns a mean acceleration ``(3,)`` upwards, and what it does.
+    """Return a rotation ``(3, 3)`` without yaw that turns a mean acceleration ``(3,)`` upwards, and what it does.
 
     Over a drive an accelerometer shows one g upwards in the mean. One that shows much else is taken for upright.
     """
-    length = float(np.linalg.norm(acceleration))
+    (x, y, z), length = acceleration, float(np.linalg.norm(acceleration))
     if not 0.8 < length < 1.2:
         return np.eye(3), f"upright, as it shows {length:.2f} g in the mean"
-    x, y, z = acceleration / length
-    axis, angle = np.array([y, -x, 0.0]) / max(np.hypot(x, y), 1e-9), np.arccos(np.clip(z, -1.0, 1.0))
-    words = f"leaning by {np.degrees(angle):.0f} deg, as gravity says"
-    return cv2.Rodrigues((axis if axis.any() else np.array([1.0, 0.0, 0.0])) * angle)[0], words
+    lean = np.degrees(np.arccos(np.clip(z / length, -1.0, 1.0)))
+    words = f"leaning by {lean:.0f} deg, as gravity says"
+    return rotation_matrix(np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))), words

@@ -40,6 +40,17 @@ def disparity_from_depth(depth, camera: RgbdModel) -> np.ndarray:
     return (camera.depth_scale / np.asarray(depth) - camera.disparity_offset) / camera.disparity_slope
 
 
+def disparity_from_depth_image(depth, camera: RgbdModel) -> np.ndarray:
+    """The disparity ``(H, W)`` uint16 of an image of depths in metres, in whole steps.
+
+    Where there is no depth (0, infinity or NaN), or none that 16 bits can tell, it shows that there is no reading.
+    """
+    seen = np.isfinite(depth) & (np.asarray(depth) > 0)
+    steps = np.round(disparity_from_depth(np.where(seen, depth, np.inf), camera))
+    steps[steps == NO_READING] += 1
+    return np.where(seen & (steps >= 0) & (steps < 2**16), steps, NO_READING).astype(np.uint16)
+
+
 def depth_step(depth, camera: RgbdModel) -> np.ndarray:
     """By how many metres the depth changes for one step of disparity: it grows as depth squared."""
     return np.asarray(depth) ** 2 * abs(camera.disparity_slope) / camera.depth_scale
