@@ -337,6 +337,22 @@ def test_good_turns_are_left_alone_and_a_flipped_gyro_is_not_believed():
     assert "not alike (correlation -1.00): the gyro is not used" in note
 
 
+def test_the_check_up_does_not_praise_turns_that_were_replaced(tmp_path, capsys):
+    """Headings that are the gyro's agree with the gyro: that is said, and no answer."""
+    wheels, _, imu = slalom()
+    scans = LidarScans(wheels.t[:2], np.ones((2, BOX.robot.lidar.beams), dtype=np.float32))
+    rows = rows_of(
+        replace(BOX, lidar=scans), odometry=wheels, mount=[MOUNT, ("base_link", "imu_link", (0, 0, 0), LEVEL)]
+    )
+    for t, rates, pushes in zip(imu.t, imu.angular_velocity, imu.acceleration_g, strict=True):
+        rows.append(("/imu", nanoseconds(t), NEW.imu(t, rates, STANDARD_GRAVITY * pushes)))
+    path = write_bag(tmp_path / "drive", "mcap", sorted(rows, key=lambda row: row[1]))
+    main(["check", str(path)])
+    said = capsys.readouterr().out
+    assert "-        Do wheels and gyro turn the same way?  the odometry turns by the gyro" in said
+    assert "note: the turns of odometry and gyro differ by 80 %: headings are taken from the gyro" in said
+
+
 def test_stamps_that_span_an_age_are_left_alone():
     wheels, _, imu = slalom()
     late = START + 1e13  # a clock that was set: a table of every second would fill the memory

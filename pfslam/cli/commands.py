@@ -161,9 +161,10 @@ def info_command(arguments: argparse.Namespace) -> None:
 
 def check_command(arguments: argparse.Namespace) -> int:
     """Print the check-up of a data set; the exit code is 1 if a check failed."""
-    findings = check_up(load_dataset(arguments))
+    recording = load_dataset(arguments)
+    findings = check_up(recording)
     failed = sum(finding.ok is False for finding in findings)
-    print(check_table(findings))
+    print(check_table(findings), *said_by_the_loader(recording), sep="\n")
     print(f"{failed} of {len(findings)} checks failed" if failed else "no check failed")
     return 1 if failed else 0
 
