@@ -242,6 +242,12 @@ def test_odometry_from_the_tree_of_frames(tmp_path, form):
     assert found.notes == ("odometry is read from /tf: odom -> base_link",)
 
 
+@pytest.mark.parametrize("base", ["base_link", "base_footprint"])
+def test_odometry_that_does_not_say_what_it_moves_moves_the_base(tmp_path, base):
+    rows = rows_of(BOX, child="", mount=[(base, "laser", BOX.robot.lidar.position_b, LEVEL)])
+    assert_equal_to_what_messages_carry(loaded(tmp_path, rows), poses_and_scans(BOX))
+
+
 def test_without_any_odometry_it_says_what_would_do(tmp_path):
     with pytest.raises(
         DataError, match="odometry: found none, expected nav_msgs/Odometry, or odom -> base_link"

@@ -114,7 +114,8 @@ def _odometry(log: Log, topic: Topic | None, frames: Frames) -> tuple[Trajectory
     """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames."""
     axes = ("pose.pose.position xyz", "pose.pose.orientation xyzw")
     if topic is not None:
-        base = topic.contents[0].child_frame_id.lstrip("/") or "base_link"
+        usual = "base_footprint" if any("base_footprint" in pair for pair in frames) else "base_link"
+        base = topic.contents[0].child_frame_id.lstrip("/") or usual
     else:
         # Frames of a robot's own name are known by their last part, as in robot1/odom.
         pairs = [pair for pair in frames if pair[0].rpartition("/")[2].startswith("odom")]
