@@ -115,6 +115,16 @@ def test_links_have_words_and_formulas_their_numbers(path):
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_code_fits_the_column_of_a_laptop(path):
+    """At 1280 px a line of the site has room for 83 characters; what is folded away may be longer."""
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    shown = [c for c in cells if c["cell_type"] == "code"]
+    shown = [c for c in shown if not {"setup", "remove-input"} & set(c["metadata"].get("tags", []))]
+    lines = [line for cell in shown for line in "".join(cell["source"]).split("\n")]
+    assert not [line for line in lines if len(line) > 83]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
 def test_every_notebook_is_a_chapter_of_the_book(path):
     assert f"file: notebooks/{path.stem}\n" in (ROOT / "_toc.yml").read_text(encoding="utf-8")
 
