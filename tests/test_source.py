@@ -2,9 +2,12 @@
 
 import ast
 import inspect
+import textwrap
 
 import pytest
 
+from pfslam.correlation import score_field
+from pfslam.grid import OccupancyGrid, integrate_scan
 from pfslam.motion import motion_model
 from pfslam.particles import Particles, predict
 from pfslam.teaching.show.checks import attempt, hint, is_number, is_unanswered, passed, unanswered
@@ -21,6 +24,24 @@ def test_shown_source_is_the_real_one_without_docstrings(subject):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             assert ast.get_docstring(node) is None
     assert show_source(subject, docstring=True).code.count('"""') >= 2
+
+
+@pytest.mark.parametrize("subject", [motion_model, integrate_scan, OccupancyGrid, Particles, score_field])
+def test_docstrings_are_filled_for_the_page_word_by_word(subject):
+    """The code is the same, and so are the words; no line of a paragraph is too wide."""
+
+    def tree(code):
+        nodes = ast.parse(code)
+        for node in ast.walk(nodes):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                node.value = " ".join(node.value.split())
+        return ast.dump(nodes)
+
+    shown = show_source(subject, docstring=True).code
+    assert tree(shown) == tree(textwrap.dedent(inspect.getsource(subject)))
+    for node in ast.walk(ast.parse(shown)):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            assert max(map(len, (ast.get_docstring(node, clean=False) or "").splitlines()), default=0) <= 80
 
 
 def test_committed_notebooks_hold_the_name_alone(monkeypatch):

@@ -1,13 +1,20 @@
-"""Show the reader the lines of the package that are an equation: the real ones, never a copy."""
+"""Show the reader the lines of the package that are an equation: the real ones, never a copy.
+
+Only the words of docstrings are filled anew, since the package is written in wider lines than the page holds.
+"""
 
 from __future__ import annotations
 
 import ast
 import inspect
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import groupby
 
 from pfslam.teaching.show.pictures import output_mode
+
+WIDTH = 80
+"""Columns of code that the page holds on a laptop."""
 
 
 class Source:
@@ -34,22 +41,32 @@ def show_source(subject: Callable | type, *, docstring: bool = False) -> Source:
 
     Make it the last expression of a cell.
     """
-    code = textwrap.dedent(inspect.getsource(subject))
-    if not docstring:
-        code = _without_docstrings(code)
-    return Source(code.rstrip(), f"{subject.__module__}.{subject.__qualname__}")
+    lines = textwrap.dedent(inspect.getsource(subject)).rstrip().splitlines()
+    for block in sorted(_docstrings("\n".join(lines)), key=lambda block: -block.start):
+        after = block.stop < len(lines) and not lines[block.stop].strip()
+        end = block.stop + (after and not docstring)
+        lines[block.start : end] = _filled(lines[block.start : block.stop]) if docstring else []
+    return Source("\n".join(lines), f"{subject.__module__}.{subject.__qualname__}")
 
 
-def _without_docstrings(code: str) -> str:
-    """The code without its docstrings and the blank line after one; comments and all else stay."""
-    lines = code.splitlines()
-    dropped: set[int] = set()
+def _docstrings(code: str) -> Iterator[range]:
+    """Yield the lines of each docstring, counted from 0."""
     for node in ast.walk(ast.parse(code)):
         body = getattr(node, "body", None)
         for statement in body if isinstance(body, list) else []:
             if isinstance(statement, ast.Expr) and isinstance(getattr(statement.value, "value", None), str):
-                last = statement.end_lineno or statement.lineno
-                dropped.update(range(statement.lineno - 1, last))
-                if last < len(lines) and not lines[last].strip():
-                    dropped.add(last)
-    return "\n".join(line for number, line in enumerate(lines) if number not in dropped)
+                yield range(statement.lineno - 1, statement.end_lineno or statement.lineno)
+
+
+def _filled(lines: list[str]) -> list[str]:
+    """Fill those paragraphs of a docstring that are too wide for the page; examples and lists stay as they are."""
+    indent = lines[0][: len(lines[0]) - len(lines[0].lstrip())]
+    filled: list[str] = []
+    for words, paragraph in groupby(lines, key=lambda line: bool(line.strip().strip('"'))):
+        kept = list(paragraph)
+        plain = words and not any(line.lstrip().startswith((">>>", "- ")) for line in kept)
+        if plain and max(map(len, kept)) > WIDTH:
+            text = indent + " ".join(line.strip() for line in kept)
+            kept = textwrap.wrap(text, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
+        filled += kept
+    return filled
