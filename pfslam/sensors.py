@@ -133,7 +133,8 @@ class RgbdModel(Settings):
         """
         roll, pitch, yaw = roll_pitch_yaw(T_bo[:3, :3] @ _OPTICAL_TO_CAMERA.T)
         (fu, skew, u), (_, fv, v), _ = np.asarray(K, dtype=float).tolist()
-        disparity, colour = (1e-4, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0, 1.0)
+        disparity = 1e-4, 0.0, 1.0  # slope, offset, scale
+        colour = 1.0, 0.0, 0.0, 0.0, 1.0  # of Eq. 16: each pixel's is in the same pixel
         place = tuple(T_bo[:3, 3].tolist())
         return cls(width, height, fu, fv, skew, u, v, *disparity, *colour, place, roll, pitch, yaw)
 

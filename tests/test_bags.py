@@ -779,6 +779,18 @@ def test_images_that_do_not_fit_are_counted(tmp_path, changes, words):
     assert found.dropped == {f"images on /camera/{kind}/image ({words})": 11 for kind in ("depth", "color")}
 
 
+@pytest.mark.parametrize("focal", [0.0, np.nan])
+def test_images_of_a_camera_that_nobody_calibrated_are_counted(tmp_path, focal):
+    rows = rows_with_images("mcap")
+    for topic, _, message in rows:
+        if topic.endswith("camera_info"):
+            message.k = np.full(9, focal)
+    found = loaded(tmp_path, rows)
+    assert found.camera is None
+    words = "the depth camera is not calibrated: no focal length in its CameraInfo"
+    assert found.dropped == {f"images on /camera/{kind}/image ({words})": 11 for kind in ("depth", "color")}
+
+
 def test_images_without_partner_or_description_are_counted(tmp_path):
     rows = without(rows_with_images("mcap"), "/camera/depth/camera_info")
     found = loaded(tmp_path, rows)

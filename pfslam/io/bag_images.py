@@ -28,17 +28,18 @@ def load_images(
 ) -> tuple[RgbdModel, RgbdStream] | None:
     """Describe the camera and give its images, or count them if they are not to be used."""
     frame = frame_of(depth.contents[0])
-    T_bo = chain(frames, base, frame)
+    T_bo, K = chain(frames, base, frame), (info.k if hasattr(info, "k") else info.K).reshape(3, 3)
     shapes = {(m.height, m.width) for m in (*depth.contents, *rgb.contents, info)}
     unread = {m.encoding for m in depth.contents} - {*DEPTHS} | {m.encoding for m in rgb.contents} - COLOURS
     if len(shapes) > 1 or frame_of(rgb.contents[0]) != frame:
         why = "depth and colour are not registered: sizes or frames differ"
     elif unread:
         why = f"not read: encoding {', '.join(sorted(unread))}"
+    elif not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0):
+        why = "the depth camera is not calibrated: no focal length in its CameraInfo"
     elif T_bo is None:
         why = f"no fixed chain of frames from {base} to {frame}"
     else:
-        K = (info.k if hasattr(info, "k") else info.K).reshape(3, 3)
         camera = RgbdModel.registered(info.width, info.height, K, T_bo)
         read = partial(_disparity, log.path, depth, camera), partial(_colours, log.path, rgb)
         return camera, RgbdStream(depth.t, rgb.t, *read, np.arange(len(depth.t)), np.arange(len(rgb.t)))
