@@ -117,9 +117,12 @@ def likelihood_field(grid: OccupancyGrid, config: LocalizationConfig) -> np.ndar
     that does not know where it is, and with a floor, so that no single beam can rule a pose out.
     """
     if not grid.occupied.any():
-        raise DataError("map", "occupied cells", "none", "a map with walls, or no scan says anything")
-    away = cv2.distanceTransform((~grid.occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    # Squared distances are whole numbers of cells: rounded to them, every run has the same field to the last bit.
+        expected = "a map with walls, or no scan says anything"
+        raise DataError("map", "occupied cells", "none", expected)
+    no_wall = (~grid.occupied).astype(np.uint8)
+    away = cv2.distanceTransform(no_wall, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    # Squared distances are whole numbers of cells: rounded to them, every run has the
+    # same field to the last bit.
     scale = grid.spec.resolution / config.sigma
     reach = int(np.ceil(6.0 / scale))
     squared = np.rint(np.square(np.minimum(away, reach))).astype(np.int32)
@@ -195,25 +198,32 @@ class LocalizationInfo:
 
 
 def localization_step(
-    state: LocalizationState, event: ScanEvent, known: KnownMap, rng: np.random.Generator
+    state: LocalizationState,
+    event: ScanEvent,
+    known: KnownMap,
+    rng: np.random.Generator,
 ) -> tuple[LocalizationState, LocalizationInfo]:
     """Process one scan: predict, reweight, estimate, and resample as many particles as the cloud's extent asks for."""
-    config = known.config
-    motion = event.motion if state.pending is None else compose(state.pending, event.motion)
-    moved = np.hypot(*motion[:2]) >= config.step_metres or abs(motion[2]) >= config.step_radians
-    if len(event.points_b) == 0 or not (moved or state.pending is None):
-        ahead = Particles(compose(state.particles.poses, motion), state.particles.log_weights)
+    config, before, pending = known.config, state.particles, state.pending
+    motion = event.motion if pending is None else compose(pending, event.motion)
+    metres, radians = float(np.hypot(*motion[:2])), abs(float(motion[2]))
+    moved = metres >= config.step_metres or radians >= config.step_radians
+    if len(event.points_b) == 0 or not (moved or pending is None):
+        ahead = Particles(compose(before.poses, motion), before.log_weights)
         return replace(state, pending=motion), describe(event.t, ahead, config, used=False)
-    sigma_xy, sigma_yaw = config.noise.sigmas(float(np.hypot(*motion[:2])), abs(float(motion[2])))
-    noise = [sigma_xy, sigma_xy, sigma_yaw] * rng.standard_normal((len(state.particles), 3))
-    particles = Particles(compose(state.particles.poses, motion + noise), state.particles.log_weights)
-    particles, evidence = reweight(particles, known.log_likelihood(particles.poses, event.points_b))
+    sigma_xy, sigma_yaw = config.noise.sigmas(metres, radians)
+    noise = [sigma_xy, sigma_xy, sigma_yaw] * rng.standard_normal((len(before), 3))
+    particles = Particles(compose(before.poses, motion + noise), before.log_weights)
+    log_likelihood = known.log_likelihood(particles.poses, event.points_b)
+    particles, evidence = reweight(particles, log_likelihood)
     fit = float(np.exp(evidence / config.effective_beams))
-    slow = config.expected if state.slow is None else state.slow + config.slow * (fit - state.slow)
-    fast = fit if state.fast is None else state.fast + config.fast * (fit - state.fast)
+    slow, fast = state.slow, state.fast
+    slow = config.expected if slow is None else slow + config.slow * (fit - slow)
+    fast = fit if fast is None else fast + config.fast * (fit - fast)
     share = injected_share(slow, fast) if config.inject else 0.0
     info = describe(event.t, particles, config, fit=fit, injected=share)
-    if share or effective_sample_size(particles.weights) <= config.resample_below * len(particles):
+    n_eff = effective_sample_size(particles.weights)
+    if share or n_eff <= config.resample_below * len(particles):
         particles = resample_adaptively(particles, share, known.grid, config, rng)
     return LocalizationState(particles, slow, fast, np.zeros(3)), info
 

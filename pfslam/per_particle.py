@@ -123,14 +123,21 @@ def per_particle_step(
         return histories, replace(info, particles=histories.particles)
     steps = [state.after(event, config, rng) for state in histories.states]
     states, infos = tuple(state for state, _ in steps), [info for _, info in steps]
-    cloud = Particles(np.array([state.estimate for state in states]), histories.log_weights)
+    poses = np.array([state.estimate for state in states])
+    cloud = Particles(poses, histories.log_weights)
     cloud, evidence = reweight(cloud, np.array([info.log_evidence for info in infos]))
     histories = Histories(states, cloud.log_weights)
     best = infos[int(np.argmax(cloud.log_weights))]
     n_eff = effective_sample_size(cloud.weights)
-    info = replace(best, particles=cloud, effective_sample_size=n_eff, log_evidence=evidence)
+    info = replace(
+        best,
+        particles=cloud,
+        effective_sample_size=n_eff,
+        log_evidence=evidence,
+    )
     if n_eff <= config.resample_below * len(states):
         ancestors = RESAMPLERS[config.resampler](cloud.weights, rng)
-        histories = Histories(tuple(states[k] for k in ancestors), np.full(len(states), -np.log(len(states))))
+        even = np.full(len(states), -np.log(len(states)))
+        histories = Histories(tuple(states[k] for k in ancestors), even)
         info = replace(info, resampled=True)
     return histories, info

@@ -122,17 +122,21 @@ def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig
     n = np.where(enough, n, 1.0)
     x, y = x / n, y / n
     vxx, vxy, vyy = xx / n - x**2, xy / n - x * y, yy / n - y**2
-    # Eigenvalues of a symmetric 2 x 2 matrix: half trace plus and minus a radius; the long axis lies at `angle`.
+    # Eigenvalues of a symmetric 2 x 2 matrix: half trace plus and minus a radius; the
+    # long axis lies at `angle`.
     half_trace, radius = 0.5 * (vxx + vyy), np.hypot(0.5 * (vxx - vyy), vxy)
     angle = 0.5 * np.arctan2(2.0 * vxy, vxx - vyy)
-    elongation = (half_trace + radius) / (np.maximum(half_trace - radius, 0.0) + config.floor)
+    narrow = np.maximum(half_trace - radius, 0.0)
+    elongation = (half_trace + radius) / (narrow + config.floor)
     found = enough & (elongation > config.elongation)
-    # Rough or half-seen pieces show other faces as the robot moves on, and pull the pose along: trust straight ones.
-    # What counts as straight depends on the LiDAR's noise, so the scan's own median sets the scale.
+    # Rough or half-seen pieces show other faces as the robot moves on, and pull the pose
+    # along: trust straight ones. What counts as straight depends on the LiDAR's noise, so
+    # the scan's own median sets the scale.
     typical = _median(elongation[found]) if found.any() else 1.0
     trust = (elongation / (elongation + typical)) ** 2
-    centre = moments.spec.cell_to_world(cells) + np.column_stack([x, y]) * moments.spec.resolution
-    return Lines(found, centre, np.column_stack([-np.sin(angle), np.cos(angle)]), trust)
+    middle = np.column_stack([x, y]) * moments.spec.resolution
+    normal = np.column_stack([-np.sin(angle), np.cos(angle)])
+    return Lines(found, moments.spec.cell_to_world(cells) + middle, normal, trust)
 
 
 def _median(values: np.ndarray) -> float:

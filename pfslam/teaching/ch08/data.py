@@ -126,11 +126,12 @@ def lever_fit(step, turn, shift) -> np.ndarray:
     If the LiDAR sits ``error`` away from where it is thought to be, a turn seems to move it by (R(turn) - I) error.
     """
     c, s = np.cos(turn) - 1.0, np.sin(turn)
-    causes = np.concatenate([np.column_stack([step[:, 0], c, -s]), np.column_stack([step[:, 1], s, c])])
+    along_x, along_y = np.column_stack([step[:, 0], c, -s]), np.column_stack([step[:, 1], s, c])
+    causes = np.concatenate([along_x, along_y])
     return np.linalg.lstsq(causes, shift.T.ravel(), rcond=None)[0][1:]
 
 
-def body_corrections(path: Trajectory, odometry: Trajectory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def body_corrections(path: Trajectory, odometry: Trajectory) -> tuple[np.ndarray, ...]:
     """Return odometry's steps ``(K, 3)`` and what a path added to them: headings ``(K,)`` and shifts ``(K, 2)``."""
     step = between(odometry.at(path.t[:-1]), odometry.at(path.t[1:]))
     matched = between(path.poses[:-1], path.poses[1:])
