@@ -1033,5 +1033,4 @@ def test_the_filter_draws_sharper_walls_than_the_odometry_of_a_real_bag(real_bag
                     ends.append(transform_points(path.at(t), scan_points(ranges, recording.robot.lidar)))
             cells.append(len(np.unique(np.floor(np.concatenate(ends) / 0.05), axis=0)))
         by_odometry, by_filter = cells
-        print(recording.name, by_odometry, by_filter)
         assert by_filter < by_odometry

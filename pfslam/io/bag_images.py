@@ -71,6 +71,6 @@ def _pixels(path: Path, topic: Topic, k: int, dtype: str, channels: int) -> np.n
         rows = data[: m.height * m.step].reshape(m.height, m.step)
         used = np.ascontiguousarray(rows[:, : m.width * channels * np.dtype(dtype).itemsize])
         return used.view(dtype).reshape(m.height, m.width, channels)
-    except ValueError as error:
+    except (ValueError, StopIteration) as error:
         place = f"{topic.name} at {arrived * 1e-9:.3f}"
         raise DataError(path, place, f"{type(error).__name__}: {error}", "a whole image") from error

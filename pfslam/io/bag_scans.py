@@ -29,6 +29,9 @@ def load_scans(
     same = [frame_of(message) == frame for message in topic.contents]
     topic = log.keep(topic, same, f"of other frames than {frame}")
     T = _mounting(log, topic, frames, base, frame, place)
+    said = np.concatenate([message.ranges for message in topic.contents])
+    for what, odd in (("not a number", np.isnan), ("infinite", np.isinf), ("zero", np.logical_not)):
+        log.dropped[f"ranges on {topic.name} that are {what}"] += int(np.count_nonzero(odd(said)))
     usual, ranges = _at_usual_angles(log, topic)
     beams, increments = ranges.shape[1], [message.time_increment for message in topic.contents]
     sweep = (beams - 1) * float(np.median(increments))
@@ -72,15 +75,12 @@ def _at_usual_angles(log: Log, topic: Topic) -> tuple[Any, np.ndarray]:
     shape, alike = Counter(shapes).most_common(1)[0]
     usual = held[shapes.index(shape)]
     angles = np.linspace(*_ends(usual), len(usual.ranges))
-    same = [m.ranges if s == shape else nearest_ranges(angles, m) for m, s in zip(held, shapes, strict=True)]
+    rows = [m.ranges if s == shape else nearest_ranges(angles, m) for m, s in zip(held, shapes, strict=True)]
     if moved := len(held) - alike:
         log.notes.append(
             f"{moved} scans on {topic.name} have other angles than most: of their beams the nearest are taken"
         )
-    ranges = np.concatenate([message.ranges for message in held])
-    for what, odd in (("not a number", np.isnan), ("infinite", np.isinf), ("zero", np.logical_not)):
-        log.dropped[f"ranges on {topic.name} that are {what}"] += int(np.count_nonzero(odd(ranges)))
-    return usual, np.array(same, dtype=np.float32)
+    return usual, np.array(rows, dtype=np.float32)
 
 
 def nearest_ranges(angles: np.ndarray, message: Any) -> np.ndarray:

@@ -98,7 +98,7 @@ def read_topics(path: Path, wanted: Collection[str] = (), at: int | None = None)
             kinds = {c.topic: TF if c.msgtype == OLD_TF else c.msgtype for c in reader.connections}
             rows: dict[str, list[tuple[int, int, Any]]] = {name: [] for name in sorted(kinds)}
             chosen = [c for c in reader.connections if c.topic in wanted]
-            for connection, arrived, data in reader.messages(chosen, at, at and at + 1):
+            for connection, arrived, data in reader.messages(chosen, at, None if at is None else at + 1):
                 name, stamped, content = connection.topic, arrived, None
                 if chosen:
                     place = f"{name} at {arrived * 1e-9:.3f}"
@@ -134,9 +134,8 @@ def ordered(log: Log, topic: Topic) -> Topic:
             first = topic.arrived[odd.argmax()] * 1e-9
             log.notes.append(f"{odd.sum()} messages on {topic.name} {what}, the first at {first:.3f} s")
     topic = topic[np.argsort(topic.stamped, kind="stable")]
-    topic = log.keep(
-        topic, np.diff(topic.stamped, prepend=topic.stamped[0] - 1) > 0, "with the stamp of another"
-    )
+    later = np.diff(topic.stamped, prepend=topic.stamped[0] - 1) > 0
+    topic = log.keep(topic, later, "with the stamp of another")
     t, gaps = topic.t, np.diff(topic.t)
     if len(gaps) and gaps.max() > max(LONG_GAP, 5.0 * np.median(gaps)):
         longest, since = gaps.max(), t[gaps.argmax()]
