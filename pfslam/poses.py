@@ -7,6 +7,7 @@ transform ``T_wb`` is the 4 x 4 matrix that does the same. Adjacent letters canc
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -149,6 +150,25 @@ def invert_transform(T_ab: np.ndarray) -> np.ndarray:
     """``T_ba``, shape ``(4, 4)``."""
     R, p = T_ab[:3, :3], T_ab[:3, 3]
     return transform(R.T, -R.T @ p)
+
+
+def chain_transforms(known: Mapping[tuple[str, str], np.ndarray], start: str, end: str) -> np.ndarray | None:
+    """``T_start_end``, shape ``(4, 4)``, along a chain of known transforms, or None where no chain joins the two.
+
+    ``known`` holds ``T_ab`` for pairs of frames ``(a, b)``; a chain may use each of them from either side.
+
+    >>> arm, hand = transform(translation=(1.0, 0.0, 0.0)), transform(translation=(0.0, 2.0, 0.0))
+    >>> chain_transforms({("hand", "arm"): hand, ("body", "arm"): arm}, "body", "hand")[:3, 3].tolist()
+    [1.0, -2.0, 0.0]
+    """
+    reached = {start: np.eye(4)}
+    for _ in known:
+        for (a, b), T_ab in known.items():
+            if a in reached:
+                reached.setdefault(b, reached[a] @ T_ab)
+            elif b in reached:
+                reached[a] = reached[b] @ invert_transform(T_ab)
+    return reached.get(end)
 
 
 def apply_transform(T_ab: np.ndarray, points_b) -> np.ndarray:

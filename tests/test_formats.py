@@ -324,6 +324,17 @@ def test_scans_come_in_the_order_of_their_stamps(tmp_path):
     np.testing.assert_array_equal(scans.odometry.poses[:, 0], scans.lidar.t)
 
 
+def test_lines_out_of_order_and_silences_are_spoken_of(tmp_path):
+    """A scan every 0.25 s; the third and the fourth change places, and from 2 s on there is nothing for 1.5 s."""
+    stamps = [0.25, 0.5, 1.0, 0.75, 1.25, 1.5, 1.75, 2.0, 3.5, 3.75]
+    recording = load(tmp_path, *(flaser(t) for t in stamps))
+    assert recording.notes == (
+        "1 scans are out of order, put in order, the first at 0.750 s",
+        "no scans for 1.50 s after 2.000 s, the longest gap",
+    )
+    assert recording.dropped == {}
+
+
 def test_what_is_not_used_is_counted(tmp_path):
     lines = [flaser(3.0, (9, 9, 9, 9)), flaser(1.0), flaser(1.0, (5, 5, 5, 5)), flaser(2.0, (1, "nan", 3, 4))]
     recording = load(tmp_path, *lines, "SYNC 1", "# caf\xe9", "TRUEPOS 1 2 3")

@@ -152,6 +152,21 @@ def test_spatial_transform_inverts_and_applies():
     np.testing.assert_allclose(P.invert_transform(T), np.linalg.inv(T), atol=1e-14)
 
 
+@given(st.integers(0, 2**32 - 1), st.integers(2, 9))
+def test_a_chain_of_transforms_leads_between_any_two_frames_of_a_tree(seed, count):
+    """A random tree whose frames have places in the world: the chain is the difference of the two places."""
+    rng = np.random.default_rng(seed)
+    T_wn = [
+        P.transform(P.rotation_matrix(*rng.uniform(-3, 3, 3)), rng.uniform(-5, 5, 3)) for _ in range(count)
+    ]
+    pairs = [(int(rng.integers(k)), k)[:: int(rng.choice([-1, 1]))] for k in range(1, count)]
+    known = {(str(a), str(b)): P.invert_transform(T_wn[a]) @ T_wn[b] for a, b in rng.permutation(pairs)}
+    start, end = rng.integers(count, size=2)
+    found = P.chain_transforms(known, str(start), str(end))
+    np.testing.assert_allclose(found, P.invert_transform(T_wn[start]) @ T_wn[end], atol=1e-9)
+    assert P.chain_transforms(known, str(start), "elsewhere") is None
+
+
 def test_spatial_transform_of_a_level_pose_is_the_planar_one():
     points = np.random.default_rng(3).normal(size=(6, 2))
     flat = P.apply_transform(P.pose_to_transform([1.0, 2.0, 0.5]), np.column_stack([points, np.zeros(6)]))

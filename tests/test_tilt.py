@@ -15,7 +15,7 @@ from pfslam.recording import Encoders, Imu, Recording
 from pfslam.runs import run_slam
 from pfslam.sensors import STANDARD_GRAVITY, EncoderModel, LidarModel
 from pfslam.simulator import RAMP, simulate
-from pfslam.tilt import SPEED_SMOOTHING, TiltConfig, estimate_tilt
+from pfslam.tilt import SPEED_SMOOTHING, TiltConfig, estimate_tilt, upright
 
 CONFIG = TiltConfig()
 T = np.arange(0.0, 20.0, 0.01)
@@ -196,3 +196,19 @@ def test_slopes_are_driven_better_with_the_tilt_than_without():
     assert struck["with"] > 0 == struck["without"]
     # The LiDAR stands 0.51 m up: 10 to 20 degrees carry it 0.09 to 0.18 m to the front, seen from above.
     assert errors["with"] < 0.5 * errors["without"]
+
+
+@pytest.mark.parametrize("up", [(0, 0, 1), (0.6, 0, 0.8), (0, -1, 0), (0.1, 0.2, -0.95), (0, 0, -1)])
+def test_a_mean_acceleration_of_one_g_is_turned_upwards(up):
+    rotation, words = upright(np.array(up, float))
+    np.testing.assert_allclose(rotation @ up, [0.0, 0.0, np.linalg.norm(up)], atol=1e-12)
+    np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-12)
+    assert rotation[1, 0] == 0.0  # no yaw
+    lean = np.degrees(np.arccos(up[2] / np.linalg.norm(up)))
+    assert f"leaning by {lean:.0f} deg" in words
+
+
+def test_an_accelerometer_that_does_not_show_one_g_is_taken_for_upright():
+    rotation, words = upright(np.array([0.1, 0.0, 0.3]))
+    np.testing.assert_array_equal(rotation, np.eye(3))
+    assert "0.32 g" in words

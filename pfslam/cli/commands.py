@@ -32,7 +32,8 @@ from pfslam.io.course import save_course
 from pfslam.io.files import atomic_write, check_writable, write_text
 from pfslam.io.formats import read_known_map, write_covariances, write_map, write_texture, write_tum
 from pfslam.io.images import write_png
-from pfslam.io.messages import Log, is_bag, read_topics
+from pfslam.io.log import Log
+from pfslam.io.messages import is_bag, read_topics
 from pfslam.io.recordings import save
 from pfslam.localization import LocalizationConfig, locate
 from pfslam.motion import dead_reckoning

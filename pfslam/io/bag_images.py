@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.io.frames import Frames, chain, frame_of
-from pfslam.io.messages import Log, Topic, read_topics
+from pfslam.io.log import Log
+from pfslam.io.messages import Frames, Topic, frame_of, read_topics
 from pfslam.recording import RgbdStream
 from pfslam.sensors import RgbdModel
 from pfslam.texture.floor import disparity_from_depth_image
@@ -25,10 +25,10 @@ COLOURS = {"rgb8", "bgr8", "rgba8", "bgra8"}
 
 def load_images(
     log: Log, depth: Topic, rgb: Topic, info: Any, frames: Frames, base: str
-) -> tuple[RgbdModel, RgbdStream] | None:
+) -> tuple[RgbdModel, RgbdStream | None]:
     """Describe the camera and give its images, or count them if they are not to be used."""
     frame = frame_of(depth.contents[0])
-    T_bo, K = chain(frames, base, frame), (info.k if hasattr(info, "k") else info.K).reshape(3, 3)
+    T_bo, K = frames.place(base, frame), (info.k if hasattr(info, "k") else info.K).reshape(3, 3)
     shapes = {(m.height, m.width) for m in (*depth.contents, *rgb.contents, info)}
     unread = {m.encoding for m in depth.contents} - {*DEPTHS} | {m.encoding for m in rgb.contents} - COLOURS
     if len(shapes) > 1 or frame_of(rgb.contents[0]) != frame:
@@ -44,8 +44,8 @@ def load_images(
         read = partial(_disparity, log.path, depth, camera), partial(_colours, log.path, rgb)
         return camera, RgbdStream(depth.t, rgb.t, *read, np.arange(len(depth.t)), np.arange(len(rgb.t)))
     for topic in (depth, rgb):
-        log.dropped[f"images on {topic.name} ({why})"] += len(topic.t)
-    return None
+        log.leave_out(f"images on {topic.name} ({why})", len(topic.t))
+    return RgbdModel(), None
 
 
 def _disparity(path: Path, topic: Topic, camera: RgbdModel, k: int) -> np.ndarray:
@@ -64,7 +64,7 @@ def _colours(path: Path, topic: Topic, k: int) -> np.ndarray:
 
 def _pixels(path: Path, topic: Topic, k: int, dtype: str, channels: int) -> np.ndarray:
     """Read the pixels ``(H, W, channels)`` of image ``k``; ``DataError`` if it is damaged."""
-    m, arrived = topic.contents[k], int(topic.arrived[k])
+    m, arrived = topic.contents[k], topic.arrived[k]
     found = read_topics(path, [topic.name], at=arrived)[topic.name].contents
     try:
         data = next(message.data for message in found if message.header == m.header)
@@ -72,5 +72,5 @@ def _pixels(path: Path, topic: Topic, k: int, dtype: str, channels: int) -> np.n
         used = np.ascontiguousarray(rows[:, : m.width * channels * np.dtype(dtype).itemsize])
         return used.view(dtype).reshape(m.height, m.width, channels)
     except (ValueError, StopIteration) as error:
-        place = f"{topic.name} at {arrived * 1e-9:.3f}"
+        place = f"{topic.name} at {arrived:.3f}"
         raise DataError(path, place, f"{type(error).__name__}: {error}", "a whole image") from error

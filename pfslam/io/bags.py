@@ -15,13 +15,15 @@ import numpy as np
 
 from pfslam.errors import DataError
 from pfslam.io.bag_images import load_images
-from pfslam.io.bag_scans import load_scans
-from pfslam.io.frames import EDGE, Frames, chain, frame_of, read_frames, transforms
+from pfslam.io.bag_scans import load_scans, place_of_lidar
 from pfslam.io.headings import with_better_headings
-from pfslam.io.messages import IMAGE, TF, Log, Topic, ordered, read_topics
-from pfslam.poses import Trajectory, rotation_matrix
+from pfslam.io.limits import GRAVITY_LIMIT
+from pfslam.io.log import Log
+from pfslam.io.messages import EDGE, IMAGE, TF, Frames, Topic, frame_of, ordered, read_topics, transforms
+from pfslam.poses import Trajectory
 from pfslam.recording import Imu, Recording
 from pfslam.sensors import STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel
+from pfslam.tilt import upright
 
 USES = {
     "scan": ("sensor_msgs/msg/LaserScan", ("/scan",)),
@@ -32,9 +34,9 @@ USES = {
 }
 """The type of the messages for each use, and the usual names of their topic."""
 INFO = "sensor_msgs/msg/CameraInfo"
-NOT_READ = [f"sensor_msgs/msg/{kind}" for kind in ("PointCloud2", "MultiEchoLaserScan", "CompressedImage")]
-LARGEST = 1e3
-"""No IMU measures more rad/s, or more g."""
+OTHERS = [f"sensor_msgs/msg/{kind}" for kind in ("PointCloud2", "MultiEchoLaserScan", "CompressedImage")]
+COUNTED = {*OTHERS, *(kind for kind, _ in USES.values())}
+"""The types of messages that are counted where their topic is not read."""
 
 
 @dataclass(frozen=True)
@@ -61,20 +63,19 @@ def load_bag(path: str | Path, options: BagOptions | None = None) -> Recording:
     trees = [topic.name for topic in topics.values() if topic.kind == TF]
     topics = read_topics(path, {*chosen.values(), *trees})
     read = {use: ordered(log, topics[name]) for use, name in chosen.items() if use != "info"}
-    frames = read_frames(log, [topics[name] for name in trees])
+    frames = Frames.of(log, [topics[name] for name in trees])
     odometry, base = _odometry(log, read.get("odom"), frames)
     imu = _imu(log, read["imu"], frames, base) if "imu" in read else None
-    if imu is not None:
-        odometry, note = with_better_headings(odometry, imu)
-        log.notes += [note] if note else []
-    model, lidar, pictures = LidarModel(), None, None
+    odometry, notes = with_better_headings(odometry, imu)
+    log.notes += notes
+    model, lidar, eye, camera = LidarModel(), None, RgbdModel(), None
     if "scan" in read:
-        model, lidar = load_scans(log, read["scan"], frames, base, options.lidar_at)
+        T = place_of_lidar(log, read["scan"], frames, base, options.lidar_at)
+        model, lidar = load_scans(log, read["scan"], T)
     if "info" in chosen:
         info = topics[chosen["info"]].contents[0]
-        pictures = load_images(log, read["depth"], read["rgb"], info, frames, base)
-    eye, camera = pictures or (RgbdModel(), None)
-    robot, said = RobotModel(lidar=model, camera=eye), (dict(+log.dropped), tuple(log.notes))
+        eye, camera = load_images(log, read["depth"], read["rgb"], info, frames, base)
+    robot, said = RobotModel(lidar=model, camera=eye), (dict(log.dropped), tuple(log.notes))
     return Recording(path.stem, robot, None, imu, odometry, lidar, camera, None, *said)
 
 
@@ -102,31 +103,29 @@ def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) ->
         chosen["info"] = info.name
     else:
         chosen = {use: name for use, name in chosen.items() if USES[use][0] != IMAGE}
-    kinds = [*NOT_READ, *(kind for kind, _ in USES.values())]
     for topic in topics.values():
-        if topic.kind in kinds and topic.name not in chosen.values():
+        if topic.kind in COUNTED and topic.name not in chosen.values():
             short = topic.kind.rpartition("/")[2]
-            log.dropped[f"messages of {short} on {topic.name}, which is not read"] += len(topic.t)
+            log.leave_out(f"messages of {short} on {topic.name}, which is not read", len(topic.t))
     return chosen
 
 
 def _odometry(log: Log, topic: Topic | None, frames: Frames) -> tuple[Trajectory, str]:
     """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames."""
-    axes = ("pose.pose.position xyz", "pose.pose.orientation xyzw")
     if topic is not None:
-        usual = "base_footprint" if any("base_footprint" in pair for pair in frames) else "base_link"
+        usual = "base_footprint" if any("base_footprint" in pair for pair in frames.pairs) else "base_link"
         base = topic.contents[0].child_frame_id.lstrip("/") or usual
+        topic, T = transforms(log, topic, "pose.pose.position xyz", "pose.pose.orientation xyzw")
     else:
         # Frames of a robot's own name are known by their last part, as in robot1/odom.
-        pairs = [pair for pair in frames if pair[0].rpartition("/")[2].startswith("odom")]
+        pairs = [pair for pair in frames.pairs if pair[0].rpartition("/")[2].startswith("odom")]
         if not pairs:
-            moving = [f"{a} -> {b} on /tf" for a, b in frames if chain(frames, a, b) is None]
+            moving = [f"{a} -> {b} on /tf" for (a, b), (said, _) in frames.pairs.items() if len(said.t) > 1]
             expected = "nav_msgs/Odometry, or odom -> base_link on /tf"
             raise DataError(log.path, "odometry", ", ".join(moving) or "none", expected)
         parent, base = pair = min(pairs, key=lambda pair: ("base" not in pair[1], pair))
         log.notes.append(f"odometry is read from /tf: {parent} -> {base}")
-        topic, axes = ordered(log, frames[pair][0]), EDGE
-    topic, T = transforms(log, topic, *axes)
+        topic, T = transforms(log, ordered(log, frames.pairs[pair][0]), *EDGE)
     return Trajectory(topic.t, np.column_stack([T[:, :2, 3], np.arctan2(T[:, 1, 0], T[:, 0, 0])])), base
 
 
@@ -134,26 +133,13 @@ def _imu(log: Log, topic: Topic, frames: Frames, base: str) -> Imu | None:
     """Read the IMU, its axes turned into the body's: as the tree of frames says, or gravity."""
     rows = topic.numbers("angular_velocity xyz", "linear_acceleration xyz")
     rows[:, 3:] /= STANDARD_GRAVITY
-    good = (np.abs(rows) < LARGEST).all(axis=1)
-    frame, topic = frame_of(topic.contents[0]), log.keep(topic, good, "without usable numbers")
+    good = (np.abs(rows) < GRAVITY_LIMIT[0]).all(axis=1)
+    frame, topic = frame_of(topic.contents[0]), topic.keep(log, good, "without usable numbers")
     if len(topic.t) < 2:
         return None
-    body, T = rows[good].reshape(-1, 2, 3), chain(frames, base, frame)
-    R, up = upright(body[:, 1].mean(axis=0)) if T is None else (T[:3, :3], "")
-    if up:
-        log.notes.append(f"no chain of frames from {base} to {frame}: {topic.name} is taken for {up}")
-    turned = body @ R.T
-    return Imu(topic.t, turned[:, 0], turned[:, 1])
-
-
-def upright(acceleration: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return a rotation ``(3, 3)`` without yaw that turns a mean acceleration ``(3,)`` upwards, and what it does.
-
-    Over a drive an accelerometer shows one g upwards in the mean. One that shows much else is taken for upright.
-    """
-    (x, y, z), length = acceleration, float(np.linalg.norm(acceleration))
-    if not 0.8 < length < 1.2:
-        return np.eye(3), f"upright, as it shows {length:.2f} g in the mean"
-    lean = np.degrees(np.arccos(np.clip(z / length, -1.0, 1.0)))
-    words = f"leaning by {lean:.0f} deg, as gravity says"
-    return rotation_matrix(np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))), words
+    rates, pushes = rows[good, :3], rows[good, 3:]
+    T = frames.place(base, frame)
+    R, taken = upright(pushes.mean(axis=0)) if T is None else (T[:3, :3], "")
+    if T is None:
+        log.notes.append(f"no chain of frames from {base} to {frame}: {topic.name} is taken for {taken}")
+    return Imu(topic.t, rates @ R.T, pushes @ R.T)

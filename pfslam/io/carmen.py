@@ -16,6 +16,7 @@ import numpy as np
 from pfslam.errors import DataError
 from pfslam.io.files import reason
 from pfslam.io.formats import numbers
+from pfslam.io.log import Log
 from pfslam.poses import Trajectory, between
 from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import MAX_BEAMS, LidarModel, RobotModel
@@ -29,15 +30,14 @@ SENSOR_HEIGHT = 0.35
 """The logs do not say how high the scanner is mounted; on a flat floor it does not matter."""
 
 
-@dataclass
-class CarmenLog:
+@dataclass(eq=False)
+class CarmenLog(Log):
     """What the lines of a log add up to.
 
     For each scan there is a stamp, its ranges ``(beams,)`` float32 and, if the message has them, the poses of robot and
     laser, three numbers each; for each odometry message four numbers: stamp, x, y, theta.
     """
 
-    path: Path
     beams: int = 0
     angles: tuple[float, float] = (0.0, 0.0)
     range_max: float = NO_RETURN
@@ -47,12 +47,6 @@ class CarmenLog:
     laser_at_scan: array = field(default_factory=partial(array, "d"))
     odometry: array = field(default_factory=partial(array, "d"))
     laser_offset: str | None = None
-    dropped: dict[str, int] = field(default_factory=dict)
-
-    def count(self, reason: str, number: int = 1) -> None:
-        """Note that this many items were left out for this reason."""
-        if number:
-            self.dropped[reason] = self.dropped.get(reason, 0) + number
 
 
 def load_carmen(path: str | Path) -> Recording:
@@ -64,20 +58,21 @@ def load_carmen(path: str | Path) -> Recording:
     log = read_log(path)
     if not log.scan_t:
         raise DataError(log.path, "laser messages", "none", "lines of FLASER, ROBOTLASER1 or RAWLASER1")
-    order = _increasing(log, np.array(log.scan_t), "scans with the stamp of another")
-    t = np.array(log.scan_t)[order]
+    t = np.array(log.scan_t)
+    order = log.in_order("scans", t)
+    t = t[order]
     lidar = LidarScans(t, np.stack([log.ranges[k] for k in order]))
-    log.count("ranges that are not a number", int(np.count_nonzero(np.isnan(lidar.ranges))))
+    log.leave_out("ranges that are not a number", np.isnan(lidar.ranges))
     if len(log.robot_at_scan) == 3 * len(log.scan_t):
         odometry = Trajectory(t, _pose_columns(log, log.robot_at_scan, 3)[order])
     elif log.odometry and not log.robot_at_scan:
         rows = _pose_columns(log, log.odometry, 4)
-        rows = rows[_increasing(log, rows[:, 0], "odometry with the stamp of another")]
+        rows = rows[log.in_order("poses of the odometry", rows[:, 0])]
         odometry = Trajectory(rows[:, 0], rows[:, 1:])
     else:
         raise DataError(log.path, "odometry", "none for some scans", "poses in the scans, or ODOM lines")
-    robot = RobotModel(lidar=_lidar(log))
-    return Recording(log.path.stem, robot, None, None, odometry, lidar, dropped=log.dropped)
+    robot, said = RobotModel(lidar=_lidar(log)), (dict(log.dropped), tuple(log.notes))
+    return Recording(log.path.stem, robot, None, None, odometry, lidar, None, None, *said)
 
 
 def _pose_columns(log: CarmenLog, values: array, columns: int) -> np.ndarray:
@@ -90,23 +85,13 @@ def _pose_columns(log: CarmenLog, values: array, columns: int) -> np.ndarray:
     return table
 
 
-def _increasing(log: CarmenLog, t: np.ndarray, reason: str) -> np.ndarray:
-    """Find the indices that put stamps in strictly increasing order."""
-    order = np.argsort(t, kind="stable")
-    first = np.concatenate([[True], np.diff(t[order]) > 0])
-    log.count(reason, int(np.count_nonzero(~first)))
-    return order[first]
-
-
 def _lidar(log: CarmenLog) -> LidarModel:
     """Describe the laser: angles and range limit from its messages, mounting from PARAM lines or the poses."""
     x, y, yaw = _mounting(log)
     low, high = (float(angle + yaw) for angle in log.angles)
     position = float(x), float(y), SENSOR_HEIGHT
-    try:
+    with log.naming("laser"):
         return LidarModel(low, high, log.beams, range_max=log.range_max, position_b=position)
-    except DataError as error:
-        raise DataError(log.path, f"laser, {error.field}", error.found, error.expected) from None
 
 
 def _mounting(log: CarmenLog) -> np.ndarray:
@@ -144,7 +129,7 @@ def _read_line(log: CarmenLog, number: int, line: bytes) -> None:
     if words and words[0] in READERS:
         READERS[words[0]](log, number, words[1:])
     elif words and not words[0].startswith("#"):
-        log.count("messages of other kinds")
+        log.leave_out("messages of other kinds")
 
 
 def _flaser(log: CarmenLog, line: int, words: list[str]) -> None:

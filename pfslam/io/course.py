@@ -20,6 +20,7 @@ from pfslam.errors import DataError
 from pfslam.io.files import read_npz, write_npz
 from pfslam.io.images import ImageReader, numbered_images, write_png
 from pfslam.io.limits import LONGEST_SWEEP, check_size, stamps
+from pfslam.io.log import Log
 from pfslam.poses import Trajectory
 from pfslam.recording import (
     Encoders,
@@ -61,17 +62,17 @@ def load_course(number: int | str, data_dir: str | Path) -> Recording:
     folder = Path(data_dir)
     if not folder.is_dir():
         raise DataError(folder, "data folder", "no such folder", f"a folder with Encoders{number}.npz")
-    dropped: dict[str, int] = {}
+    log = Log(folder)
     encoders = _load_encoders(_require(folder, f"Encoders{number}.npz"))
     imu = _load_imu(_require(folder, f"Imu{number}.npz"))
     robot, lidar = RobotModel(), None
     if path := find_file(folder, f"Hokuyo{number}.npz"):
-        model, lidar = _load_lidar(path, dropped)
+        model, lidar = _load_lidar(path, log)
         robot = replace(robot, lidar=model)
-    camera = _load_camera(folder, number, robot.camera, dropped)
+    camera = _load_camera(folder, number, robot.camera, log)
     path = find_file(folder, f"truth{number}.npz")
     truth = _load_truth(path) if path else None
-    return Recording(number, robot, encoders, imu, None, lidar, camera, truth, dropped=dropped)
+    return Recording(number, robot, encoders, imu, None, lidar, camera, truth, dict(log.dropped))
 
 
 def find_file(folder: Path, *parts: str) -> Path | None:
@@ -120,7 +121,7 @@ def _load_imu(path: Path) -> Imu:
     return Imu(t, angular_velocity, _columns(path, data, "linear_acceleration", 3, len(t)))
 
 
-def _load_lidar(path: Path, dropped: dict[str, int]) -> tuple[LidarModel, LidarScans]:
+def _load_lidar(path: Path, log: Log) -> tuple[LidarModel, LidarScans]:
     limits = ("angle_min", "angle_max", "range_min", "range_max")
     data = read_npz(path, (*limits, "ranges", "time_stamps"), optional=("sweep",))
     t, raw = stamps(path, data["time_stamps"], "time_stamps"), data["ranges"]
@@ -130,8 +131,7 @@ def _load_lidar(path: Path, dropped: dict[str, int]) -> tuple[LidarModel, LidarS
         raise DataError(path, "ranges", f"{raw.dtype} of shape {raw.shape}", expected)
     with np.errstate(over="ignore"):
         ranges = np.ascontiguousarray(raw.T, dtype=np.float32)
-    if not_a_number := int(np.count_nonzero(np.isnan(ranges))):
-        dropped["ranges that are not a number"] = not_a_number
+    log.leave_out("ranges that are not a number", np.isnan(ranges))
     # The angle between beams follows from the limits; the file's own may be [0, 0], and is not used.
     numbers = {key: _scalar(path, data, key) for key in (*limits, "sweep") if key in data}
     model = _lidar_model(path, numbers, raw.shape[0])
@@ -169,27 +169,22 @@ def _load_truth(path: Path) -> Trajectory:
     return Trajectory(t, data["pose"])
 
 
-def _load_camera(folder: Path, number: str, camera: RgbdModel, dropped: dict[str, int]) -> RgbdStream | None:
+def _load_camera(folder: Path, number: str, camera: RgbdModel, log: Log) -> RgbdStream | None:
     kinds = {"disparity": f"Disparity{number}", "rgb": f"RGB{number}"}
     folders = {kind: find_file(folder, "dataRGBD", name) for kind, name in kinds.items()}
     files = {kind: numbered_images(folders[kind], kind + number) for kind in kinds}
     path = find_file(folder, f"Kinect{number}.npz")
     if path is None:
-        _count(dropped, "images without a stamp", sum(len(f) for f in files.values()))
+        log.leave_out("images without a stamp", sum(len(f) for f in files.values()))
         return None
     data = read_npz(path, ("disparity_time_stamps", "rgb_time_stamps"))
     t = {kind: stamps(path, data[f"{kind}_time_stamps"], f"{kind}_time_stamps") for kind in kinds}
     index = {kind: np.array(sorted(k for k in files[kind] if k < len(t[kind])), dtype=int) for kind in kinds}
-    _count(dropped, "images without a stamp", sum(len(files[kind]) - len(index[kind]) for kind in kinds))
+    log.leave_out("images without a stamp", sum(len(files[kind]) - len(index[kind]) for kind in kinds))
     size = (camera.height, camera.width)
     read_disparity = ImageReader(files["disparity"], (*size, 1), np.uint16)
     read_rgb = ImageReader(files["rgb"], (*size, 3), np.uint8)
     return RgbdStream(t["disparity"], t["rgb"], read_disparity, read_rgb, index["disparity"], index["rgb"])
-
-
-def _count(dropped: dict[str, int], reason: str, count: int) -> None:
-    if count:
-        dropped[reason] = dropped.get(reason, 0) + count
 
 
 def save_course(
