@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 PACKAGE = Path(__file__).resolve().parents[1] / "pfslam"
 
 # Each module imports only from those above it. A wing (a folder) is one entry; within it there is no circle either.
@@ -47,6 +49,11 @@ ORDER = [
 MODULES = sorted(PACKAGE.rglob("*.py"))
 PLOTTING = {"matplotlib", "ipywidgets", "IPython", "PIL"}
 LONGEST_FUNCTION = 40
+# What stands beside the filter stays small: its files, and how many lines of code they may have together.
+SMALL = {
+    "the reader of bags": (["io/bags.py", "io/messages.py", "io/bag_scans.py", "io/bag_images.py"], 300),
+    "loops": (["loops/*.py"], 250),
+}
 
 
 def label(path):
@@ -169,6 +176,26 @@ def test_functions_are_short_enough_to_read():
         for node in functions(path)
         if node.end_lineno - node.lineno + 1 > LONGEST_FUNCTION
     ]
+
+
+def lines_of_code(path):
+    """How many lines of a file are code: no blank ones, no documentation, comments or imports."""
+    source = path.read_text(encoding="utf-8")
+    other = set()
+    for node in ast.walk(ast.parse(source)):
+        text = isinstance(node, ast.Expr) and isinstance(getattr(node.value, "value", None), str)
+        if text or isinstance(node, ast.Import | ast.ImportFrom):
+            other.update(range(node.lineno, node.end_lineno + 1))
+    numbered = ((number, line.strip()) for number, line in enumerate(source.splitlines(), start=1))
+    return sum(bool(line) and not line.startswith("#") and number not in other for number, line in numbered)
+
+
+@pytest.mark.parametrize("part", SMALL)
+def test_what_stands_beside_the_filter_stays_small(part):
+    patterns, most = SMALL[part]
+    found = {path: lines_of_code(path) for pattern in patterns for path in PACKAGE.glob(pattern)}
+    assert len(found) >= len(patterns)
+    assert sum(found.values()) <= most, {label(path): count for path, count in found.items()}
 
 
 def test_public_names_say_what_they_are():
