@@ -4,12 +4,14 @@ from pathlib import Path
 
 import numpy as np
 from rosbags import rosbag1, rosbag2
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pfslam.motion import dead_reckoning
 
 FORMATS = ("ros1", "sqlite3", "mcap", "mcap file")
+COMPRESSED = ("zstd files", "zstd messages")
+"""As recorders compress on request: folders of sqlite3."""
 SCAN, ODOMETRY, IMU = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
 TF, IMAGE = "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/Image"
 INFO = "sensor_msgs/msg/CameraInfo"
@@ -163,8 +165,11 @@ def write_bag(path, form, rows):
         writer, store = rosbag1.Writer(path.with_suffix(".bag")), store_of(True)
         serialize = store.serialize_ros1
     else:
-        plugin = StoragePlugin.SQLITE3 if form == "sqlite3" else StoragePlugin.MCAP
+        plugin = StoragePlugin.MCAP if "mcap" in form else StoragePlugin.SQLITE3
         writer, store = rosbag2.Writer(path, version=9, storage_plugin=plugin), store_of(False)
+        if form in COMPRESSED:
+            mode = CompressionMode.FILE if form == "zstd files" else CompressionMode.MESSAGE
+            writer.set_compression(mode, CompressionFormat.ZSTD)
         serialize = store.serialize_cdr
     with writer:
         known = {}

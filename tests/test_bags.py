@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bag_files import (
+    COMPRESSED,
     FORMATS,
     LATER,
     LEVEL,
@@ -85,7 +86,7 @@ def assert_equal_to_what_messages_carry(found, wanted):
 # ---- the direct route --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("form", [*FORMATS, *COMPRESSED])
 def test_a_bag_holds_what_was_written(tmp_path, form):
     found = loaded(tmp_path, rows_of(BOX, form == "ros1"), form)
     assert_equal_to_what_messages_carry(found, poses_and_scans(BOX))
