@@ -329,7 +329,7 @@ def test_lines_out_of_order_and_silences_are_spoken_of(tmp_path):
     stamps = [0.25, 0.5, 1.0, 0.75, 1.25, 1.5, 1.75, 2.0, 3.5, 3.75]
     recording = load(tmp_path, *(flaser(t) for t in stamps))
     assert recording.notes == (
-        "1 scans are out of order, put in order, the first at 0.750 s",
+        "scans out of order, put in order: 1, the first at 0.750 s",
         "no scans for 1.50 s after 2.000 s, the longest gap",
     )
     assert recording.dropped == {}

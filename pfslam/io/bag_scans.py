@@ -90,7 +90,7 @@ def _at_usual_angles(log: Log, topic: Topic) -> tuple[Any, np.ndarray]:
     angles = np.linspace(*_ends(usual), len(usual.ranges))
     rows = [m.ranges if s == shape else nearest_ranges(angles, m) for m, s in zip(held, shapes, strict=True)]
     if moved := len(held) - alike:
-        log.notes.append(f"{moved} scans on {topic.name} are put at the angles of most, by nearest beams")
+        log.notes.append(f"scans on {topic.name} put at the angles of most, by nearest beams: {moved}")
     return usual, np.array(rows, dtype=np.float32)
 
 

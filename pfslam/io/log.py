@@ -45,9 +45,7 @@ class Log:
         early = np.flatnonzero(np.diff(t) < 0)
         if len(early):
             first = t[early[0] + 1]
-            self.notes.append(
-                f"{len(early)} {what} are out of order, put in order, the first at {first:.3f} s"
-            )
+            self.notes.append(f"{what} out of order, put in order: {len(early)}, the first at {first:.3f} s")
         order = np.argsort(t, kind="stable")
         new = np.diff(t[order], prepend=-np.inf) > 0
         self.leave_out(f"{what} with the stamp of another", ~new)

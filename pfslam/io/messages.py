@@ -21,7 +21,7 @@ from pfslam.poses import chain_transforms, quaternion_to_rotation
 IMAGE, TF, OLD_TF = "sensor_msgs/msg/Image", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 INDEX = "metadata.yaml"
 SUFFIXES = (".bag", ".mcap", ".db3", ".active", ".zstd")
-"""Of the files of bags; the last two are those of a bag that is not closed, or packed, and are refused."""
+"""Of the files of bags; one alone that is not closed (.active) or packed (.zstd) is refused."""
 NEAR = 1e-6
 """Seconds: what double precision leaves of a time since 1970, and more."""
 LATE = 1.0
@@ -125,9 +125,7 @@ def ordered(log: Log, topic: Topic) -> Topic:
     late = np.abs(delay - np.median(delay)) > LATE
     if late.any():
         first = topic.arrived[late.argmax()]
-        log.notes.append(
-            f"{late.sum()} messages on {topic.name} are late or early, the first at {first:.3f} s"
-        )
+        log.notes.append(f"messages on {topic.name} late or early: {late.sum()}, the first at {first:.3f} s")
     return topic[log.in_order(f"messages on {topic.name}", topic.t)]
 
 
