@@ -8,10 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from pfslam.errors import DataError
-from pfslam.io.bags import BagOptions, load_bag
+from pfslam.io.bags import BagOptions, is_bag, load_bag
 from pfslam.io.carmen import load_carmen
 from pfslam.io.course import load_course, numbers_in
-from pfslam.io.messages import is_bag
 from pfslam.io.recordings import load_recording
 from pfslam.recording import Recording, image_pairs
 

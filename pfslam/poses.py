@@ -133,10 +133,10 @@ def quaternion_to_rotation(xyzw) -> np.ndarray:
 
 
 def transform(rotation=None, translation=(0.0, 0.0, 0.0)) -> np.ndarray:
-    """A 4 x 4 transform from a rotation ``(3, 3)`` (identity if None) and a translation ``(3,)`` in metres."""
-    T = np.eye(4)
-    T[:3, :3] = np.eye(3) if rotation is None else rotation
-    T[:3, 3] = translation
+    """Transforms ``(..., 4, 4)`` of rotations ``(..., 3, 3)``, identity if None, and translations ``(..., 3)`` in m."""
+    T = np.tile(np.eye(4), (*np.shape(translation)[:-1], 1, 1))
+    T[..., :3, :3] = np.eye(3) if rotation is None else rotation
+    T[..., :3, 3] = translation
     return T
 
 

@@ -6,6 +6,7 @@ chassis centre, x forward, y left, z up, metres.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Annotated
@@ -20,6 +21,8 @@ STANDARD_GRAVITY = 9.80665  # m/s^2 in one g
 MAX_BEAMS = 20_000
 MAX_RANGE = 1e4
 """Metres."""
+STEEPEST_DEG = 10.0
+"""A LiDAR that leans more than this does not measure a floor plan."""
 Coordinate = Annotated[float, Range(-1000.0, 1000.0)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 BeamAngle = Annotated[float, Range(-20.0, 20.0)]
@@ -75,6 +78,25 @@ class LidarModel(Settings):
             found = getattr(self, low), getattr(self, high)
             if found[0] > found[1]:
                 raise DataError("LidarModel", f"{low}, {high}", found, "the lesser first")
+
+    @classmethod
+    def mounted(
+        cls, T_bl: np.ndarray, ends: Sequence[float], beams: int, limits: Sequence[float], sweep: float = 0.0
+    ) -> tuple[LidarModel, int]:
+        """Describe a scanner at ``T_bl (4, 4)`` on the robot, by the angles (rad) of its first beam and of its last.
+
+        ``limits`` are the least and the largest range (m), ``sweep`` the time (s) from the first beam to the last. Also
+        returns the step, 1 or -1, that puts its ranges in the model's order: those of a scanner that turns clockwise,
+        or hangs upside down, run the other way. Raises ``DataError`` where it does not measure a floor plan.
+        """
+        lean = float(np.degrees(np.arccos(np.clip(abs(T_bl[2, 2]), 0.0, 1.0))))
+        if lean > STEEPEST_DEG:
+            raise DataError("LidarModel", "mounting", f"a lean of {lean:.0f} deg", "a level LiDAR")
+        seen = np.arctan2(T_bl[1, 0], T_bl[0, 0]) + np.sign(T_bl[2, 2]) * np.asarray(ends)
+        low, high = (np.sort(seen) - 2.0 * np.pi * np.round(seen.mean() / (2.0 * np.pi))).tolist()
+        step = 1 if seen[0] <= seen[1] else -1
+        least, most = limits
+        return cls(low, high, beams, least, most, tuple(T_bl[:3, 3].tolist()), step * sweep), step
 
     @property
     def angles(self) -> np.ndarray:
@@ -174,6 +196,17 @@ class RobotModel(Settings):
     def data_sheet(cls) -> RobotModel:
         """The same robot with the camera pose of its own sheet: (0.18, 0.005, 0.36) m, rpy (0, 0.36, 0.021) rad."""
         return cls(camera=RgbdModel(position_b=(0.18, 0.005, 0.36), pitch=0.36, yaw=0.021))
+
+
+def nearest_ranges(angles: np.ndarray, first: float, step: float, ranges: np.ndarray) -> np.ndarray:
+    """Return the ranges ``(K,)`` at ``angles (K,)`` of a scan whose beams begin at ``first``, ``step`` apart (rad).
+
+    Each is the nearest beam's, NaN where there is none: so turns of a scanner that spins freely, with some beams more
+    or less each time, come to the same angles.
+    """
+    beyond = (angles - first) * np.sign(step) + 0.5 * abs(step)
+    k = (beyond % (2.0 * np.pi) / max(abs(step), 1e-9)).astype(int)
+    return np.where(k < len(ranges), np.asarray(ranges)[np.minimum(k, len(ranges) - 1)], np.nan)
 
 
 def scan_points(ranges: np.ndarray, lidar: LidarModel, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:

@@ -51,8 +51,8 @@ PLOTTING = {"matplotlib", "ipywidgets", "IPython", "PIL"}
 LONGEST_FUNCTION = 40
 # What stands beside the filter stays small: its files, and how many lines of code they may have together.
 SMALL = {
-    "the reader of bags": (["io/bags.py", "io/messages.py", "io/bag_scans.py", "io/bag_images.py"], 300),
-    "loops": (["loops/*.py"], 250),
+    "the reader of bags": (["io/bags.py"], 300),
+    "loops": (["loops/*.py"], 260),
 }
 
 
@@ -179,12 +179,11 @@ def test_functions_are_short_enough_to_read():
 
 
 def lines_of_code(path):
-    """How many lines of a file are code: no blank ones, no documentation, comments or imports."""
+    """How many lines of a file are code: no blank ones, no documentation, no comments."""
     source = path.read_text(encoding="utf-8")
     other = set()
     for node in ast.walk(ast.parse(source)):
-        text = isinstance(node, ast.Expr) and isinstance(getattr(node.value, "value", None), str)
-        if text or isinstance(node, ast.Import | ast.ImportFrom):
+        if isinstance(node, ast.Expr) and isinstance(getattr(node.value, "value", None), str):
             other.update(range(node.lineno, node.end_lineno + 1))
     numbered = ((number, line.strip()) for number, line in enumerate(source.splitlines(), start=1))
     return sum(bool(line) and not line.startswith("#") and number not in other for number, line in numbered)

@@ -30,11 +30,9 @@ import pfslam
 from pfslam.__main__ import main
 from pfslam.errors import DataError
 from pfslam.events import Drive
-from pfslam.io.bag_scans import nearest_ranges
-from pfslam.io.bags import BagOptions
+from pfslam.io.bags import BagOptions, is_bag, read_topics
 from pfslam.io.formats import read_map
 from pfslam.io.headings import with_better_headings
-from pfslam.io.messages import is_bag, read_topics
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, between, transform_points
 from pfslam.recording import Imu, LidarScans
@@ -547,16 +545,6 @@ def test_scans_with_other_angles_are_put_at_those_of_most(tmp_path):
     np.testing.assert_allclose(found.lidar.ranges, BOX.lidar.ranges, atol=0.05)
     run = pfslam.run_slam(found, replace(pfslam.SlamConfig.refined(), particles=20))
     assert pfslam.trajectory_error(run.trajectory, BOX.truth).ate_max_m < 0.05
-
-
-def test_an_angle_takes_the_nearest_beam_or_none(tmp_path):
-    three = NEW.scan(
-        0.0, [1.0, 2.0, 3.0], replace(BOX.robot.lidar, beams=3), angle_min=-0.1, angle_increment=0.1
-    )
-    angles = np.array([-0.16, -0.14, 0.04, 0.06, 0.14, 0.16, 0.06 - 2 * np.pi])
-    np.testing.assert_array_equal(nearest_ranges(angles, three), [np.nan, 1, 2, 3, 3, np.nan, 3])
-    three.angle_min, three.angle_increment = 0.1, -0.1
-    np.testing.assert_array_equal(nearest_ranges(angles, three), [np.nan, 3, 2, 1, 1, np.nan, 1])
 
 
 def test_a_sweep_that_varies_a_little_is_one_sweep(tmp_path):

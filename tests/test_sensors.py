@@ -5,8 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pfslam.poses import apply_transform
-from pfslam.sensors import ImuModel, LidarModel, RgbdModel, RobotModel, scan_points, scan_points_3d
+from pfslam.errors import DataError
+from pfslam.poses import apply_transform, rotation_matrix, transform
+from pfslam.sensors import (
+    ImuModel,
+    LidarModel,
+    RgbdModel,
+    RobotModel,
+    nearest_ranges,
+    scan_points,
+    scan_points_3d,
+)
 from pfslam.texture.floor import associate_rgb, depth_from_disparity
 
 FIVE = LidarModel(angle_min=-np.pi / 2, angle_max=np.pi / 2, beams=5, position_b=(0.2, 0.1, 0.5))
@@ -56,6 +65,39 @@ def test_roll_keeps_the_beam_ahead():
     )
     np.testing.assert_allclose(points[2], [2.2, 0.0, 0.0], atol=1e-15)
     np.testing.assert_allclose(points[4], [0.2, 2 * np.cos(0.3), 2 * np.sin(0.3)], atol=1e-15)
+
+
+@pytest.mark.parametrize("upside_down", [False, True])
+@pytest.mark.parametrize(
+    ("first", "last"), [(-1.0, 2.0), (2.0, -1.0), (0.0, 2 * np.pi), (5.0, 3.0), (0.3, 0.3)]
+)
+@pytest.mark.parametrize("yaw", [0.0, 0.7, -3.0])
+def test_a_mounted_lidar_sees_what_its_own_axes_say(upside_down, first, last, yaw):
+    """Clockwise or not, upside down or not: the model's points are the scanner's, brought to the body's frame."""
+    T_bl = transform(rotation_matrix(np.pi * upside_down, 0.0, yaw), (0.2, -0.1, 0.4))
+    angles = np.linspace(first, last, 7)
+    ranges = np.arange(1.0, 8.0)
+    own = ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(7)])
+    lidar, step = LidarModel.mounted(T_bl, (first, last), 7, (0.1, 20.0), sweep=0.1)
+    found = scan_points(ranges[::step], lidar)
+    np.testing.assert_allclose(found, apply_transform(T_bl, own)[::step, :2], atol=1e-9)
+    assert lidar.sweep == 0.1 * step
+    assert abs(lidar.angle_min + lidar.angle_max) <= 2 * np.pi + 1e-9
+
+
+def test_a_lidar_that_leans_is_refused():
+    steep = transform(rotation_matrix(roll=np.deg2rad(11.0)))
+    with pytest.raises(DataError, match="mounting: found a lean of 11 deg, expected a level LiDAR"):
+        LidarModel.mounted(steep, (-1.0, 1.0), 3, (0.1, 30.0))
+    upside_down = transform(rotation_matrix(roll=np.deg2rad(171.0)))
+    assert LidarModel.mounted(upside_down, (-1.0, 1.0), 3, (0.1, 30.0))[1] == -1
+
+
+def test_an_angle_takes_the_nearest_beam_or_none():
+    angles = np.array([-0.16, -0.14, 0.04, 0.06, 0.14, 0.16, 0.06 - 2 * np.pi])
+    ranges = [1.0, 2.0, 3.0]
+    np.testing.assert_array_equal(nearest_ranges(angles, -0.1, 0.1, ranges), [np.nan, 1, 2, 3, 3, np.nan, 3])
+    np.testing.assert_array_equal(nearest_ranges(angles, 0.1, -0.1, ranges), [np.nan, 3, 2, 1, 1, np.nan, 1])
 
 
 def test_yaw_rate_takes_off_the_bias_before_the_scale():

@@ -8,7 +8,7 @@ import numpy as np
 
 from pfslam.cli.summary import said_by_the_loader
 from pfslam.evaluation.checkup import Finding
-from pfslam.io.messages import TF, Topic
+from pfslam.io.bags import TF, Topic
 from pfslam.recording import Recording
 
 VERDICTS = {True: "ok", False: "FAILED", None: "-"}

@@ -1,30 +1,43 @@
-"""ROS bags: laser scans with odometry, read without ROS.
+"""ROS bags: laser scans with odometry, an IMU and images, read without ROS.
 
 ROS 1 bags, ROS 2 bag folders (sqlite3 or mcap) and single mcap or db3 files are read through the pure Python library
-rosbags, the extra ``ros``. The messages are the standard ones of ROS: LaserScan, Odometry, TFMessage, Imu, Image. What
-is left out is counted in ``recording.dropped``; what had to be decided or looks odd is said in ``recording.notes``.
+rosbags, the extra ``ros``, which is imported when a bag is opened and not before. The messages are the standard ones of
+ROS: LaserScan, Odometry, TFMessage, Imu, Image. What is left out is counted in ``recording.dropped``; what had to be
+decided or looks odd is said in ``recording.notes``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.io.bag_images import load_images
-from pfslam.io.bag_scans import load_scans, place_of_lidar
 from pfslam.io.headings import with_better_headings
-from pfslam.io.limits import GRAVITY_LIMIT
+from pfslam.io.limits import GRAVITY_LIMIT, LONGEST_SWEEP, POSE_LIMIT
 from pfslam.io.log import Log
-from pfslam.io.messages import EDGE, IMAGE, TF, Frames, Topic, frame_of, ordered, read_topics, transforms
-from pfslam.poses import Trajectory
-from pfslam.recording import Imu, Recording
-from pfslam.sensors import STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel
+from pfslam.poses import Trajectory, chain_transforms, quaternion_to_rotation, rotation_matrix, transform
+from pfslam.recording import Imu, LidarScans, Recording, RgbdStream
+from pfslam.sensors import MAX_BEAMS, STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel, nearest_ranges
+from pfslam.texture.floor import disparity_from_depth_image
 from pfslam.tilt import upright
 
+IMAGE, TF, OLD_TF = "sensor_msgs/msg/Image", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
+INDEX = "metadata.yaml"
+SUFFIXES = (".bag", ".mcap", ".db3", ".active", ".zstd")
+"""Of the files of bags; one alone that is not closed (.active) or packed (.zstd) is refused."""
+NEAR = 1e-6
+"""Seconds: what double precision leaves of a time since 1970, and more."""
+LATE = 1.0
+"""Seconds of more delay than usual, from its stamp to the bag, that a message is called late for."""
+MOVED = 0.01
+"""A pair of frames whose transform changes by more than this (m, or in an entry of its rotation) is not fixed."""
 USES = {
     "scan": ("sensor_msgs/msg/LaserScan", ("/scan",)),
     "odom": ("nav_msgs/msg/Odometry", ("/odom",)),
@@ -34,6 +47,9 @@ USES = {
 }
 """The type of the messages for each use, and the usual names of their topic."""
 INFO = "sensor_msgs/msg/CameraInfo"
+DEPTHS = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
+"""Encodings of depth: the type of a pixel, and what one of it is in m."""
+COLOURS = {"rgb8", "bgr8", "rgba8", "bgra8"}
 OTHERS = [f"sensor_msgs/msg/{kind}" for kind in ("PointCloud2", "MultiEchoLaserScan", "CompressedImage")]
 COUNTED = {*OTHERS, *(kind for kind, _ in USES.values())}
 """The types of messages that are counted where their topic is not read."""
@@ -62,19 +78,19 @@ def load_bag(path: str | Path, options: BagOptions | None = None) -> Recording:
     chosen = choose_topics(log, topics, options)
     trees = [topic.name for topic in topics.values() if topic.kind == TF]
     topics = read_topics(path, {*chosen.values(), *trees})
-    read = {use: ordered(log, topics[name]) for use, name in chosen.items() if use != "info"}
-    frames = Frames.of(log, [topics[name] for name in trees])
+    read = {use: _ordered(log, topics[name]) for use, name in chosen.items() if use != "info"}
+    frames = _read_frames(log, [topics[name] for name in trees])
     odometry, base = _odometry(log, read.get("odom"), frames)
     imu = _imu(log, read["imu"], frames, base) if "imu" in read else None
     odometry, notes = with_better_headings(odometry, imu)
     log.notes += notes
     model, lidar, eye, camera = LidarModel(), None, RgbdModel(), None
     if "scan" in read:
-        T = place_of_lidar(log, read["scan"], frames, base, options.lidar_at)
-        model, lidar = load_scans(log, read["scan"], T)
+        T = _place_of_lidar(log, read["scan"], frames, base, options)
+        model, lidar = _scans(log, read["scan"], T)
     if "info" in chosen:
         info = topics[chosen["info"]].contents[0]
-        eye, camera = load_images(log, read["depth"], read["rgb"], info, frames, base)
+        eye, camera = _images(log, read["depth"], read["rgb"], info, frames, base)
     robot, said = RobotModel(lidar=model, camera=eye), (dict(log.dropped), tuple(log.notes))
     return Recording(path.stem, robot, None, imu, odometry, lidar, camera, None, *said)
 
@@ -110,22 +126,154 @@ def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) ->
     return chosen
 
 
+@dataclass(frozen=True, eq=False)
+class Topic:
+    """The messages of one topic: their stamps and when they reached the bag (s), and their contents."""
+
+    name: str
+    kind: str
+    t: np.ndarray
+    arrived: np.ndarray
+    contents: np.ndarray
+
+    @classmethod
+    def of(cls, name: str, kind: str, rows: Iterable[tuple[float, float, Any]]) -> Topic:
+        """Arrange messages, each with its two times."""
+        t, arrived, contents = np.array([*rows], dtype=object).reshape(-1, 3).T
+        return cls(name, kind, t.astype(float), arrived.astype(float), contents)
+
+    def __getitem__(self, rows: np.ndarray) -> Topic:
+        return Topic(self.name, self.kind, self.t[rows], self.arrived[rows], self.contents[rows])
+
+    def keep(self, log: Log, good: Any, why: str, expected: str | None = None) -> Topic:
+        """Keep the good ``(K,)`` messages and count the others; ``DataError`` if none is what was expected."""
+        good = np.asarray(good, dtype=bool)
+        if expected and not good.any():
+            raise DataError(log.path, f"{self.name} at {self.t[0]:.3f}", f"only messages {why}", expected)
+        log.leave_out(f"messages on {self.name} {why}", ~good)
+        return self[good]
+
+    def numbers(self, *vectors: str) -> np.ndarray:
+        """Collect the numbers ``(K, n)`` of vectors, each given as its field and its axes: ``"rotation xyzw"``."""
+        get = attrgetter(*(f"{name}.{axis}" for name, axes in map(str.split, vectors) for axis in axes))
+        return np.array([get(content) for content in self.contents], dtype=float)
+
+
+Poses = tuple[Topic, np.ndarray]
+"""Messages, and their transforms ``(K, 4, 4)``."""
+Frames = dict[tuple[str, str], Poses]
+"""The tree of frames: what was said of each pair (parent, child)."""
+
+
+def is_bag(path: Path) -> bool:
+    """Tell from its name whether a path is a bag: a file of a bag's kind, or a folder that holds such files."""
+    names = [entry.name for entry in path.iterdir()] if path.is_dir() else [path.name]
+    return any(name == INDEX or Path(name).suffix.lower() in SUFFIXES for name in names)
+
+
+def read_topics(path: Path, wanted: Collection[str] = (), at: float | None = None) -> dict[str, Topic]:
+    """Read the wanted topics of a bag, or list all, without contents, by when their messages reached the bag.
+
+    Of images, the pixels are kept only where one is read alone: what reached the bag ``at`` this time (s).
+    """
+    try:
+        from rosbags import rosbag1, rosbag2
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    except ImportError as error:
+        raise DataError(path, "package", f"no {error.name}", "the extra: pip install pfslam[ros]") from error
+    is_old, place = path.suffix.lower() == ".bag", "bag"
+    store = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.LATEST)
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
+    span = (None, None) if at is None else (int((at - NEAR) * 1e9), int((at + NEAR) * 1e9))
+    decode: Any = store.deserialize_ros1 if is_old else store.deserialize_cdr
+    try:
+        with rosbag1.Reader(path) if is_old else rosbag2.Reader(path) as reader:
+            kinds = {c.topic: TF if c.msgtype == OLD_TF else c.msgtype for c in reader.connections}
+            rows: dict[str, list[tuple[float, float, Any]]] = {name: [] for name in sorted(kinds)}
+            chosen = [c for c in reader.connections if c.topic in wanted]
+            for connection, nanoseconds, data in reader.messages(chosen, *span):
+                name, arrived = connection.topic, nanoseconds // 10**9 + nanoseconds % 10**9 * 1e-9
+                place = f"{name} at {arrived:.3f}"
+                content: Any = decode(data, kinds[name]) if chosen else None
+                t = _stamp(content) if hasattr(content, "header") else arrived
+                if chosen and kinds[name] == IMAGE and at is None:
+                    content.data = None
+                rows[name].append((t, arrived, content))
+    except Exception as error:  # the library raises many kinds for a damaged bag
+        found = ": ".join(filter(None, (type(error).__name__, str(error))))
+        expected = f"a whole ROS bag, closed by its recorder: a file, or a folder with its {INDEX}"
+        raise DataError(path, place, found, expected) from error
+    return {name: Topic.of(name, kinds[name], rows[name]) for name in rows}
+
+
+def _stamp(message: Any) -> float:
+    """Return the time in a message's header, in seconds, rounded once."""
+    return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+
+
+def _frame_of(message: Any) -> str:
+    """Return the frame of a message, without the slash that old robots write before it."""
+    return message.header.frame_id.lstrip("/")
+
+
+def _ordered(log: Log, topic: Topic) -> Topic:
+    """Put messages in the order of their stamps, each stamp once, and speak of what is odd."""
+    if not topic.t.any():
+        log.notes.append(f"the stamps on {topic.name} are zero: the bag's own time is used")
+        topic = replace(topic, t=topic.arrived)
+    topic = topic.keep(log, topic.t != 0, "without a stamp", "times")
+    delay = topic.arrived - topic.t
+    late = np.abs(delay - np.median(delay)) > LATE
+    if late.any():
+        first = topic.arrived[late.argmax()]
+        log.notes.append(f"messages on {topic.name} late or early: {late.sum()}, the first at {first:.3f} s")
+    return topic[log.in_order(f"messages on {topic.name}", topic.t)]
+
+
+def _transforms(log: Log, topic: Topic, at: str = "translation", turn: str = "rotation") -> Poses:
+    """Keep the messages whose position and quaternion, by their fields, are a pose; with their transforms."""
+    rows = topic.numbers(f"{at} xyz", f"{turn} xyzw")
+    length = np.linalg.norm(np.clip(rows[:, 3:], -2.0, 2.0), axis=1)
+    good = (np.abs(rows) < POSE_LIMIT[0]).all(axis=1) & (np.abs(length - 1.0) < 0.01)
+    topic = topic.keep(log, good, "that are no poses", "finite numbers, a quaternion of length 1")
+    R = quaternion_to_rotation(rows[good, 3:] / length[good, None])
+    return topic, transform(R, rows[good, :3])
+
+
+def _read_frames(log: Log, topics: Iterable[Topic]) -> Frames:
+    """Collect the transforms of TFMessages, by pair of frames."""
+    rows: dict[tuple[str, str], list[tuple[float, float, Any]]] = {}
+    for topic in topics:
+        for arrived, message in zip(topic.arrived, topic.contents, strict=True):
+            for edge in message.transforms:
+                pair = _frame_of(edge), edge.child_frame_id.lstrip("/")
+                rows.setdefault(pair, []).append((_stamp(edge), arrived, edge.transform))
+    named = {pair: Topic.of(f"/tf ({' -> '.join(pair)})", TF, found) for pair, found in rows.items()}
+    return {pair: _transforms(log, topic) for pair, topic in named.items()}
+
+
+def _find_place(frames: Frames, base: str, frame: str) -> np.ndarray | None:
+    """Return the transform ``(4, 4)`` of ``frame`` in ``base``, None if no chain of fixed pairs joins them."""
+    fixed = {pair: T[0] for pair, (_, T) in frames.items() if np.abs(T - T[0]).max() <= MOVED}
+    return chain_transforms(fixed, base, frame)
+
+
 def _odometry(log: Log, topic: Topic | None, frames: Frames) -> tuple[Trajectory, str]:
     """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames."""
     if topic is not None:
-        usual = "base_footprint" if any("base_footprint" in pair for pair in frames.pairs) else "base_link"
+        usual = "base_footprint" if any("base_footprint" in pair for pair in frames) else "base_link"
         base = topic.contents[0].child_frame_id.lstrip("/") or usual
-        topic, T = transforms(log, topic, "pose.pose.position xyz", "pose.pose.orientation xyzw")
+        topic, T = _transforms(log, topic, "pose.pose.position", "pose.pose.orientation")
     else:
         # Frames of a robot's own name are known by their last part, as in robot1/odom.
-        pairs = [pair for pair in frames.pairs if pair[0].rpartition("/")[2].startswith("odom")]
+        pairs = [pair for pair in frames if pair[0].rpartition("/")[2].startswith("odom")]
         if not pairs:
-            moving = [f"{a} -> {b} on /tf" for (a, b), (said, _) in frames.pairs.items() if len(said.t) > 1]
+            moving = [f"{a} -> {b} on /tf" for (a, b), (said, _) in frames.items() if len(said.t) > 1]
             expected = "nav_msgs/Odometry, or odom -> base_link on /tf"
             raise DataError(log.path, "odometry", ", ".join(moving) or "none", expected)
         parent, base = pair = min(pairs, key=lambda pair: ("base" not in pair[1], pair))
         log.notes.append(f"odometry is read from /tf: {parent} -> {base}")
-        topic, T = transforms(log, ordered(log, frames.pairs[pair][0]), *EDGE)
+        topic, T = _transforms(log, _ordered(log, frames[pair][0]))
     return Trajectory(topic.t, np.column_stack([T[:, :2, 3], np.arctan2(T[:, 1, 0], T[:, 0, 0])])), base
 
 
@@ -134,12 +282,134 @@ def _imu(log: Log, topic: Topic, frames: Frames, base: str) -> Imu | None:
     rows = topic.numbers("angular_velocity xyz", "linear_acceleration xyz")
     rows[:, 3:] /= STANDARD_GRAVITY
     good = (np.abs(rows) < GRAVITY_LIMIT[0]).all(axis=1)
-    frame, topic = frame_of(topic.contents[0]), topic.keep(log, good, "without usable numbers")
+    frame, topic = _frame_of(topic.contents[0]), topic.keep(log, good, "without usable numbers")
     if len(topic.t) < 2:
         return None
     rates, pushes = rows[good, :3], rows[good, 3:]
-    T = frames.place(base, frame)
+    T = _find_place(frames, base, frame)
     R, taken = upright(pushes.mean(axis=0)) if T is None else (T[:3, :3], "")
     if T is None:
         log.notes.append(f"no chain of frames from {base} to {frame}: {topic.name} is taken for {taken}")
     return Imu(topic.t, rates @ R.T, pushes @ R.T)
+
+
+def _place_of_lidar(log: Log, topic: Topic, frames: Frames, base: str, options: BagOptions) -> np.ndarray:
+    """Find the transform ``(4, 4)`` of the LiDAR in the body frame."""
+    if options.lidar_at is not None:
+        x, y, yaw = options.lidar_at
+        log.notes.append(f"the LiDAR is taken to be at x {x:g} m, y {y:g} m, yaw {yaw:g} rad, as asked for")
+        return transform(rotation_matrix(yaw=yaw), (x, y, LidarModel().position_b[2]))
+    frame = _frame_of(topic.contents[0])
+    T = _find_place(frames, base, frame)
+    if T is None:
+        found = f"no fixed chain of frames from {base} to {frame or 'a frame without a name'}"
+        expected = "one on /tf_static, or --lidar-at X Y YAW"
+        raise DataError(log.path, f"{topic.name}, place of the LiDAR", found, expected)
+    return T
+
+
+def _scans(log: Log, topic: Topic, T: np.ndarray) -> tuple[LidarModel, LidarScans]:
+    """Describe the LiDAR, at ``T (4, 4)`` on the robot, and arrange its scans counter-clockwise, seen from above."""
+    frame = _frame_of(topic.contents[0])
+    topic = topic.keep(log, [_frame_of(m) == frame for m in topic.contents], f"of other frames than {frame}")
+    usable = [_has_angles(message) for message in topic.contents]
+    topic = topic.keep(log, usable, "without usable angles", "beams over at most one turn")
+    said = np.concatenate([message.ranges for message in topic.contents])
+    for what, odd in (("not a number", np.isnan), ("infinite", np.isinf), ("zero", np.logical_not)):
+        log.leave_out(f"ranges on {topic.name} that are {what}", odd(said))
+    usual, ranges = _at_usual_angles(log, topic)
+    between = np.median([message.time_increment for message in topic.contents])
+    sweep, period = (ranges.shape[1] - 1) * float(between), np.median(np.diff(topic.t, append=np.inf))
+    if not abs(sweep) <= min(LONGEST_SWEEP, 1.1 * period):
+        log.notes.append(f"a sweep of {sweep:g} s on {topic.name} is not used: a scan lasts less")
+        sweep = 0.0
+    if T[2, 2] < 0:
+        log.notes.append(f"{frame} hangs upside down: the beams of {topic.name} are put in the other order")
+    limits = usual.range_min, usual.range_max
+    with log.naming(topic.name):
+        model, step = LidarModel.mounted(T, _ends(usual), ranges.shape[1], limits, sweep)
+    # ROS stamps the first beam, this package the middle one.
+    return model, LidarScans(topic.t + 0.5 * sweep, np.ascontiguousarray(ranges[:, ::step]))
+
+
+def _has_angles(message: Any) -> bool:
+    """Tell whether a scan has beams at different angles, over at most one turn."""
+    beams, low, step = len(message.ranges), abs(message.angle_min), abs(message.angle_increment)
+    turns = (beams - 1) * step <= 2.0 * np.pi + 0.02 and (step > 0.0 or beams == 1)
+    return bool(1 <= beams <= MAX_BEAMS and low < 7.0 and turns)
+
+
+def _ends(message: Any) -> tuple[float, float]:
+    """Return the angles (rad) of the first beam and of the last, as the scanner counts them."""
+    return message.angle_min, message.angle_min + (len(message.ranges) - 1) * message.angle_increment
+
+
+def _at_usual_angles(log: Log, topic: Topic) -> tuple[Any, np.ndarray]:
+    """Put all scans at the angles of most, ``(K, beams)``, and return one of those as well.
+
+    A scanner that spins freely varies its beams from turn to turn.
+    """
+    shapes = [(len(message.ranges), *np.round(_ends(message), 4)) for message in topic.contents]
+    shape, alike = Counter(shapes).most_common(1)[0]
+    usual = topic.contents[shapes.index(shape)]
+    angles = np.linspace(*_ends(usual), len(usual.ranges))
+    rows = [
+        m.ranges if s == shape else nearest_ranges(angles, m.angle_min, m.angle_increment, m.ranges)
+        for m, s in zip(topic.contents, shapes, strict=True)
+    ]
+    if moved := len(shapes) - alike:
+        log.notes.append(f"scans on {topic.name} put at the angles of most, by nearest beams: {moved}")
+    return usual, np.array(rows, dtype=np.float32)
+
+
+def _images(
+    log: Log, depth: Topic, rgb: Topic, info: Any, frames: Frames, base: str
+) -> tuple[RgbdModel, RgbdStream | None]:
+    """Describe the camera and give its images, or count them if they are not to be used."""
+    frame = _frame_of(depth.contents[0])
+    T_bo, K = _find_place(frames, base, frame), (info.k if hasattr(info, "k") else info.K).reshape(3, 3)
+    shapes = {(m.height, m.width) for m in (*depth.contents, *rgb.contents, info)}
+    unread = {m.encoding for m in depth.contents} - {*DEPTHS} | {m.encoding for m in rgb.contents} - COLOURS
+    if len(shapes) > 1 or _frame_of(rgb.contents[0]) != frame:
+        why = "depth and colour are not registered: sizes or frames differ"
+    elif unread:
+        why = f"not read: encoding {', '.join(sorted(unread))}"
+    elif not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0):
+        why = "the depth camera is not calibrated: no focal length in its CameraInfo"
+    elif T_bo is None:
+        why = f"no fixed chain of frames from {base} to {frame}"
+    else:
+        camera = RgbdModel.registered(info.width, info.height, K, T_bo)
+        read = partial(_disparity, log.path, depth, camera), partial(_colours, log.path, rgb)
+        return camera, RgbdStream(depth.t, rgb.t, *read, np.arange(len(depth.t)), np.arange(len(rgb.t)))
+    for topic in (depth, rgb):
+        log.leave_out(f"images on {topic.name} ({why})", len(topic.t))
+    return RgbdModel(), None
+
+
+def _disparity(path: Path, topic: Topic, camera: RgbdModel, k: int) -> np.ndarray:
+    """Read depth image ``k`` as disparity ``(H, W)`` uint16."""
+    dtype, unit = DEPTHS[topic.contents[k].encoding]
+    order = ">" if topic.contents[k].is_bigendian else "<"
+    return disparity_from_depth_image(unit * _pixels(path, topic, k, order + dtype, 1)[..., 0], camera)
+
+
+def _colours(path: Path, topic: Topic, k: int) -> np.ndarray:
+    """Read colour image ``k`` as ``(H, W, 3)`` uint8, red first."""
+    letters = topic.contents[k].encoding.removesuffix("8")
+    pixels = _pixels(path, topic, k, "u1", len(letters))
+    return np.ascontiguousarray(pixels[..., [letters.index(letter) for letter in "rgb"]])
+
+
+def _pixels(path: Path, topic: Topic, k: int, dtype: str, channels: int) -> np.ndarray:
+    """Read the pixels ``(H, W, channels)`` of image ``k``; ``DataError`` if it is damaged."""
+    m, arrived = topic.contents[k], topic.arrived[k]
+    found = read_topics(path, [topic.name], at=arrived)[topic.name].contents
+    try:
+        data = next(message.data for message in found if message.header == m.header)
+        rows = data[: m.height * m.step].reshape(m.height, m.step)
+        used = np.ascontiguousarray(rows[:, : m.width * channels * np.dtype(dtype).itemsize])
+        return used.view(dtype).reshape(m.height, m.width, channels)
+    except (ValueError, StopIteration) as error:
+        place = f"{topic.name} at {arrived:.3f}"
+        raise DataError(path, place, f"{type(error).__name__}: {error}", "a whole image") from error
