@@ -134,8 +134,9 @@ def quaternion_to_rotation(xyzw) -> np.ndarray:
 
 def transform(rotation=None, translation=(0.0, 0.0, 0.0)) -> np.ndarray:
     """Transforms ``(..., 4, 4)`` of rotations ``(..., 3, 3)``, identity if None, and translations ``(..., 3)`` in m."""
-    T = np.tile(np.eye(4), (*np.shape(translation)[:-1], 1, 1))
-    T[..., :3, :3] = np.eye(3) if rotation is None else rotation
+    R = np.eye(3) if rotation is None else np.asarray(rotation)
+    T = np.tile(np.eye(4), (*np.broadcast_shapes(R.shape[:-2], np.shape(translation)[:-1]), 1, 1))
+    T[..., :3, :3] = R
     T[..., :3, 3] = translation
     return T
 

@@ -198,14 +198,14 @@ class RobotModel(Settings):
         return cls(camera=RgbdModel(position_b=(0.18, 0.005, 0.36), pitch=0.36, yaw=0.021))
 
 
-def nearest_ranges(angles: np.ndarray, first: float, step: float, ranges: np.ndarray) -> np.ndarray:
-    """Return the ranges ``(K,)`` at ``angles (K,)`` of a scan whose beams begin at ``first``, ``step`` apart (rad).
+def nearest_ranges(angles: np.ndarray, first: float, increment: float, ranges: np.ndarray) -> np.ndarray:
+    """Return the ranges ``(K,)`` at ``angles (K,)`` of a scan ``(B,)`` from the angle ``first`` on, all in rad.
 
     Each is the nearest beam's, NaN where there is none: so turns of a scanner that spins freely, with some beams more
-    or less each time, come to the same angles.
+    or less each time, come to the same angles. A negative ``increment`` is that of a scanner that turns clockwise.
     """
-    beyond = (angles - first) * np.sign(step) + 0.5 * abs(step)
-    k = (beyond % (2.0 * np.pi) / max(abs(step), 1e-9)).astype(int)
+    beyond = (angles - first) * np.sign(increment) + 0.5 * abs(increment)
+    k = (beyond % (2.0 * np.pi) / max(abs(increment), 1e-9)).astype(int)
     return np.where(k < len(ranges), np.asarray(ranges)[np.minimum(k, len(ranges) - 1)], np.nan)
 
 

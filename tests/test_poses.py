@@ -144,6 +144,15 @@ def test_positive_pitch_looks_down():
     np.testing.assert_allclose(ahead, [np.sqrt(3) / 2, 0, -0.5], atol=1e-15)
 
 
+def test_many_transforms_at_once_are_those_made_one_by_one():
+    R = np.stack([P.rotation_matrix(yaw=yaw) for yaw in (0.1, -2.0, 3.0)])
+    p = np.arange(9.0).reshape(3, 3)
+    np.testing.assert_array_equal(P.transform(R, p), [P.transform(*pair) for pair in zip(R, p, strict=True)])
+    np.testing.assert_array_equal(P.transform(R), [P.transform(one) for one in R])
+    np.testing.assert_array_equal(P.transform(None, p), [P.transform(None, one) for one in p])
+    np.testing.assert_array_equal(P.transform(R[0], p), [P.transform(R[0], one) for one in p])
+
+
 def test_spatial_transform_inverts_and_applies():
     T = P.pose_to_transform([1.0, -2.0, 0.7], z=0.3, pitch=0.2, roll=-0.1)
     points = np.random.default_rng(2).normal(size=(6, 3))
