@@ -110,11 +110,11 @@ solutions: copies  ## Write the chapters with their solutions into _build/soluti
 
 # The wheel carries the students' copies of the chapters, which `pfslam lab` opens.
 wheel: $(STAMP) copies
-	@rm -rf build pfslam/teaching/chapters
-	@mkdir pfslam/teaching/chapters
-	@cp _build/student/*.ipynb pfslam/teaching/chapters/
+	@rm -rf build book/pfslam_book/chapters
+	@mkdir book/pfslam_book/chapters
+	@cp _build/student/*.ipynb book/pfslam_book/chapters/
 	@"$(BIN)/python" -m pip wheel -q --disable-pip-version-check --no-deps --no-build-isolation -w dist .
-	@rm -rf build pfslam/teaching/chapters
+	@rm -rf build book/pfslam_book/chapters
 
 $(SITE)/index.html:
 	@$(MAKE) book

@@ -100,12 +100,6 @@ def build_parser() -> Parser:
     folder = "where the chapters are copied to, unless they are there already (default pfslam-chapters)"
     command.add_argument("--folder", type=Path, default=Path("pfslam-chapters"), metavar="DIR", help=folder)
     command.add_argument("--copy-only", action="store_true", help="copy the chapters, and open nothing")
-    command = _command(commands, "bench", "speed and memory on this machine")
-    quick = "fewer rounds, and only the first part of the drive"
-    command.add_argument("--quick", action="store_true", help=quick)
-    command.add_argument("--json", type=Path, metavar="FILE", help="write the figures to a file")
-    data = "folder with set 20, to measure that too (default $PFSLAM_DATA or data)"
-    command.add_argument("--data", type=Path, metavar="DIR", help=data)
     return parser
 
 

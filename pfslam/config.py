@@ -14,9 +14,9 @@ from typing import Annotated, Literal
 from pfslam.errors import DataError
 from pfslam.grid import LOG_4, MapConfig
 from pfslam.particles import ControlNoise, Scheme
-from pfslam.search.boxes import MAX_SCORES
+from pfslam.refined.search.boxes import MAX_SCORES
+from pfslam.refined.tilt import TiltConfig
 from pfslam.settings import Range, Settings, plain
-from pfslam.tilt import TiltConfig
 
 MAX_PARTICLES = 100_000
 MAX_EVERY = 10**6

@@ -12,8 +12,8 @@ from pfslam.errors import DataError
 from pfslam.motion import Controls, controls, dead_reckoning
 from pfslam.poses import Trajectory, between, rotation_matrix
 from pfslam.recording import Recording
+from pfslam.refined.tilt import estimate_tilt
 from pfslam.sensors import LidarModel, scan_points_3d
-from pfslam.tilt import estimate_tilt
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,22 +12,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pfslam.care import WaitingScan, beyond_gate, familiar, settle_hits
 from pfslam.config import ControlNoise, SlamConfig
 from pfslam.correlation import NEAR, ScoreField, score_field, updated_field
 from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
-from pfslam.matching import Matched, match
 from pfslam.particles import Particles, effective_sample_size, predict, resample, reweight
 from pfslam.poses import average_pose, between, compose, transform_points, wrap_angle
-from pfslam.refinement import HitMoments, Polished, polish
-from pfslam.uncertainty import (
+from pfslam.refined.covariance import (
     NOTHING_DRAWN,
     polished_covariance,
     predicted_covariance,
     with_drawn,
     with_silent_direction,
 )
+from pfslam.refined.lines import HitMoments, Polished, polish
+from pfslam.refined.outliers import WaitingScan, beyond_gate, familiar, settle_hits
+from pfslam.refined.search.matching import Matched, match
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ class StepInfo:
     covariance: np.ndarray | None = None
     """Covariance ``(3, 3)`` of the estimate (m^2, m rad, rad^2; world axes), relative to the first scan drawn.
 
-    It comes from the polish and the map, not from the cloud (see ``pfslam.uncertainty``); None without a polish.
+    It comes from the polish and the map, not from the cloud (see ``pfslam.refined.covariance``); None without a polish.
     """
 
 

@@ -14,7 +14,7 @@ from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import relations_error, trajectory_error
 from pfslam.io.formats import read_relations
 from pfslam.recording import LidarScans
-from pfslam.runs import run_slam
+from pfslam.run import run_slam
 
 CONFIG = replace(SlamConfig.refined(), particles=50)
 pytestmark = pytest.mark.slow

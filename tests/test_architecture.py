@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parents[1] / "pfslam"
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "pfslam"
+BOOK = ROOT / "book" / "pfslam_book"
 
 # Each module imports only from those above it. A wing (a folder) is one entry; within it there is no circle either.
 ORDER = [
@@ -21,49 +23,55 @@ ORDER = [
     "grid",
     "particles",
     "correlation",
-    "search",
-    "tilt",
+    "refined.search.boxes",
+    "refined.search.lattice",
+    "refined.search.volume",
+    "refined.tilt",
     "config",
-    "matching",
-    "refinement",
-    "uncertainty",
-    "care",
+    "refined.search",
+    "refined.lines",
+    "refined.covariance",
+    "refined.outliers",
     "events",
-    "localization",
     "slam",
-    "per_particle",
-    "trust",
-    "runs",
-    "loops",
+    "refined.health",
+    "beyond.per_particle",
+    "run",
+    "beyond",
     "texture",
     "evaluation",
     "io",
     "simulator",
-    "datasets",
+    "io.datasets",
     "study",
-    "bench",
-    "teaching",
     "cli",
     "__main__",
 ]
 MODULES = sorted(PACKAGE.rglob("*.py"))
-PLOTTING = {"matplotlib", "ipywidgets", "IPython", "PIL"}
+BOOK_MODULES = sorted(BOOK.rglob("*.py"))
+PLOTTING = {"matplotlib", "ipywidgets", "IPython", "PIL", "pfslam_book"}
 LONGEST_FUNCTION = 40
 # What stands beside the filter stays small: its files, and how many lines of code they may have together.
 SMALL = {
     "the reader of bags": (["io/bags.py"], 300),
-    "loops": (["loops/*.py"], 260),
+    "loops": (["beyond/loops/*.py"], 260),
 }
 
 
 def label(path):
-    return str(path.relative_to(PACKAGE))
+    return str(path.relative_to(ROOT))
 
 
-def part(path):
-    """The entry of ``ORDER`` that a file belongs to; the package's own __init__ belongs to none."""
-    first = path.relative_to(PACKAGE).parts[0]
-    return None if first == "__init__.py" else first.removesuffix(".py")
+def place(name):
+    """Where in ``ORDER`` a dotted name below ``pfslam`` stands: at its longest prefix that is an entry."""
+    parts = name.split(".")
+    prefixes = [".".join(parts[:n]) for n in range(len(parts), 0, -1)]
+    return next((ORDER.index(prefix) for prefix in prefixes if prefix in ORDER), None)
+
+
+def module_name(path):
+    """The dotted name of a file below ``pfslam``; a wing's own __init__ has the wing's."""
+    return ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
 
 
 def imported(path):
@@ -73,7 +81,7 @@ def imported(path):
             yield from ((alias.name, node.lineno) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             if node.level:
-                folder = ["pfslam", *path.relative_to(PACKAGE).parts[: -node.level]]
+                folder = [*path.relative_to(ROOT).parts[: -node.level]]
                 yield ".".join([*folder, node.module or ""]).rstrip("."), node.lineno
             elif node.module == "pfslam":
                 yield from ((f"pfslam.{alias.name}", node.lineno) for alias in node.names)
@@ -82,26 +90,26 @@ def imported(path):
 
 
 def test_every_module_has_its_place_in_the_order():
-    assert {part(path) for path in MODULES} - {None} <= set(ORDER)
+    wings = {"__init__", "refined"}  # what they hold has places of its own
+    assert [m for m in map(module_name, MODULES) if place(m) is None and m not in wings] == []
 
 
 def test_a_module_imports_only_from_those_above_it():
     wrong = []
     for path in MODULES:
-        if part(path) is None:
+        if (own := place(module_name(path))) is None:
             continue  # the package's own __init__ gathers what users call
-        above = ORDER[: ORDER.index(part(path))]
         wrong += [
             f"{label(path)}:{line} imports {name} from below"
             for name, line in imported(path)
-            if name.startswith("pfslam.") and name.split(".")[1] not in (*above, part(path))
+            if name.startswith("pfslam.") and (place(name.removeprefix("pfslam.")) or 0) > own
         ]
     assert not wrong
 
 
 def file_of(name):
     """The file of a module of the package."""
-    path = PACKAGE.parent.joinpath(*name.split("."))
+    path = ROOT.joinpath(*name.split("."))
     return next((p for p in (path.with_suffix(".py"), path / "__init__.py") if p.is_file()), None)
 
 
@@ -116,24 +124,30 @@ def test_no_circle_of_imports():
 
 def test_no_chapter_imports_another_chapters_helpers():
     wrong = []
-    for path in (PACKAGE / "teaching").rglob("*.py"):
-        own = path.relative_to(PACKAGE / "teaching").parts[0]
+    for path in BOOK_MODULES:
+        own = re.search(r"ch\d\d", label(path))  # show/ serves them all
         for name, line in imported(path):
-            chapter = re.match(r"pfslam\.teaching\.(ch\d\d[a-z]?)", name)
-            if chapter and chapter[1] != own:
+            chapter = re.match(r"pfslam_book\.(?:exercises\.)?(ch\d\d)", name)
+            if chapter and (own is None or chapter[1] != own[0]):
                 wrong.append(f"{label(path)}:{line} imports {name}")
     assert not wrong
 
 
-def test_plotting_stays_in_teaching_and_scipy_in_loops():
-    wrong = []
-    for path in MODULES:
-        for name, line in imported(path):
-            top = name.split(".")[0]
-            home = {"scipy": "loops"} | dict.fromkeys(PLOTTING, "teaching")
-            if part(path) != home.get(top, part(path)):
-                wrong.append(f"{label(path)}:{line} imports {name}")
+def test_the_book_imports_the_package_and_never_the_reverse():
+    wrong = [
+        f"{label(path)}:{line} imports {name}"
+        for path in MODULES
+        for name, line in imported(path)
+        if name.split(".")[0] in PLOTTING and path.parent.name != "cli"
+    ]
     assert not wrong
+
+
+def test_scipy_is_loaded_for_loops_only():
+    """It takes longer to import than all the rest together."""
+    users = {label(path) for path in MODULES for name, _ in imported(path) if name.split(".")[0] == "scipy"}
+    assert users
+    assert all(name.startswith("pfslam/beyond/loops/") for name in users)
 
 
 GLOBAL_RANDOM = re.compile(
@@ -146,7 +160,7 @@ NO_SEED = re.compile(r"default_rng\(\s*\)")
 
 def test_no_global_random_state_no_generator_without_seed_and_no_pickles():
     rules = (GLOBAL_RANDOM, PICKLES, NO_SEED)
-    sources = {label(path): path.read_text(encoding="utf-8") for path in MODULES}
+    sources = {label(path): path.read_text(encoding="utf-8") for path in MODULES + BOOK_MODULES}
     assert not [(name, rule.pattern) for name, s in sources.items() for rule in rules if rule.search(s)]
 
 

@@ -834,7 +834,7 @@ def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
 
 
 def test_importing_the_package_does_not_import_the_library():
-    code = "import sys, pfslam.datasets, pfslam.cli.commands; print('rosbags' in sys.modules)"
+    code = "import sys, pfslam.io.datasets, pfslam.cli.commands; print('rosbags' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False"]
 

@@ -5,10 +5,9 @@ import os
 from types import SimpleNamespace
 
 import pytest
+from bench import command, sections
+from bench.measure import THREADS, Row, Section
 from box_recording import box_recording
-
-from pfslam.bench import command, sections
-from pfslam.bench.measure import THREADS, Row, Section
 
 TINY = sections.Effort(1.0, 1, 20, 4, (5, 40))
 

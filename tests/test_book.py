@@ -8,8 +8,7 @@ import re
 from pathlib import Path
 
 import pytest
-
-from pfslam.teaching.show.style import COLOURS
+from pfslam_book.show.style import COLOURS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "book").glob("*.md"))
@@ -131,7 +130,7 @@ def test_every_word_of_the_glossary_leads_to_a_chapter():
 
 def test_figures_are_numbered_by_chapter(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "book" / "_ext"))
-    book = importlib.import_module("pfslam_book")
+    book = importlib.import_module("book_site")
     counted = {
         "book/index": {"figure": {"hero": (1,)}},
         "notebooks/03_prediction_only": {"figure": {"fans": (7,), "corridor": (8,)}, "table": {"t": (1,)}},

@@ -22,7 +22,7 @@ from pfslam.evaluation.calibration import (
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.motion import dead_reckoning
 from pfslam.recording import Encoders, Imu, Recording
-from pfslam.runs import run_slam
+from pfslam.run import run_slam
 from pfslam.sensors import EncoderModel, ImuModel, RobotModel
 from pfslam.simulator import HALL
 

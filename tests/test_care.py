@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import pfslam
-from pfslam.care import WaitingScan, beyond_gate, familiar, judge, settle_hits
 from pfslam.config import CareConfig, SlamConfig
 from pfslam.correlation import score_field
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
-from pfslam.runs import in_need_of_care, run_slam, that_stands
+from pfslam.refined.outliers import WaitingScan, beyond_gate, familiar, judge, settle_hits
+from pfslam.run import in_need_of_care, run_slam, that_stands
 from pfslam.simulator import Hazards, simulate
 
 CARE = CareConfig()

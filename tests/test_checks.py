@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from pfslam.teaching.show.checks import compare, numbers_apart, same_numbers, same_poses
+from pfslam_book.show.checks import compare, numbers_apart, same_numbers, same_poses
 
 CASES = [(np.array([[0.3, 1.7], [-2.2, 0.4]]), 1.3), (np.array([[5.0, -0.1], [0.2, 3.3]]), 0.7)]
 

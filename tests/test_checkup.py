@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from box_recording import TURN_RATE, box_recording, room_ranges
+from pfslam_book.ch13.robot import FAULTS, HEALTHY
 
 import pfslam
 from pfslam.evaluation.checkup import check_up, effective_track, scan_turn_fit, scan_turns
-from pfslam.evaluation.faults import first_seconds
 from pfslam.poses import Trajectory
 from pfslam.recording import Imu, LidarScans, Recording
-from pfslam.teaching.ch13.robot import FAULTS, HEALTHY
+from pfslam.study.disturbances import first_seconds
 
 
 @pytest.fixture(scope="module")

@@ -301,9 +301,9 @@ def test_report_saves_the_figures_it_is_given(tmp_path, data, monkeypatch):
         asked["lidar"] = recording.lidar is not None
         return {name: pyplot.Figure() for name in commands.FIGURES[:5]}
 
-    module = type(sys)("pfslam.teaching.show.figures")
+    module = type(sys)("pfslam_book.show.figures")
     module.report_figures = report_figures
-    monkeypatch.setitem(sys.modules, "pfslam.teaching.show.figures", module)
+    monkeypatch.setitem(sys.modules, "pfslam_book.show.figures", module)
     assert main(["report", "7", "--data", str(data), "--out", str(tmp_path)]) == 0
     assert asked == {"lidar": True}
     assert sorted(p.name for p in tmp_path.iterdir()) == [
@@ -316,7 +316,7 @@ def test_report_saves_the_figures_it_is_given(tmp_path, data, monkeypatch):
 
 
 def test_report_without_matplotlib_is_one_line(tmp_path, data, monkeypatch, capsys):
-    monkeypatch.delitem(sys.modules, "pfslam.teaching.show.figures", raising=False)
+    monkeypatch.delitem(sys.modules, "pfslam_book.show.figures", raising=False)
     for name in ["matplotlib", *(name for name in sys.modules if name.startswith("matplotlib."))]:
         monkeypatch.setitem(sys.modules, name, None)
     assert main(["report", "7", "--data", str(data), "--out", str(tmp_path)]) == 2
@@ -428,17 +428,6 @@ def test_a_fault_of_ours_shows_where_it_is_to_who_asks(data, monkeypatch):
         main(["run", "8", "--data", str(data)])
 
 
-def test_bench_hands_its_options_on(monkeypatch, tmp_path):
-    calls = []
-    monkeypatch.setattr("pfslam.bench.command.bench", lambda *options: calls.append(options))
-    assert main(["bench"]) == 0
-    assert main(["bench", "--quick", "--json", str(tmp_path / "b.json"), "--data", str(tmp_path)]) == 0
-    assert [tuple(map(str, call)) for call in calls] == [
-        ("False", "None", "None"),
-        ("True", str(tmp_path / "b.json"), str(tmp_path)),
-    ]
-
-
 STUDY = """[common]
 dataset = "7"
 seed = { count = 2000 }
@@ -501,7 +490,7 @@ def test_a_built_in_set_written_and_loaded_gives_the_same_results(tmp_path):
 def test_help_names_every_command():
     done = pfslam("--help")
     assert done.returncode == 0
-    for name in ("simulate", "run", "locate", "report", "study", "bench"):
+    for name in ("simulate", "run", "locate", "report", "study"):
         assert name in done.stdout
 
 

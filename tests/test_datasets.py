@@ -6,9 +6,9 @@ from box_recording import box_recording
 
 import pfslam
 from pfslam import simulator
-from pfslam.datasets import IMAGE_EVERY, dataset_name, load
 from pfslam.errors import DataError
 from pfslam.io.course import save_course
+from pfslam.io.datasets import IMAGE_EVERY, dataset_name, load
 from pfslam.simulator import cache
 
 LOG = "FLASER 4 1 2 3 4 0 0 0 0 0 0 {t} robot {t}\n"

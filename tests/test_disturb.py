@@ -5,7 +5,10 @@ import pytest
 from box_recording import START, box_recording
 
 from pfslam import DataError, dead_reckoning
-from pfslam.evaluation.faults import (
+from pfslam.motion import dead_reckoning as reckon
+from pfslam.poses import Trajectory, between
+from pfslam.recording import LidarScans, Recording
+from pfslam.study.disturbances import (
     DISTURBANCES,
     blind,
     disturb,
@@ -15,9 +18,6 @@ from pfslam.evaluation.faults import (
     random_ranges,
     range_noise,
 )
-from pfslam.motion import dead_reckoning as reckon
-from pfslam.poses import Trajectory, between
-from pfslam.recording import LidarScans, Recording
 
 BOX = box_recording(images=2)  # six seconds: encoders at 40 Hz, IMU at 100 Hz, scans at 10 Hz from 0.3 s on
 

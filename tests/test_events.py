@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from rooms import ENCODER_STEP, LIDAR, ROOM, SQUARE, arcs, distance_to_walls, drive, ray_cast, sensor_position
 
-from pfslam import events, motion, tilt
+from pfslam import events, motion
 from pfslam.config import SlamConfig
 from pfslam.events import Drive, deskewed, level_scan
 from pfslam.motion import dead_reckoning
 from pfslam.poses import between, rotation_matrix, transform_points
 from pfslam.recording import LidarScans
-from pfslam.runs import run_slam
+from pfslam.refined import tilt
+from pfslam.run import run_slam
 
 LEGS = [(1.0, 12, 0.0), (2.0, 0, 1.2), (1.0, 12, 0.0), (2.0, 6, -0.9)]
 SWEEP = 0.08

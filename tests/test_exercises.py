@@ -20,7 +20,7 @@ def exercises():
 
 @cache
 def robots():
-    from pfslam.teaching import ch08
+    from pfslam_book import ch08
 
     return ch08.mystery(pfslam.load("hall"), seed=1)
 

@@ -11,8 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from notebook_cells import check_nonsense_is_named
-
-from pfslam.teaching.ch00 import check_distance_at, check_nearest_within, check_scan_points, check_to_world
+from pfslam_book.ch00 import check_distance_at, check_nearest_within, check_scan_points, check_to_world
 
 EXERCISES = [
     (check_scan_points, "scan_points"),

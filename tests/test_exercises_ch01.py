@@ -11,9 +11,9 @@ from collections import deque
 import numpy as np
 import pytest
 from notebook_cells import check_nonsense_is_named
+from pfslam_book.ch01 import check_arc, check_dead_reckon, check_gyro_bias, check_path_length
 
 from pfslam.motion import motion_model, motion_model_arc
-from pfslam.teaching.ch01 import check_arc, check_dead_reckon, check_gyro_bias, check_path_length
 
 EXERCISES = [
     (check_path_length, "path_length"),

@@ -7,9 +7,9 @@ from functools import reduce
 import numpy as np
 import pytest
 from notebook_cells import check_nonsense_is_named
+from pfslam_book.ch02 import check_cell_of, check_cell_story, check_meaning, check_update_log_odds
 
 from pfslam.grid import GridSpec
-from pfslam.teaching.ch02 import check_cell_of, check_cell_story, check_meaning, check_update_log_odds
 
 EXERCISES = [
     (check_cell_of, "cell_of"),

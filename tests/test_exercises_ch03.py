@@ -7,15 +7,15 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from pfslam_book import ch03
+from pfslam_book.ch03 import mean as ch03_mean
+from pfslam_book.ch03 import models as ch03_models
+from pfslam_book.ch03.cloud import fan
+from pfslam_book.ch03.corridor import STEP, corridor_walk, predict_belief, update_belief
 
 from pfslam.motion import Controls, motion_model, motion_model_arc
 from pfslam.particles import ControlNoise, Particles, predict
 from pfslam.poses import wrap_angle
-from pfslam.teaching import ch03
-from pfslam.teaching.ch03 import mean as ch03_mean
-from pfslam.teaching.ch03 import models as ch03_models
-from pfslam.teaching.ch03.cloud import fan
-from pfslam.teaching.ch03.corridor import STEP, corridor_walk, predict_belief, update_belief
 
 # ---- right answers: loops, lists, float32, four digits, other containers, complex numbers
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 from notebook_cells import check_nonsense_is_named
+from pfslam_book import ch04
 
 from pfslam.correlation import map_correlation
 from pfslam.grid import GridSpec
-from pfslam.teaching import ch04
 
 CHECKS = [ch04.check_count_on_walls, ch04.check_choose, ch04.check_transform_test]
 

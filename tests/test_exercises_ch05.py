@@ -8,16 +8,16 @@ from itertools import accumulate
 
 import numpy as np
 import pytest
+from pfslam_book import ch05
+from pfslam_book.ch05 import cells
+from pfslam_book.ch05.measurements import LATTICE_TABLE, stored_errors
+from pfslam_book.ch05.slow_motion import one_update
+from pfslam_book.ch05.weights import copies_table
+from pfslam_book.ch05.window import moved_to_best, window_scores
+from pfslam_book.show.tables import errors_by_label, read_table
 
 from pfslam.particles import RESAMPLERS
 from pfslam.poses import average_pose, wrap_angle
-from pfslam.teaching import ch05
-from pfslam.teaching.ch05 import cells
-from pfslam.teaching.ch05.measurements import LATTICE_TABLE, stored_errors
-from pfslam.teaching.ch05.slow_motion import one_update
-from pfslam.teaching.ch05.weights import copies_table
-from pfslam.teaching.ch05.window import moved_to_best, window_scores
-from pfslam.teaching.show.tables import errors_by_label, read_table
 
 # ---- right answers: loops, lists, float32, four digits, other containers, complex numbers
 

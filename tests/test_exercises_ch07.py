@@ -4,9 +4,8 @@ import bisect
 
 import numpy as np
 import pytest
-
-from pfslam.teaching import ch07
-from pfslam.teaching.ch07.statistics import bootstrap_interval, difference_interval
+from pfslam_book import ch07
+from pfslam_book.ch07.statistics import bootstrap_interval, difference_interval
 
 # ---- right answers: loops, lists, sorting, float32, the package, other containers
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from pfslam_book.ch08.mystery import FAULTS, MysteryRobot, mystery
+from pfslam_book.exercises.ch08 import check_diagnosis, check_find_shift, check_looks_broken
 
 import pfslam
-from pfslam.teaching.ch08.checks import check_diagnosis, check_find_shift, check_looks_broken
-from pfslam.teaching.ch08.mystery import FAULTS, MysteryRobot, mystery
 
 SEED = 1  # of the robots in the chapter
 

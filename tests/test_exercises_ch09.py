@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from pfslam_book import ch09
+from pfslam_book.ch09.judging import best_fit_rmse
 
 from pfslam.poses import Trajectory
-from pfslam.teaching import ch09
-from pfslam.teaching.ch09.judging import best_fit_rmse
 
 # ---- right answers
 

@@ -5,8 +5,7 @@ from collections import deque
 
 import numpy as np
 import pytest
-
-from pfslam.teaching import ch10
+from pfslam_book import ch10
 
 
 def product(li, p):

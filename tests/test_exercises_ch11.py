@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from pfslam_book import ch11
 
-from pfslam.localization import kld_bound
-from pfslam.teaching import ch11
+from pfslam.beyond.localization import kld_bound
 
 
 def bound(b, e, z):

@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 import pytest
+from pfslam_book import ch12
 
-from pfslam.loops.graph import robust_weights
+from pfslam.beyond.loops.graph import robust_weights
 from pfslam.poses import between, compose, invert, rotation_matrix, wrap_angle
-from pfslam.teaching import ch12
 
 
 def error(a, b, z):

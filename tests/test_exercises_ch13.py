@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from pfslam.teaching import ch13
+from pfslam_book import ch13
 
 # ---- right answers
 

@@ -4,22 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-import pfslam
-from pfslam.evaluation import faults
-from pfslam.grid import LOG_4
-from pfslam.motion import Controls, controls
-from pfslam.particles import Particles, resample
-from pfslam.poses import Trajectory
-from pfslam.recording import LidarScans
-from pfslam.sensors import scan_points
-from pfslam.slam import Parts
-from pfslam.teaching.ch08 import data as ch08_data
-from pfslam.teaching.ch08 import demos as ch08_demos
-from pfslam.teaching.ch08 import exhibit as ch08
-from pfslam.teaching.ch08.camera import floor_tilt_deg, look, seen_points, swap_angle_deg
-from pfslam.teaching.ch08.data_exhibits import DELAY, MIRRORED_X, data_faults
-from pfslam.teaching.ch08.filter import (
+from pfslam_book.ch08 import data as ch08_data
+from pfslam_book.ch08 import demos as ch08_demos
+from pfslam_book.ch08 import exhibit as ch08
+from pfslam_book.ch08.camera import floor_tilt_deg, look, seen_points, swap_angle_deg
+from pfslam_book.ch08.data_exhibits import DELAY, MIRRORED_X, data_faults
+from pfslam_book.ch08.filter import (
     best_shift,
     cloud_without_scans,
     door_map,
@@ -31,9 +21,19 @@ from pfslam.teaching.ch08.filter import (
     plain_filter,
     self_match,
 )
-from pfslam.teaching.ch08.filter_exhibits import filter_faults, filter_runs
-from pfslam.teaching.ch08.map_exhibits import camera_faults, map_faults
-from pfslam.teaching.ch08.world_exhibits import walls_gone, world_faults, world_runs
+from pfslam_book.ch08.filter_exhibits import filter_faults, filter_runs
+from pfslam_book.ch08.map_exhibits import camera_faults, map_faults
+from pfslam_book.ch08.world_exhibits import walls_gone, world_faults, world_runs
+from pfslam_book.show import faults
+
+import pfslam
+from pfslam.grid import LOG_4
+from pfslam.motion import Controls, controls
+from pfslam.particles import Particles, resample
+from pfslam.poses import Trajectory
+from pfslam.recording import LidarScans
+from pfslam.sensors import scan_points
+from pfslam.slam import Parts
 
 pytestmark = pytest.mark.slow
 

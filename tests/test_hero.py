@@ -9,7 +9,7 @@ from box_recording import box_recording
 from hero import encode_animation, growing_map, make_scene, moments_of
 
 from pfslam.config import SlamConfig
-from pfslam.runs import run_slam
+from pfslam.run import run_slam
 from pfslam.texture.mapping import FloorTexture
 
 

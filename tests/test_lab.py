@@ -6,10 +6,9 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-
-from pfslam.teaching import ch05
-from pfslam.teaching.show import lab
-from pfslam.teaching.show.lab import FOLDER, answer, module, scripts, show_lab
+from pfslam_book import ch05
+from pfslam_book.show import lab
+from pfslam_book.show.lab import FOLDER, answer, module, scripts, show_lab
 
 LABS = sorted(path.name[4:-3] for path in FOLDER.iterdir() if path.name.startswith("lab_"))
 

@@ -11,13 +11,7 @@ from scipy.stats import chi2
 
 import pfslam
 from pfslam.__main__ import main
-from pfslam.cli.search import closing_words_of_search
-from pfslam.config import MotionNoise
-from pfslam.errors import DataError
-from pfslam.events import ScanEvent
-from pfslam.grid import GridSpec, OccupancyGrid
-from pfslam.io.formats import read_known_map, read_tum, write_map
-from pfslam.localization import (
+from pfslam.beyond.localization import (
     KnownMap,
     LocalizationConfig,
     LocalizationState,
@@ -31,6 +25,12 @@ from pfslam.localization import (
     resample_adaptively,
     spread,
 )
+from pfslam.cli.search import closing_words_of_search
+from pfslam.config import MotionNoise
+from pfslam.errors import DataError
+from pfslam.events import ScanEvent
+from pfslam.grid import GridSpec, OccupancyGrid
+from pfslam.io.formats import read_known_map, read_tum, write_map
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory, between, compose, transform_points, wrap_angle
 from pfslam.recording import LidarScans, Recording

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from pfslam.beyond.loops import graph
+from pfslam.beyond.loops.closing import Revision, carried, close_loops, confirming, softened
+from pfslam.beyond.loops.graph import Edges, jacobians, relax, residuals
+from pfslam.beyond.loops.places import Place, align, compare, search_window
 from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.loops import graph
-from pfslam.loops.closing import Revision, carried, close_loops, confirming, softened
-from pfslam.loops.graph import Edges, jacobians, relax, residuals
-from pfslam.loops.places import Place, align, compare, search_window
 from pfslam.poses import between, compose
-from pfslam.runs import SlamResult, run_slam
+from pfslam.run import SlamResult, run_slam
 from pfslam.simulator import HALL, simulate
 from pfslam.simulator.cache import cached_simulation
 

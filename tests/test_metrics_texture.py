@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from pfslam_book.show.texture_error import pattern_shifts, texture_error, visible_floor
 
 from pfslam.errors import DataError
-from pfslam.evaluation.texture import pattern_shifts, texture_error, visible_floor
 from pfslam.grid import GridSpec
 from pfslam.sensors import RgbdModel
 from pfslam.texture.floor import nearest_floor

@@ -19,7 +19,7 @@ from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, between, compose
 from pfslam.recording import Encoders, Imu, LidarScans
-from pfslam.runs import run_slam
+from pfslam.run import run_slam
 from pfslam.sensors import scan_points
 
 pytestmark = pytest.mark.slow

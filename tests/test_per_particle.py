@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from rooms import CURVES, drive
 
+from pfslam.beyond.per_particle import Histories, per_particle_step
 from pfslam.config import MotionNoise, SlamConfig
 from pfslam.correlation import score_field
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.events import Drive
-from pfslam.per_particle import Histories, per_particle_step
 from pfslam.poses import compose
-from pfslam.runs import run_slam, slam_steps
+from pfslam.run import run_slam, slam_steps
 from pfslam.slam import SlamState, predict_motion
 
 DRIVE = drive(CURVES)

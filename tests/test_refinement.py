@@ -8,7 +8,7 @@ import pytest
 from pfslam.config import PolishConfig
 from pfslam.grid import GridSpec
 from pfslam.poses import invert, transform_points, wrap_angle
-from pfslam.refinement import (
+from pfslam.refined.lines import (
     LINE_SIGMA,
     MAX_STEP,
     HitMoments,

@@ -12,13 +12,13 @@ from rooms import drive as room_drive
 
 import pfslam
 from pfslam.config import SlamConfig
-from pfslam.evaluation.faults import blind, first_seconds, missing_beams, random_ranges
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.motion import dead_reckoning
 from pfslam.poses import between
 from pfslam.recording import Imu, LidarScans
-from pfslam.runs import run_slam
-from pfslam.trust import alarms
+from pfslam.refined.health import alarms
+from pfslam.run import run_slam
+from pfslam.study.disturbances import blind, first_seconds, missing_beams, random_ranges
 
 REFINED = SlamConfig.refined()
 FEW = replace(REFINED, particles=20)

@@ -14,8 +14,8 @@ from pfslam.config import MAX_PARTICLES, PRESETS, SearchConfig, SlamConfig
 from pfslam.errors import DataError
 from pfslam.grid import MapConfig
 from pfslam.particles import RESAMPLERS, ControlNoise, Scheme
-from pfslam.runs import run_slam
-from pfslam.search.boxes import MAX_SCORES
+from pfslam.refined.search.boxes import MAX_SCORES
+from pfslam.run import run_slam
 from pfslam.sensors import LidarModel
 from pfslam.settings import Range, Settings, changed, plain
 from pfslam.simulator import HALL, RAMP, simulate

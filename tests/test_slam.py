@@ -21,7 +21,7 @@ from pfslam.motion import dead_reckoning
 from pfslam.particles import Particles, effective_sample_size
 from pfslam.poses import Trajectory, average_pose, between, compose, transform_points, wrap_angle
 from pfslam.recording import LidarScans
-from pfslam.runs import run_slam, slam_steps
+from pfslam.run import run_slam, slam_steps
 from pfslam.sensors import ImuModel
 from pfslam.slam import SlamState, predict_motion, slam_step
 
@@ -212,7 +212,7 @@ cv2.setNumThreads({threads})
 from dataclasses import replace
 from rooms import drive
 from pfslam.config import SlamConfig
-from pfslam.runs import run_slam
+from pfslam.run import run_slam
 recording = drive([(1.0, 10, 0.4)])
 for config in (SlamConfig.report(), SlamConfig.refined()):
     result = run_slam(recording, replace(config, particles=20))

@@ -5,13 +5,13 @@ import inspect
 import textwrap
 
 import pytest
+from pfslam_book.show.checks import attempt, hint, is_number, is_unanswered, passed, unanswered
+from pfslam_book.show.source import show_source
 
 from pfslam.correlation import score_field
 from pfslam.grid import OccupancyGrid, integrate_scan
 from pfslam.motion import motion_model
 from pfslam.particles import Particles, predict
-from pfslam.teaching.show.checks import attempt, hint, is_number, is_unanswered, passed, unanswered
-from pfslam.teaching.show.source import show_source
 
 
 @pytest.mark.parametrize("subject", [motion_model, predict, Particles, Particles.at])

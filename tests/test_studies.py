@@ -12,12 +12,12 @@ from functools import cache
 
 import pytest
 from conftest import REAL_DATA
+from pfslam_book.show.tables import read_provenance, stored_studies, study_file
 
 from pfslam.study import read_study, run_case
 from pfslam.study.provenance import machine, versions
 from pfslam.study.run import COSTS
 from pfslam.study.table import _cell
-from pfslam.teaching.show.tables import read_provenance, stored_studies, study_file
 
 BUDGET, WEEKLY = 8.0, 40.0
 """Processor seconds for all runs together, as the tables state them: of every test run, and once a week."""

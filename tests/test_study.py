@@ -10,18 +10,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pfslam_book.show.tables import select
 from study_cases import box_study, deadly_with_row, write_box
 
 from pfslam import DataError, SlamConfig, load, run_slam, trajectory_error
 from pfslam.__main__ import main
 from pfslam.evaluation.cloud import cloud_consistency
-from pfslam.evaluation.faults import DISTURBANCES, disturb
 from pfslam.particles import ControlNoise
 from pfslam.settings import type_hints
 from pfslam.study import Case, make_study, read_study, read_table, run_case, run_study
 from pfslam.study.definition import Disturbances
+from pfslam.study.disturbances import DISTURBANCES, disturb
 from pfslam.study.run import COSTS
-from pfslam.teaching.show.tables import select
 
 
 @pytest.fixture(scope="module")

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pfslam_book.ch00 import frames as ch00_frames
+from pfslam_book.ch00 import readings as ch00
+from pfslam_book.ch02 import failures as ch02_faults
+from pfslam_book.ch02 import many_scans as ch02_story
+from pfslam_book.ch02 import one_scan as ch02
 from rooms import box, ray_cast
 
 from pfslam.grid import GridSpec
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, LidarScans, Recording
-from pfslam.teaching.ch00 import frames as ch00_frames
-from pfslam.teaching.ch00 import readings as ch00
-from pfslam.teaching.ch02 import failures as ch02_faults
-from pfslam.teaching.ch02 import many_scans as ch02_story
-from pfslam.teaching.ch02 import one_scan as ch02
 
 # ---- chapter 00
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from pfslam_book.ch01 import turns as ch01_turns
+from pfslam_book.ch01.live import RIGHT, calibrate_options, true_path
 
-from pfslam.datasets import load
 from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.io.datasets import load
 from pfslam.motion import Controls, dead_reckoning, integrate, motion_model_arc
 from pfslam.recording import Encoders, Imu, LidarScans, Recording
-from pfslam.teaching.ch01 import turns as ch01_turns
-from pfslam.teaching.ch01.live import RIGHT, calibrate_options, true_path
 
 WIDTH, RATE = 0.7, 0.5
 SECONDS = 20.0

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from pfslam_book.ch04 import scores as ch04
+from pfslam_book.ch04 import search as ch04_search
+from pfslam_book.ch04 import weights as ch04_judge
+from pfslam_book.ch05 import measurements as ch05_runs
 
 from pfslam.correlation import map_correlation
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.poses import Trajectory
 from pfslam.recording import LidarScans, Recording
-from pfslam.teaching.ch04 import scores as ch04
-from pfslam.teaching.ch04 import search as ch04_search
-from pfslam.teaching.ch04 import weights as ch04_judge
-from pfslam.teaching.ch05 import measurements as ch05_runs
 
 
 @pytest.fixture

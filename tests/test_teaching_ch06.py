@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from pfslam_book import ch06
+from pfslam_book.ch06.geometry import SUBPIXEL, TAPE
+from pfslam_book.ch06.pairs import EVERY
+from pfslam_book.show.tables import Shown
 
 from pfslam.recording import image_pairs
 from pfslam.sensors import RgbdModel
-from pfslam.teaching import ch06
-from pfslam.teaching.ch06.geometry import SUBPIXEL, TAPE
-from pfslam.teaching.ch06.pairs import EVERY
-from pfslam.teaching.show.tables import Shown
 from pfslam.texture.floor import associate_rgb, disparity_from_depth, nearest_floor
 
 CAMERA = RgbdModel()

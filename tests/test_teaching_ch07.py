@@ -4,10 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
-
-from pfslam.teaching.ch07 import pictures, runs
-from pfslam.teaching.ch07.checks import SAMPLES, exact_ends
-from pfslam.teaching.ch07.statistics import (
+from pfslam_book.ch07 import pictures, runs
+from pfslam_book.ch07.statistics import (
     FEWEST,
     Difference,
     best_of,
@@ -18,6 +16,7 @@ from pfslam.teaching.ch07.statistics import (
     resampled,
     wrong_winner,
 )
+from pfslam_book.exercises.ch07 import SAMPLES, exact_ends
 
 RNG = np.random.default_rng
 

@@ -4,22 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pfslam_book import ch09, ch10
+from pfslam_book.ch09 import judging
+from pfslam_book.ch09 import runs as ch09_runs
+from pfslam_book.ch09 import walls as ch09_walls
+from pfslam_book.ch09.tables import changed_fields, ladder_table, median_interval
+from pfslam_book.ch10 import kinds as ch10_kinds
+from pfslam_book.ch10 import particles as ch10_particles
+from pfslam_book.ch10.intel import RUNS, TABLE, intel_map, intel_path
+from pfslam_book.exercises.ch09 import line_step
+from pfslam_book.show.tables import study_file
 
 import pfslam
 from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.poses import Trajectory, compose
 from pfslam.study import read_study
-from pfslam.teaching import ch09, ch10
-from pfslam.teaching.ch09 import judging
-from pfslam.teaching.ch09 import runs as ch09_runs
-from pfslam.teaching.ch09 import walls as ch09_walls
-from pfslam.teaching.ch09.checks import line_step
-from pfslam.teaching.ch09.tables import changed_fields, ladder_table, median_interval
-from pfslam.teaching.ch10 import kinds as ch10_kinds
-from pfslam.teaching.ch10 import particles as ch10_particles
-from pfslam.teaching.ch10.intel import RUNS, TABLE, intel_map, intel_path
-from pfslam.teaching.show.tables import study_file
 
 INTEL = (RUNS, TABLE)
 

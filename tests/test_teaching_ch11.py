@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from pfslam_book import ch11
+from pfslam_book.ch11.building import match_along, two_halves
+from pfslam_book.ch11.exact import Histogram, coarse, scan_from, small_map
+from pfslam_book.ch11.measured import labels, runs
+from pfslam_book.ch11.pictures import cast_ranges
 
 from pfslam.poses import between
-from pfslam.teaching import ch11
-from pfslam.teaching.ch11.building import match_along, two_halves
-from pfslam.teaching.ch11.exact import Histogram, coarse, scan_from, small_map
-from pfslam.teaching.ch11.measured import labels, runs
-from pfslam.teaching.ch11.pictures import cast_ranges
 
 
 def test_the_building_without_its_door_is_its_own_twin():

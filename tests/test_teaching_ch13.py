@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from pfslam_book.ch13.gallery import FAILURES, gallery, gallery_picture, gallery_table, what_tells
 
 import pfslam
-from pfslam.teaching.ch13.gallery import FAILURES, gallery, gallery_picture, gallery_table, what_tells
 
 pytestmark = pytest.mark.slow
 

@@ -5,8 +5,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from pfslam_book.show.texture_error import TextureError, texture_error, visible_floor
 
-from pfslam.evaluation.texture import TextureError, texture_error, visible_floor
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.recording import image_pairs
 from pfslam.simulator import simulate

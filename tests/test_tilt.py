@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from pfslam.config import SlamConfig
-from pfslam.datasets import load
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.events import Drive, level_scan
+from pfslam.io.datasets import load
 from pfslam.motion import controls
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, Recording
-from pfslam.runs import run_slam
+from pfslam.refined.tilt import SPEED_SMOOTHING, TiltConfig, estimate_tilt, upright
+from pfslam.run import run_slam
 from pfslam.sensors import STANDARD_GRAVITY, EncoderModel, LidarModel
 from pfslam.simulator import RAMP, simulate
-from pfslam.tilt import SPEED_SMOOTHING, TiltConfig, estimate_tilt, upright
 
 CONFIG = TiltConfig()
 T = np.arange(0.0, 20.0, 0.01)

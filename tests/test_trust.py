@@ -7,13 +7,10 @@ import pytest
 
 import pfslam
 from pfslam.config import SlamConfig
-from pfslam.evaluation.faults import first_seconds, kidnap
 from pfslam.evaluation.trajectory import relations_error, trajectory_error
 from pfslam.io.course import load_course
 from pfslam.io.formats import read_relations
-from pfslam.runs import run_slam
-from pfslam.slam import StepInfo
-from pfslam.trust import (
+from pfslam.refined.health import (
     ALONG_METRES,
     DRAGGED_METRES,
     LEAST_PAST,
@@ -25,6 +22,9 @@ from pfslam.trust import (
     misled,
     score_deviation,
 )
+from pfslam.run import run_slam
+from pfslam.slam import StepInfo
+from pfslam.study.disturbances import first_seconds, kidnap
 
 CONFIG = replace(SlamConfig.refined(), particles=10)
 

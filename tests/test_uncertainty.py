@@ -5,16 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pfslam import slam, uncertainty
+from pfslam import slam
 from pfslam.config import SlamConfig
-from pfslam.datasets import load
 from pfslam.evaluation.cloud import covariance_consistency
 from pfslam.grid import GridSpec
+from pfslam.io.datasets import load
 from pfslam.poses import between, compose
 from pfslam.recording import LidarScans
-from pfslam.refinement import HitMoments, LineFit
-from pfslam.runs import run_slam
-from pfslam.uncertainty import (
+from pfslam.refined import covariance
+from pfslam.refined.covariance import (
     NOTHING_DRAWN,
     line_information,
     predicted_covariance,
@@ -24,6 +23,8 @@ from pfslam.uncertainty import (
     with_drawn,
     with_silent_direction,
 )
+from pfslam.refined.lines import HitMoments, LineFit
+from pfslam.run import run_slam
 
 ROOT = np.array([[0.02, 0.0, 0.0], [0.01, 0.03, 0.0], [0.004, -0.003, 0.008]])
 SPREAD = ROOT @ ROOT.T
@@ -79,7 +80,7 @@ def room_fit(rng, noise, shared):
 @pytest.mark.parametrize(("noise", "shared"), [(0.01, 0.0), (0.006, 0.008)])
 def test_the_residuals_tell_how_well_the_lines_fix_a_pose(monkeypatch, noise, shared):
     """The sandwich formula against the spread of 1500 estimates, with noise of its own and errors of ten beams."""
-    monkeypatch.setattr(uncertainty, "REPEATED", 0.0)
+    monkeypatch.setattr(covariance, "REPEATED", 0.0)
     rng = np.random.default_rng(2)
     fits, errors = zip(*(room_fit(rng, noise, shared) for _ in range(1500)), strict=True)
     claimed = np.mean([np.linalg.inv(line_information(fit)) for fit in fits], axis=0)

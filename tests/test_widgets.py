@@ -9,8 +9,7 @@ import weakref
 import cv2
 import numpy as np
 import pytest
-
-from pfslam.teaching.show.pictures import (
+from pfslam_book.show.pictures import (
     FRAME_QUALITY,
     Picture,
     data_uri,
@@ -20,8 +19,8 @@ from pfslam.teaching.show.pictures import (
     steady,
     to_rgb,
 )
-from pfslam.teaching.show.style import COLOURS, new_figure
-from pfslam.teaching.show.widgets import Explorer, Slider, live_view, page_fragment
+from pfslam_book.show.style import COLOURS, new_figure
+from pfslam_book.show.widgets import Explorer, Slider, live_view, page_fragment
 
 
 def grey(level, tint=0.0):

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from notebook_cells import source
+from pfslam_book.ch05 import your_filter
+from pfslam_book.ch05.whole import check_filter
+from pfslam_book.ch05.your_filter import BOOK, drive, error, my_filter, odometry_error, step
+from pfslam_book.show.keep import keep, kept
 
 import pfslam
-from pfslam.teaching.ch05 import your_filter
-from pfslam.teaching.ch05.whole import check_filter
-from pfslam.teaching.ch05.your_filter import BOOK, drive, error, my_filter, odometry_error, step
-from pfslam.teaching.show.keep import keep, kept
 
 SOLUTIONS = {
     "scan_points": ("00", 1),

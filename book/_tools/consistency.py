@@ -18,6 +18,8 @@ from joblib import Parallel, delayed
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
+from pfslam_book.show.pictures import encode, to_rgb
+from pfslam_book.show.style import COLOURS, metric_axes, new_figure
 
 import pfslam
 from pfslam.evaluation.cloud import (
@@ -30,10 +32,8 @@ from pfslam.evaluation.trajectory import aligned_at_first
 from pfslam.io.course import load_course
 from pfslam.io.files import atomic_write, write_csv
 from pfslam.recording import Recording
-from pfslam.runs import run_slam
+from pfslam.run import run_slam
 from pfslam.simulator import simulate
-from pfslam.teaching.show.pictures import encode, to_rgb
-from pfslam.teaching.show.style import COLOURS, metric_axes, new_figure
 
 SEEDS = range(3)
 REAL = ("corridor20", "hard/slopes20", "hard/cheap20")

@@ -12,20 +12,20 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from pfslam_book.ch05.measurements import LATTICE_TABLE
+from pfslam_book.ch05.your_filter import CHANGES, FILTER_TABLE, drive, error, my_filter, step
 
 from pfslam.config import SlamConfig
-from pfslam.datasets import load
-from pfslam.evaluation.faults import first_seconds
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.events import Drive
 from pfslam.grid import GridSpec
+from pfslam.io.datasets import load
 from pfslam.io.files import write_text
-from pfslam.matching import Matched, match
 from pfslam.poses import Trajectory
-from pfslam.search.lattice import Lattice
+from pfslam.refined.search.lattice import Lattice
+from pfslam.refined.search.matching import Matched, match
 from pfslam.slam import PARTS, SlamState, slam_step
-from pfslam.teaching.ch05.measurements import LATTICE_TABLE
-from pfslam.teaching.ch05.your_filter import CHANGES, FILTER_TABLE, drive, error, my_filter, step
+from pfslam.study.disturbances import first_seconds
 
 
 def exact_match(field, spec, points_b, poses, sigmas, config, rng) -> Matched:

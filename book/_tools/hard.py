@@ -22,6 +22,7 @@ import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 from joblib import Parallel, delayed
+from pfslam_book.show.style import COLOURS, INK, STYLE
 
 import pfslam
 from pfslam.config import CareConfig, PolishConfig, SlamConfig
@@ -29,12 +30,11 @@ from pfslam.io.course import load_course
 from pfslam.io.files import write_csv, write_text
 from pfslam.poses import compose, invert
 from pfslam.recording import Recording
-from pfslam.runs import SlamResult, in_need_of_care, run_slam, that_stands
+from pfslam.refined.health import in_doubt
+from pfslam.run import SlamResult, in_need_of_care, run_slam, that_stands
 from pfslam.sensors import LidarModel
 from pfslam.settings import changed
 from pfslam.simulator import Hazards, simulate
-from pfslam.teaching.show.style import COLOURS, INK, STYLE
-from pfslam.trust import in_doubt
 
 HAZARDS = {
     "people": Hazards(people=6),

@@ -17,17 +17,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 from matplotlib.colors import to_rgb
+from pfslam_book.show.pictures import encode
+from pfslam_book.show.style import COLOURS, INK, PAPER
 
-from pfslam.datasets import load
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
+from pfslam.io.datasets import load
 from pfslam.io.files import atomic_write
 from pfslam.poses import between, transform_points
 from pfslam.recording import LidarScans, Recording, nearest_stamp
-from pfslam.runs import SlamResult, run_slam
+from pfslam.run import SlamResult, run_slam
 from pfslam.sensors import LidarModel, scan_points
 from pfslam.slam import StepInfo
-from pfslam.teaching.show.pictures import encode
-from pfslam.teaching.show.style import COLOURS, INK, PAPER
 from pfslam.texture.mapping import FloorTexture, map_texture
 
 PIXELS_PER_CELL = 2

@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from pfslam_book.ch10.intel import COLUMNS, RETURN_SECONDS, RUNS, TABLE
 
 import pfslam
 from pfslam.config import SlamConfig
@@ -26,8 +27,7 @@ from pfslam.io.formats import Relations, read_relations
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
-from pfslam.runs import run_slam
-from pfslam.teaching.ch10.intel import COLUMNS, RETURN_SECONDS, RUNS, TABLE
+from pfslam.run import run_slam
 
 SEEDS = range(10)
 SHOWN = ("scan matching", "report")

@@ -13,11 +13,11 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from pfslam_book.show import lab
 
-from pfslam.datasets import load
 from pfslam.grid import GridSpec
+from pfslam.io.datasets import load
 from pfslam.io.files import atomic_write
-from pfslam.teaching.show import lab
 
 # What to do with the laboratory, here called `lab`, before its picture is taken.
 MOMENTS = {
@@ -43,24 +43,24 @@ DRAWN = """async ([name, moment, quality]) => {
 def default_options(name: str) -> dict:
     """What a laboratory cannot do without."""
     if name == "slide":
-        from pfslam.teaching import ch04
-        from pfslam.teaching.ch04.live import slide_options
+        from pfslam_book import ch04
+        from pfslam_book.ch04.live import slide_options
 
         hall = load("hall")
         corner, corridor = ch04.place_at(hall, 14.5), ch04.place_at(hall, 27.0)
         return slide_options(hall, corner=corner.lost(-0.1, 0.1, np.deg2rad(-2)), corridor=corridor)
     if name == "calibrate":
-        from pfslam.teaching.ch01.live import calibrate_options
+        from pfslam_book.ch01.live import calibrate_options
 
         return calibrate_options(load("hall"))
     if name == "cloud":
-        from pfslam.teaching.ch03.live import cloud_options
+        from pfslam_book.ch03.live import cloud_options
 
         return cloud_options(load("hall"))
     if name != "journey":
         return {}
-    from pfslam.teaching import ch06
-    from pfslam.teaching.ch06.live import journey_options
+    from pfslam_book import ch06
+    from pfslam_book.ch06.live import journey_options
 
     return journey_options(ch06.take_shot(ch06.load_drive("hall")), GridSpec((-5.0, -5.0), 0.05, (600, 600)))
 

@@ -10,15 +10,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from pfslam_book.ch11.building import distances, match_along, part, true_map, without_furniture
+from pfslam_book.ch11.exact import distance_to_exact
+from pfslam_book.ch11.measured import COLUMNS, EXACT, POOR, TABLE
 
+from pfslam.beyond.localization import LocalizationConfig, locate, spread
 from pfslam.io.files import write_text
-from pfslam.localization import LocalizationConfig, locate, spread
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory
 from pfslam.simulator import simulate
-from pfslam.teaching.ch11.building import distances, match_along, part, true_map, without_furniture
-from pfslam.teaching.ch11.exact import distance_to_exact
-from pfslam.teaching.ch11.measured import COLUMNS, EXACT, POOR, TABLE
 
 BUILDINGS, STARTS, SECONDS = range(1, 11), (10.0, 45.0, 80.0), 30.0
 NUMBERS, SEEDS = (100, 300, 1000, 3000, 10_000, 30_000), range(5)

@@ -13,8 +13,7 @@ from pathlib import Path
 import nbformat
 import numpy as np
 from nbclient import NotebookClient
-
-from pfslam.teaching.show.widgets import Explorer
+from pfslam_book.show.widgets import Explorer
 
 HEAD = f"{'ms of processor time for a move':56s} stops  median    95 %"
 # IPython keeps what each cell has shown.

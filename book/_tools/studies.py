@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from pfslam_book.show.tables import stored_studies, study_file
 from tqdm import tqdm
 
 from pfslam.io.files import read_text, write_text
 from pfslam.study import run_study
-from pfslam.teaching.show.tables import stored_studies, study_file
 
 
 def refresh(name: str, folder: Path, jobs: int = -1) -> None:

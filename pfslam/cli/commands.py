@@ -19,26 +19,26 @@ import numpy.ma  # NumPy would load these two in the middle of a run,
 import numpy.random  # and a Ctrl-C that comes during an import can be lost
 from tqdm import tqdm
 
+from pfslam.beyond.localization import LocalizationConfig, locate
 from pfslam.cli.lab import lab_command
 from pfslam.cli.look import check_table, describe, topic_table
 from pfslam.cli.search import closing_words_of_search, picture_of_search, summarise_search
 from pfslam.cli.summary import closing_words, said_by_the_loader, summarise
 from pfslam.config import PRESETS
-from pfslam.datasets import dataset_name, load
 from pfslam.errors import DataError
 from pfslam.evaluation.checkup import check_up
 from pfslam.io.bags import BagOptions, choose_topics, is_bag, read_topics
 from pfslam.io.course import save_course
+from pfslam.io.datasets import dataset_name, load
 from pfslam.io.files import atomic_write, check_writable, write_text
 from pfslam.io.formats import read_known_map, write_covariances, write_map, write_texture, write_tum
 from pfslam.io.images import write_png
 from pfslam.io.log import Log
 from pfslam.io.recordings import save
-from pfslam.localization import LocalizationConfig, locate
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
-from pfslam.runs import SlamResult, run_slam
+from pfslam.run import SlamResult, run_slam
 from pfslam.settings import changed, plain, type_hints
 from pfslam.simulator import Hazards, simulate
 from pfslam.simulator.cache import cached_simulation
@@ -47,7 +47,7 @@ from pfslam.study.table import read_table
 from pfslam.texture.mapping import FloorTexture, map_texture
 
 if TYPE_CHECKING:
-    from pfslam.loops.closing import Revision
+    from pfslam.beyond.loops.closing import Revision
 
 FIGURES = (
     "dead_reckoning_trajectory",
@@ -118,7 +118,7 @@ def run_command(arguments: argparse.Namespace) -> None:
             rng = np.random.default_rng(arguments.seed)
             result = run_slam(recording, config, rng=rng, progress=progress_bar("SLAM"), keep_particles=False)
         if arguments.loops:
-            from pfslam.loops.closing import close_loops  # SciPy takes a while to load
+            from pfslam.beyond.loops.closing import close_loops  # SciPy takes a while to load
 
             with watch.stage("loops"):
                 revision = close_loops(recording, result)
@@ -257,7 +257,7 @@ def locate_command(arguments: argparse.Namespace) -> None:
 def report_command(arguments: argparse.Namespace) -> None:
     """Draw the report's figures as PNG files."""
     try:
-        from pfslam.teaching.show.figures import report_figures
+        from pfslam_book.show.figures import report_figures
     except ImportError as error:
         found, extra = f"no {error.name}", "the extra: pip install pfslam[plots]"
         raise DataError("pfslam report", "package", found, extra) from error
@@ -272,13 +272,6 @@ def report_command(arguments: argparse.Namespace) -> None:
             with atomic_write(out / f"{name}.png") as file:
                 file.write(buffer.getvalue())
     print(f"{len(figures)} figures are in {out}")
-
-
-def bench_command(arguments: argparse.Namespace) -> None:
-    """Measure and print speed and memory; with ``--json``, write them as well."""
-    from pfslam.bench.command import bench
-
-    bench(arguments.quick, arguments.json, arguments.data)
 
 
 def study_command(arguments: argparse.Namespace) -> None:
@@ -302,5 +295,4 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "convert": convert_command,
     "study": study_command,
     "lab": lab_command,
-    "bench": bench_command,
 }

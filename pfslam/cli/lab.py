@@ -11,8 +11,8 @@ from pathlib import Path
 from pfslam.errors import DataError
 from pfslam.io.files import atomic_write
 
-PACKAGE = Path(__file__).resolve().parents[1]
-SHELVES = (PACKAGE / "teaching" / "chapters", PACKAGE.parent / "notebooks")
+BOOK = Path(importlib.util.find_spec("pfslam_book").submodule_search_locations[0])
+SHELVES = (BOOK / "chapters", BOOK.parents[1] / "notebooks")
 """Where chapters lie: in an installed wheel as copies for students, in a checkout as they are written."""
 
 

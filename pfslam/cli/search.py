@@ -8,10 +8,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from pfslam.beyond.localization import LocalizationResult
 from pfslam.cli.summary import said_by_the_loader
 from pfslam.grid import OccupancyGrid
 from pfslam.io.formats import map_pixels
-from pfslam.localization import LocalizationResult
 from pfslam.recording import Recording
 
 UNSURE, SURE, END = (170, 170, 170), (0, 114, 178), (213, 94, 0)

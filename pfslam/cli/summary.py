@@ -14,12 +14,12 @@ from pfslam.evaluation.cloud import covariance_consistency
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
-from pfslam.runs import SlamResult
+from pfslam.refined.health import Distrust, alarms
+from pfslam.run import SlamResult
 from pfslam.texture.mapping import FloorTexture
-from pfslam.trust import Distrust, alarms
 
 if TYPE_CHECKING:
-    from pfslam.loops.closing import Revision
+    from pfslam.beyond.loops.closing import Revision
 
 
 def summarise(

@@ -16,7 +16,7 @@ from pfslam.errors import DataError
 from pfslam.events import Drive
 from pfslam.poses import between, compose
 from pfslam.recording import Recording
-from pfslam.runs import SlamResult
+from pfslam.run import SlamResult
 
 WINDOW = 1.0
 """Length (s) of the pieces in which stillness is checked: long against the gyro's memory of a few samples."""

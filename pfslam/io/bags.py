@@ -24,9 +24,9 @@ from pfslam.io.limits import GRAVITY_LIMIT, LONGEST_SWEEP, POSE_LIMIT
 from pfslam.io.log import Log
 from pfslam.poses import Trajectory, chain_transforms, quaternion_to_rotation, rotation_matrix, transform
 from pfslam.recording import Imu, LidarScans, Recording, RgbdStream
+from pfslam.refined.tilt import upright
 from pfslam.sensors import MAX_BEAMS, STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel, nearest_ranges
 from pfslam.texture.floor import disparity_from_depth_image
-from pfslam.tilt import upright
 
 IMAGE, TF, OLD_TF = "sensor_msgs/msg/Image", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 INDEX = "metadata.yaml"

@@ -53,7 +53,7 @@ class Building(Settings):
 
 @dataclass(frozen=True)
 class Disturbances(Settings):
-    """Say what is done to the recording before the run: the arguments of the functions in ``evaluation.faults``."""
+    """Say what is done to the recording before the run: the arguments of the functions in ``study.disturbances``."""
 
     seconds: Annotated[float, Range(0.0, math.inf)] | None = None
     kidnap: tuple[float, float] | None = None

@@ -33,7 +33,7 @@ def versions() -> dict[str, str]:
 
 def _git(*words: str) -> str:
     """Ask git about the code that results depend on; the answer is empty without git, or outside a repository."""
-    command = ["git", "-C", str(PACKAGE), *words, "--", ".", ":!teaching", ":!cli", ":!bench"]
+    command = ["git", "-C", str(PACKAGE), *words, "--", ".", ":!cli"]
     with suppress(OSError):
         return subprocess.run(command, capture_output=True, text=True).stdout.strip()
     return ""

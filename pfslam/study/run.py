@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 
 from pfslam.config import SlamConfig
-from pfslam.datasets import data_folder, load
 from pfslam.evaluation.cloud import cloud_consistency
-from pfslam.evaluation.faults import disturb
 from pfslam.evaluation.trajectory import aligned_at_first, map_agreement, relations_error, trajectory_error
 from pfslam.events import Drive
+from pfslam.io.datasets import data_folder, load
 from pfslam.io.formats import read_relations
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
-from pfslam.runs import SlamResult, run_slam
+from pfslam.run import SlamResult, run_slam
 from pfslam.simulator import PRESETS as BUILDINGS
 from pfslam.simulator import Simulation, SimulatorConfig, simulate
 from pfslam.simulator.cache import cached_simulation
 from pfslam.study.definition import Case, Disturbances
+from pfslam.study.disturbances import disturb
 
 COSTS = ("cpu_seconds", "peak_mb")
 """Columns that say what a run cost; they differ from run to run and are never compared."""

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from pfslam_book.ch05.cells import SEEN_AT_DOOR, SEEN_AT_WALL, door_after
 
 from pfslam.correlation import map_correlation, score_field
 from pfslam.evaluation.checkup import turned_by_wheels
@@ -40,11 +41,10 @@ from pfslam.sensors import EncoderModel, ImuModel, LidarModel, scan_points
 from pfslam.simulator.ground import rotations
 from pfslam.simulator.lidar import Sensor, cast
 from pfslam.simulator.world import Person
-from pfslam.teaching.ch05.cells import SEEN_AT_DOOR, SEEN_AT_WALL, door_after
 
 pytestmark = pytest.mark.browser
 
-CORE = files("pfslam.teaching.show").joinpath("labs/core.js").read_text(encoding="utf-8")
+CORE = files("pfslam_book.show").joinpath("labs/core.js").read_text(encoding="utf-8")
 CLOSE = 1e-12
 MAP = MapConfig(resolution=0.1, hit=1.1, free=0.4, clamp=2.3, rays="bresenham")
 LIDAR = LidarModel(angle_min=-2.3, angle_max=2.35, beams=61, range_max=8.0, position_b=(0.13, 0.02, 0.5))

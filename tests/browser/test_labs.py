@@ -8,11 +8,20 @@ from importlib.resources import files
 import numpy as np
 import pytest
 from lab_stills import page as lab_page
+from pfslam_book import ch04, ch06
+from pfslam_book.ch01.live import calibrate_options, true_path
+from pfslam_book.ch03.corridor import CELLS, STEP, TRUE_START, predict_belief, update_belief
+from pfslam_book.ch04 import live
+from pfslam_book.ch05 import cells as ch05_cells
+from pfslam_book.show.drives import Place
+from pfslam_book.show.figures import map_along
+from pfslam_book.show.lab import FOLDER
+from pfslam_book.show.style import COLOURS
 
 from pfslam.correlation import score_field
-from pfslam.datasets import load
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import LOG_4, GridSpec, MapConfig, OccupancyGrid, integrate_scan
+from pfslam.io.datasets import load
 from pfslam.motion import Controls, dead_reckoning, integrate, motion_model
 from pfslam.particles import (
     ControlNoise,
@@ -28,15 +37,6 @@ from pfslam.simulator import DEFAULT_SEED, HALL
 from pfslam.simulator.ground import rotations
 from pfslam.simulator.lidar import Sensor, cast
 from pfslam.simulator.world import make_world
-from pfslam.teaching import ch04, ch06
-from pfslam.teaching.ch01.live import calibrate_options, true_path
-from pfslam.teaching.ch03.corridor import CELLS, STEP, TRUE_START, predict_belief, update_belief
-from pfslam.teaching.ch04 import live
-from pfslam.teaching.ch05 import cells as ch05_cells
-from pfslam.teaching.show.drives import Place
-from pfslam.teaching.show.figures import map_along
-from pfslam.teaching.show.lab import FOLDER
-from pfslam.teaching.show.style import COLOURS
 from pfslam.texture.floor import NO_READING, associate_rgb, back_project, depth_from_disparity, to_world
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("laboratories")]

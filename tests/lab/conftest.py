@@ -36,7 +36,7 @@ def lab(tmp_path_factory):
 
 
 READERS_CELLS = (
-    """from pfslam.teaching import ch05
+    """from pfslam_book import ch05
 calls = []
 def update(weights, likelihood):
     calls.append("update")

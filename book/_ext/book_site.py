@@ -1,0 +1,357 @@
+"""What the site needs beyond Jupyter Book: no foreign host, no dead machinery, notebooks to take away.
+
+The script that draws the equations comes from a pinned package and is copied into the site at build time.
+"""
+
+import json
+import os
+import re
+import shutil
+import sys
+from html import escape, unescape
+from importlib.metadata import files
+from pathlib import Path
+from typing import ClassVar
+
+import yaml
+from docutils import nodes
+from docutils.parsers.rst import directives
+from myst_nb.ext.eval import EvalRoleAny
+from sphinx import addnodes
+from sphinx.directives.patches import MathDirective
+from sphinx.transforms import SphinxTransform
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "_tools"))
+
+import copies
+import plain
+from hero import write_hero
+from pfslam_book.show import lab
+
+MATHJAX_PACKAGE = "sphinx-mathjax-offline"
+MATHJAX_SCRIPT = "tex-svg-full.js"  # one file, fonts and extensions inside: works from file:// too
+
+# Thebe wants a server on the network and throws without it; preloading a font is forbidden from file://. Font Awesome's
+# script draws the icons that its style sheet and fonts have drawn already, and weighs more than the rest of a page.
+DEAD_MARKUP = re.compile(
+    r"""[ \t]*(?:
+        <script>const\ THEBE_JS_URL.*?</script>
+      | <script\ type="text/x-thebe-config">.*?</script>
+      | <script[^>]*sphinx-thebe[^>]*></script>
+      | <link[^>]*sphinx-thebe[^>]*>
+      | <script[^>]*fontawesome[^>]*></script>
+      | <link\ rel="preload"\ as="font"[^>]*>
+    )\n?""",
+    re.VERBOSE | re.DOTALL,
+)
+# Set twice on every page.
+TWICE = (
+    "<script>var togglebuttonSelector = '.toggle, .admonition.dropdown';</script>",
+    '<meta name="viewport" content="width=device-width, initial-scale=1" />',
+    '<meta name="viewport" content="width=device-width, initial-scale=1"/>',
+)
+# What a screen reader would stumble over: a name other than the words shown, a place outside all landmarks,
+# a role that is no more.
+BETTER_MARKUP = (
+    (r'(<button class="[^"]*search-button-field[^"]*"[^>]*?) aria-label="Search"', r"\1"),
+    (r'(<summary) aria-label="Toggle hidden content"', r"\1"),
+    (r'(<div class="bd-sidebar-primary bd-sidebar")', r'\1 role="navigation" aria-label="Book"'),
+    (r'<summary>(?=<span class="toctree-toggle")', '<summary aria-label="Pages of this section">'),
+    (r'role="doc-biblioentry"', 'role="listitem"'),
+    (r"<p>✅</p>", "<p>done</p>"),  # not every machine has this letter
+)
+
+MATHJAX = re.compile(
+    r'<script[^>]*src="[^"]*mathjax/[^>]*></script>\n?|<script>window.MathJax = .*?</script>\n?'
+)
+DOUBLED_TITLE = re.compile(r"<title>(.+?) &#8212; \1</title>")
+
+MODULE_LIST = re.compile(
+    r"(All modules for which code is available</h1>\s*)(<ul>.*</ul>)(?=\s*</article>)", re.DOTALL
+)
+MODULE = re.compile(r"automodule:: ([\w.]+)")
+TABLE = re.compile(r"<table.*?</table>", re.DOTALL)
+NAME = re.compile(r'(?<=<span class="(?:pre|doc)">)[^<]+')
+JOINT = re.compile(r"(?<=[._/])(?=[A-Za-z])")
+COLUMNS = re.compile(r"\S {2,}\S")
+N_EFF = re.compile(r"N_\{?\\(?:text|mathrm)\{eff\}")
+# The lines around what a search finds are fetched from its page, which a browser forbids from file://.
+SEARCH_SUMMARY = ("SHOW_SEARCH_SUMMARY: true", "SHOW_SEARCH_SUMMARY: location.protocol !== 'file:'")
+
+LABORATORY = re.compile(r'class="pfslam-lab" data-lab="(\w+)"')
+CHAPTER = re.compile(r"notebooks/(\d\d)_")
+
+
+def mathjax_file() -> Path:
+    """The one MathJax script that the site uses, as installed."""
+    for entry in files(MATHJAX_PACKAGE) or []:
+        if entry.name == MATHJAX_SCRIPT:
+            return Path(entry.locate())
+    raise FileNotFoundError(f"{MATHJAX_SCRIPT} in the package {MATHJAX_PACKAGE}")
+
+
+def clean_page(page: str) -> str:
+    """One built page without dead and doubled markup, and readable without eyes."""
+    page = DEAD_MARKUP.sub("", page)
+    for markup in TWICE:
+        first, found, rest = page.partition(markup)
+        keep = "" if markup.startswith("<meta") else markup
+        page = first + (keep if found else "") + rest.replace(markup, "")
+    for pattern, better in BETTER_MARKUP:
+        page = re.sub(pattern, better, page)
+    page = DOUBLED_TITLE.sub(r"<title>\1</title>", page)
+    if 'class="math' not in page:
+        page = MATHJAX.sub("", page)
+    page = TABLE.sub(lambda table: NAME.sub(lambda name: JOINT.sub("<wbr>", name[0]), table[0]), page)
+    return MODULE_LIST.sub(one_list, page)
+
+
+def one_list(found: re.Match) -> str:
+    """The list of modules as one list: Sphinx puts a list where only its entries may stand.
+
+    It also names Python's own module, of which it writes no page.
+    """
+    entries = re.findall(r'<li>(?!<a href="builtins.html").*?</li>', found[2], re.DOTALL)
+    return f"{found[1]}<ul>{''.join(entries)}</ul>"
+
+
+def finish_site(app, error) -> None:
+    """Clean every page, add the equations' script and the first picture, drop what no page asks for."""
+    if error is not None or app.builder.format != "html":
+        return
+    site = Path(app.outdir)
+    for path in site.rglob("*.html"):
+        path.write_text(clean_page(path.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
+    options = site / "_static" / "documentation_options.js"
+    options.write_text(options.read_text(encoding="utf-8").replace(*SEARCH_SUMMARY), encoding="utf-8")
+    for dead in (site / "_static").glob("*thebe*"):
+        dead.unlink()
+    for dead in (site / "_static" / "vendor" / "fontawesome").rglob("*.js*"):
+        dead.unlink()
+    target = site / "_static" / "mathjax"
+    target.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(mathjax_file(), target / MATHJAX_SCRIPT)
+
+
+def number_equations(app, doctree) -> None:
+    """An equation labelled `eq-N` is number N, as in the report, whatever its place in the book."""
+    equations = app.env.get_domain("math").equations
+    for node in doctree.findall(nodes.math_block):
+        label = re.fullmatch(r"eq-(\d+)", node.get("label") or "")
+        if label:
+            node["number"] = int(label[1])
+            equations[label[0]] = (app.env.docname, int(label[1]))
+
+
+def anchor_sources(app, doctree) -> None:
+    """A source is found by its key, as in ``bibliography.md#thrun2005``: JupyterLab shows the bare key of a role."""
+    if app.env.docname == "book/bibliography":
+        slugs = app.env.metadata[app.env.docname].setdefault("myst_slugs", {})
+        for listed in app.env.get_domain("cite").bibliographies.values():
+            slugs.update({key: (0, key, key) for key in listed.citation_nodes})
+
+
+def number_figures(app, env) -> list[str]:
+    """Figures are numbered by chapter, the second of chapter 03 as 3.2, so that a teacher can name one."""
+    chapters = {page: number for page, number in env.toc_fignumbers.items() if CHAPTER.match(page)}
+    for page, kinds in chapters.items():
+        chapter = int(CHAPTER.match(page)[1])
+        for name in kinds.get("figure", {}):
+            kinds["figure"][name] = (chapter, list(kinds["figure"]).index(name) + 1)
+    return list(chapters)
+
+
+def wrap_sentences(app, doctree) -> None:
+    """Output without columns is sentences, which wrap on a phone; a table would not survive that."""
+    for block in doctree.findall(nodes.literal_block):
+        if "output" in block["classes"] and not COLUMNS.search(block.astext()):
+            block["classes"].append("pfslam-sentences")
+
+
+def name_formulas(app, doctree) -> None:
+    """A page whose formulas say N_eff is found by that name too: a search does not see into formulas."""
+    formulas = doctree.findall(lambda node: isinstance(node, nodes.math | nodes.math_block))
+    if any(N_EFF.search(formula.astext()) for formula in formulas):
+        doctree.append(nodes.meta(name="keywords", content="Neff, N_eff"))
+
+
+class Eval(EvalRoleAny):
+    """``{eval}`` that also notes what it wrote, for the copies of the chapter."""
+
+    def run(self):
+        found, messages = super().run()
+        env = self.document.settings.env
+        numbers = env.metadata[env.docname].setdefault("numbers", [])
+        numbers.append("".join(node.astext() for node in found))
+        return found, messages
+
+
+class Math(MathDirective):
+    """``{math}`` that says its number, or that it has none, for JupyterLab, which would count from 1."""
+
+    option_spec: ClassVar = {
+        **MathDirective.option_spec,
+        "enumerator": directives.unchanged,
+        "enumerated": directives.unchanged,
+    }
+
+
+class LinkToSource(SphinxTransform):
+    """A link to a module leads to the page that shows it, where the reference has one, and not to a download."""
+
+    default_priority = 500
+
+    def apply(self):
+        known = set(MODULE.findall((Path(self.env.srcdir) / "book" / "api.md").read_text(encoding="utf-8")))
+        for link in list(self.document.findall(addnodes.download_reference)):
+            path = Path(self.env.relfn2path(link["reftarget"], self.env.docname)[0])
+            module = path.parent if path.stem == "__init__" else path.with_suffix("")
+            if ".".join(module.parts) in known:
+                page = "../" * self.env.docname.count("/") + plain.address(path)
+                link.replace_self(nodes.reference("", "", *link.children, refuri=page, internal=True))
+
+
+def name_command(app, doctree) -> None:
+    """Under its heading a chapter says how to run it; in JupyterLab, where it runs already, it does not."""
+    chapter = CHAPTER.match(app.env.docname)
+    if chapter:
+        line = nodes.paragraph("", "Run this chapter: ", classes=["pfslam-run"])
+        line += nodes.literal("", f"pfslam lab {chapter[1]}")
+        line += nodes.Text(" (")
+        line += nodes.reference("", "how to", refuri="../book/install.html", internal=True)
+        line += nodes.Text(")")
+        title = next(iter(doctree.findall(nodes.title)))
+        title.parent.insert(title.parent.index(title) + 1, line)
+
+
+def show_addresses(app, config) -> None:
+    """Buttons for the repository, and for running a chapter in the cloud, appear with their addresses.
+
+    Jupyter Book hands the theme either its own options or ours, not both.
+    """
+    settings = yaml.safe_load(Path(app.confdir, "_config.yml").read_text(encoding="utf-8"))
+    repository, launch = settings.get("repository", {}), settings.get("launch_buttons", {})
+    if repository.get("url"):
+        found = {"repository_url": repository["url"], "repository_branch": repository.get("branch", "main")}
+        found |= {"use_repository_button": True, "use_issues_button": True, "launch_buttons": launch}
+        config.html_theme_options |= found
+
+
+def describe_page(app, pagename, templatename, context, doctree) -> None:
+    """What a message or a forum shows of a page that somebody links: its title, first sentences and a picture."""
+    if doctree is None:
+        return
+    first = next((p for p in doctree.findall(nodes.paragraph) if "pfslam-run" not in p["classes"]), None)
+    words = " ".join(first.astext().split()) if first else ""
+    card = {"og:type": "article", "og:title": context["title"], "og:site_name": app.config.html_title}
+    card["og:description"] = words if len(words) <= 200 else words[:200].rsplit(" ", 1)[0] + " ..."
+    if app.config.html_baseurl:  # a picture needs a whole address
+        card["og:image"] = f"{app.config.html_baseurl.rstrip('/')}/_static/readme.webp"
+    tags = (
+        f'<meta property="{escape(name)}" content="{escape(plain_title(value))}" />'
+        for name, value in card.items()
+    )
+    context["metatags"] = context.get("metatags", "") + "\n" + "\n".join(tags)
+
+
+def plain_title(text: str) -> str:
+    """A title without the markup that the theme has put into it."""
+    return unescape(re.sub(r"<[^>]+>", "", text))
+
+
+FOLDS = {
+    "tag_setup": ("Show the set-up", "Hide the set-up"),
+    "tag_solution": ("Show a solution", "Hide the solution"),
+}
+
+
+def name_folds(app, doctree) -> None:
+    """A fold says what it hides: the set-up, a solution, or else some code."""
+    for cell in doctree.findall(nodes.container):
+        for kind, words in FOLDS.items():
+            if "hide_mode" in cell and any(name.startswith(kind) for name in cell["classes"]):
+                cell["prompt_show"], cell["prompt_hide"] = words
+
+
+def offer_notebooks(app, error) -> None:
+    """The notebook that a page offers reads right anywhere: numbers and references are words in it."""
+    if error is not None or app.builder.format != "html":
+        return
+    place = copies.Place(Path(app.srcdir), site=app.config.html_baseurl)
+    for page in app.env.found_docs:
+        path = Path(app.env.doc2path(page))
+        if path.suffix == ".ipynb":
+            numbers = app.env.metadata[page].get("numbers", [])
+            notebook = copies.full_copy(json.loads(path.read_text(encoding="utf-8")), numbers, place)
+            offered = Path(app.outdir, "_sources", f"{page}.ipynb")
+            offered.write_text(json.dumps(notebook, indent=1, ensure_ascii=False), encoding="utf-8")
+            copies.write_numbers(path, numbers)
+
+
+def draw_hero(app, error) -> None:
+    """Run the filter for the moving picture on the first page."""
+    if error is None and app.builder.format == "html":
+        write_hero(Path(app.outdir) / "_static")
+
+
+def copy_laboratories(app) -> None:
+    """The scripts of the laboratories, which are the package's, into the site."""
+    if app.builder.format == "html":
+        target = Path(app.outdir) / "_static" / "labs"
+        target.mkdir(parents=True, exist_ok=True)
+        for source in Path(str(lab.FOLDER)).glob("*.[jc]s*"):
+            shutil.copyfile(source, target / source.name)
+
+
+def load_laboratories(app, pagename, templatename, context, doctree) -> None:
+    """Only a page with a laboratory loads the scripts, after it has been read."""
+    names = list(dict.fromkeys(LABORATORY.findall(context.get("body", ""))))
+    if names:
+        app.add_css_file("labs/lab.css")
+    for script in dict.fromkeys(script for name in names for script in lab.scripts(name)):
+        app.add_js_file(f"labs/{script}", loading_method="defer")
+
+
+def read_in_parallel(app, config) -> None:
+    """Let the cores share the chapters; two extensions that change no page as it is read do not say that they can."""
+    for name in ("sphinx_multitoc_numbering", "sphinx_jupyterbook_latex"):
+        app.extensions[name].parallel_read_safe = True
+    app.parallel = max(app.parallel, min(os.cpu_count() or 1, 4))
+
+
+def deal_out(app, env, docnames) -> None:
+    """Pages in turn to one core and the other: in their own order one core would get all the chapters."""
+    docnames[:] = docnames[::2] + docnames[1::2]
+
+
+def take_over_eval(app) -> None:
+    """After MyST-NB has registered its own role."""
+    app.add_role("eval", Eval(), override=True)
+
+
+def setup(app):
+    os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
+    app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
+    app.config["html_search_scorer"] = str(Path(__file__).with_name("search_order.js"))
+    app.add_css_file("pfslam.css")
+    app.add_js_file("print.js", loading_method="defer")
+    app.add_directive("math", Math, override=True)
+    app.add_transform(LinkToSource)
+    app.connect("config-inited", read_in_parallel)
+    app.connect("env-before-read-docs", deal_out)
+    app.connect("doctree-read", number_equations)
+    app.connect("doctree-read", anchor_sources)
+    app.connect("env-get-updated", number_figures, priority=900)  # after Sphinx has counted through the book
+    app.connect("doctree-read", wrap_sentences)
+    app.connect("doctree-read", name_formulas)
+    app.connect("doctree-read", name_folds)
+    app.connect("doctree-read", name_command)
+    app.connect("config-inited", show_addresses)
+    app.connect("html-page-context", describe_page)
+    app.connect("builder-inited", copy_laboratories)
+    app.connect("html-page-context", load_laboratories)
+    app.connect("build-finished", finish_site)
+    app.connect("build-finished", offer_notebooks)
+    app.connect("build-finished", draw_hero)
+    app.connect("builder-inited", take_over_eval)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

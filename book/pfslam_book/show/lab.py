@@ -1,0 +1,112 @@
+"""A laboratory: a picture that computes in the page, with buttons, sliders, mouse, finger and keys.
+
+The scripts are in the folder ``labs``: ``core.js`` holds the equations, ``view.js`` the stage, and each laboratory is a
+file of its own, ``lab_NAME.js``. On the site they work without a kernel. In JupyterLab they need ``anywidget``; without
+it, without script and in print the reader sees the stored picture ``NAME.webp``.
+"""
+
+import base64
+import html
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib.resources import files
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from .pictures import output_mode
+
+FOLDER = files("pfslam_book.show").joinpath("labs")
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """A laboratory on the page: its ``name``, its ``title``, and ``alt``, what the stored picture shows.
+
+    ``options`` go to the script as they are. ``parts`` are functions of the reader that take the place of ours where
+    there is a kernel; what they are called with is said where the laboratory is made.
+    """
+
+    name: str
+    title: str
+    alt: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    parts: Mapping[str, Callable] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"[laboratory: {self.title}; it runs on the site and in JupyterLab]"
+
+    def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
+        mode = output_mode()
+        if mode == "live" and find_spec("anywidget"):
+            return {**live_lab(self)._repr_mimebundle_()[0], "text/plain": repr(self)}
+        if mode == "text":
+            return {"text/plain": repr(self)}
+        return {"text/plain": repr(self), "text/html": page_fragment(self)}
+
+
+def show_lab(
+    name: str, title: str, alt: str, *, parts: Mapping[str, Callable] | None = None, **options
+) -> Laboratory:
+    """Show the laboratory ``labs/lab_NAME.js``; make it the last expression of a cell."""
+    if not FOLDER.joinpath(f"lab_{name}.js").is_file():
+        raise ValueError(f"laboratory {name!r}: no file lab_{name}.js")
+    return Laboratory(name, title, alt, options, parts or {})
+
+
+def page_fragment(lab: Laboratory) -> str:
+    """The laboratory as HTML: the stored picture, until the page's scripts put the stage in its place."""
+    options = html.escape(json.dumps(dict(lab.options), sort_keys=True), quote=True)
+    alt, picture = html.escape(" ".join(lab.alt.split())), FOLDER.joinpath(f"{lab.name}.webp")
+    still = base64.b64encode(picture.read_bytes()).decode("ascii") if picture.is_file() else ""
+    return f"""<figure class="pfslam-lab" data-lab="{lab.name}" data-options="{options}">
+<figcaption>{html.escape(lab.title)}</figcaption>
+<div class="pfslam-still">
+<img class="pfslam-picture" src="data:image/webp;base64,{still}" alt="{alt}" width="688">
+<p class="pfslam-note">A stored picture: the laboratory runs on the site, and in JupyterLab with the package
+<code>anywidget</code>.</p>
+</div>
+</figure>"""
+
+
+def scripts(name: str) -> list[str]:
+    """The files that a page with this laboratory loads, in order."""
+    return ["core.js", "view.js", f"lab_{name}.js"]
+
+
+def live_lab(lab: Laboratory):
+    """The same laboratory as a widget of JupyterLab, which can call functions of the kernel."""
+    import anywidget
+    import traitlets
+
+    class LiveLab(anywidget.AnyWidget):
+        _esm = module(lab.name)
+        _css = FOLDER.joinpath("lab.css").read_text(encoding="utf-8")
+        name = traitlets.Unicode(lab.name).tag(sync=True)
+        title = traitlets.Unicode(lab.title).tag(sync=True)
+        options = traitlets.Dict(dict(lab.options)).tag(sync=True)
+        parts = traitlets.List(list(lab.parts)).tag(sync=True)
+
+    widget = LiveLab()
+    widget.on_msg(lambda _, message, buffers: widget.send(answer(lab.parts, message)))
+    return widget
+
+
+def module(name: str) -> str:
+    """The scripts of a laboratory as one module, as anywidget loads it; ``host.js`` is what calls the kernel."""
+    return "\n".join(
+        FOLDER.joinpath(script).read_text(encoding="utf-8") for script in [*scripts(name), "host.js"]
+    )
+
+
+def answer(parts: Mapping[str, Callable], message: Mapping) -> dict:
+    """Call the reader's function that the laboratory asks for; an error comes back as its text."""
+    try:
+        arguments = [np.array(value, dtype=float) for value in message["arguments"]]
+        result = parts[message["part"]](*arguments)
+        results = result if isinstance(result, tuple) else (result,)
+        return {"id": message["id"], "result": [np.asarray(r, dtype=float).tolist() for r in results]}
+    except Exception as error:  # whatever a reader's function does
+        return {"id": message["id"], "error": f"{type(error).__name__}: {error}"}

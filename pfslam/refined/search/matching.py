@@ -1,0 +1,183 @@
+"""Moving each particle to the best pose around it: the report's way, and with a motion prior.
+
+The scores come from ``search.volume``. The choice among them is made here: the report's jump to the greatest
+count, or the maximum of the scan's likelihood times the motion model's density (Olson's correlative scan matching).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pfslam.config import SearchConfig
+from pfslam.correlation import ScoreField
+from pfslam.grid import GridSpec
+from pfslam.poses import wrap_angle
+from pfslam.refined.search.lattice import Lattice, Window, parabola_peak
+from pfslam.refined.search.volume import BoxScores, search
+
+CHUNK = 2**19
+"""Scores looked at together, so that twenty thousand particles need no more memory than seven hundred."""
+NEAREST_TIE = 1e-3
+"""Root of twice the cost of a squared step where there is no prior: it settles ties and outvotes no score."""
+
+
+@dataclass(frozen=True, eq=False)
+class Matched:
+    """Poses ``(N, 3)`` after the search, ``log_likelihood (N,)`` and mean score per beam ``(N,)`` from 0 to 1."""
+
+    poses: np.ndarray
+    log_likelihood: np.ndarray
+    score: np.ndarray
+
+
+def window_for(config: SearchConfig, lattice: Lattice, sigma_xy: float, sigma_yaw: float) -> Window:
+    """Choose the window that spans three sigmas of the motion, within the limits of the configuration."""
+    cells = int(np.clip(np.ceil(3.0 * sigma_xy / lattice.step_xy), *config.cells))
+    yaws = int(np.clip(np.ceil(3.0 * sigma_yaw / lattice.step_yaw), *config.yaws))
+    return Window(cells, yaws)
+
+
+def match(
+    field: ScoreField,
+    spec: GridSpec,
+    points_b: np.ndarray,
+    poses: np.ndarray,
+    sigmas: tuple[float, float],
+    config: SearchConfig,
+    rng: np.random.Generator,
+) -> Matched:
+    """Move each of ``poses (N, 3)`` to the best pose of its window for the end points ``(M, 2)`` (body, m).
+
+    ``sigmas`` are the standard deviations (m, rad) of the motion that led here: they set the search window, outside
+    which no match is accepted, and the prior.
+    """
+    lattice = Lattice(spec.resolution, config.yaw_step)
+    window = window_for(config, lattice, *sigmas)
+    full_score = len(points_b) * field.top
+    moved, log_likelihood, score = np.array(poses, dtype=float), np.zeros(len(poses)), np.zeros(len(poses))
+    # One random number for each particle, drawn here: how the search groups particles must not change their numbers.
+    tie_breaks = rng.random(len(poses)) if config.keep_offset else None
+    for box in search(field, spec, points_b, poses, lattice, window):
+        for part in _in_parts(box):
+            some = part.members
+            if tie_breaks is not None:
+                moved[some], best = _jump_with_offset(part, poses[some], lattice, window, tie_breaks[some])
+                gain = _gain(best / full_score, best, config)
+            else:
+                moved[some], best, gain = _climb(
+                    part, poses[some], lattice, window, sigmas, config, full_score
+                )
+            log_likelihood[some], score[some] = gain, best / full_score
+    moved[:, 2] = wrap_angle(moved[:, 2])
+    return Matched(moved, log_likelihood, score)
+
+
+def _in_parts(box: BoxScores) -> Iterator[BoxScores]:
+    """Yield the box's particles, those of one node together, a handful of nodes at a time."""
+    parts = min(-(-len(box.members) * box.scores.shape[1] // CHUNK), len(box.members))
+    if parts == 1:
+        yield box
+        return
+    order = np.argsort(box.node_of, kind="stable")
+    for some in np.array_split(order, parts):
+        used = np.unique(box.node_of[some])
+        few = slice(used[0], used[-1] + 1)
+        yield BoxScores(box.nodes[few], box.scores[few], box.members[some], box.node_of[some] - used[0])
+
+
+def _gain(mean_score: np.ndarray, total: np.ndarray, config: SearchConfig) -> np.ndarray:
+    """Return a score's log-likelihood: its logarithm (Eq. 12, the count as likelihood), or sharpness times its mean."""
+    if config.weight == "likelihood":
+        return config.sharpness * mean_score
+    with np.errstate(divide="ignore"):
+        return np.log(total)
+
+
+def _jump_with_offset(box: BoxScores, poses, lattice: Lattice, window: Window, tie_breaks):
+    """Take the report's step to a perturbation of greatest score, ties at random, keeping the offset from the node.
+
+    ``tie_breaks (n,)`` from 0 to 1 choose among equals. Where nothing scores, nothing is known, and the particle stays.
+    """
+    best = box.scores.max(axis=1)
+    row, tied = np.nonzero(box.scores == best[:, None])
+    count = np.bincount(row, minlength=len(best))
+    first = np.cumsum(count) - count
+    choice = tied[first[box.node_of] + np.floor(tie_breaks * count[box.node_of]).astype(np.int64)]
+    choice[best[box.node_of] == 0] = window.centre
+    return poses + lattice.pose(window.steps()[choice]), best[box.node_of]
+
+
+def _climb(box: BoxScores, poses, lattice: Lattice, window: Window, sigmas, config: SearchConfig, full_score):
+    """Take the refined step: to the lattice pose that maximises J, then to the peak of J within a lattice step.
+
+    J is the score less the prior's cost of leaving the predicted pose. With delta the perturbation and o the particle's
+    offset from its node, that cost, |delta - o|^2 / 2 sigma^2, is linear in o apart from a term that is the same for
+    every perturbation.
+    """
+    node = box.node_of
+    scale = config.sharpness / full_score if config.prior or config.weight == "likelihood" else 1.0
+    sigma = np.array([sigmas[0], sigmas[0], sigmas[1]]) if config.prior else lattice.steps / NEAREST_TIE
+    # Without any noise the prior pins the particle to its prediction, rather than dividing by zero.
+    sigma = np.maximum(sigma, 1e-3 * lattice.steps)
+    delta = (lattice.pose(window.steps()) / sigma).T
+    offset = ((poses - lattice.pose(box.nodes[node])) / sigma).T
+    at_node = np.multiply(scale, box.scores, dtype=float)
+    at_node -= 0.5 * np.sum(delta.T**2, axis=1)
+
+    def objective(steps):
+        return _linear(at_node[node, steps], offset, delta[:, steps])
+
+    candidates = _candidates(at_node, delta, 0.5 * lattice.steps / sigma)
+    of_candidates = at_node.take(candidates, axis=1).take(node, axis=0)
+    J = _linear(of_candidates, offset[:, :, None], delta[:, candidates])
+    choice = candidates[np.argmax(J, axis=1)]
+    step = window.steps()[choice].astype(float)
+    if config.sub_cell:
+        step += _peaks(objective, choice, window)
+    best = box.scores[node, choice]
+    if config.weight == "likelihood":
+        gain = objective(choice) - 0.5 * np.sum(offset.T**2, axis=1)
+    else:
+        gain = _gain(best / full_score, best, config)
+    return lattice.pose(box.nodes[node] + step), best, gain
+
+
+def _linear(at_node: np.ndarray, offset: np.ndarray, delta: np.ndarray) -> np.ndarray:
+    """Evaluate J of perturbations ``delta (3, ...)`` for particles at ``offset (3, ...)``, given J at their node."""
+    J = at_node + offset[0] * delta[0]
+    J += offset[1] * delta[1]
+    J += offset[2] * delta[2]
+    return J
+
+
+def _candidates(at_node: np.ndarray, delta: np.ndarray, half_step: np.ndarray) -> np.ndarray:
+    """Find the perturbations ``(C,)`` that may be best for some particle, so that only these need be compared.
+
+    A particle lies at most half a step from its node, so its J differs from that at the node by at most ``margin``.
+    """
+    margin = half_step @ np.abs(delta)
+    certain = np.max(at_node - margin, axis=1)  # the best perturbation reaches at least this much
+    round_off = 1e-6 * (1.0 + margin)
+    # The same as asking each row for at_node + margin + round_off >= certain, in two passes instead of four.
+    return np.flatnonzero(np.max(at_node - certain[:, None], axis=0) + margin + round_off >= 0.0)
+
+
+def _peaks(J: Callable, choice: np.ndarray, window: Window) -> np.ndarray:
+    """Find the peak ``(n, 3)``, in steps from the best node, of a parabola through it and its neighbours on each axis.
+
+    ``J`` gives the objective at one perturbation per particle. Half a step each way at most, because no neighbour is
+    better; none across the border of the window or where J does not curve down.
+    """
+    index, here = np.unravel_index(choice, window.shape), J(choice)
+    strides = np.array([window.shape[1] * window.shape[2], window.shape[2], 1])
+    peak = np.zeros((len(choice), 3))
+    for axis, (stride, size) in enumerate(zip(strides, window.shape, strict=True)):
+        if size < 3:
+            continue
+        inner = (index[axis] > 0) & (index[axis] < size - 1)
+        at = np.where(inner, choice, stride)  # any place with two neighbours; not used
+        peak[:, 2 - axis] = np.where(inner, parabola_peak(J(at - stride), here, J(at + stride)), 0.0)
+    return peak
