@@ -26,7 +26,7 @@ _HOMES = {
     "OccupancyGrid": "grid",
     "Recording": "recording",
     "RobotModel": "sensors",
-    "SlamConfig": "config",
+    "SlamConfig": "slam",
     "SlamResult": "run",
     "TextureConfig": "texture.config",
     "Trajectory": "poses",

@@ -135,7 +135,8 @@ def _add_convert(commands) -> None:
 
 
 def _add_run(command: Parser) -> None:
-    from pfslam.config import MAX_EVERY, MAX_PARTICLES, PRESETS
+    from pfslam.particles import MAX_PARTICLES
+    from pfslam.slam import MAX_EVERY, PRESETS
 
     _add_dataset(command)
     method = "which filter (default refined)"
@@ -153,7 +154,7 @@ def _add_run(command: Parser) -> None:
 
 
 def _add_locate(command: Parser) -> None:
-    from pfslam.config import MAX_PARTICLES
+    from pfslam.particles import MAX_PARTICLES
 
     command.add_argument(
         "map", type=Path, metavar="MAP.yaml", help="a ROS map: the .yaml file beside its image"

@@ -96,14 +96,16 @@ def squared_distance(occupied: np.ndarray, reach: int) -> np.ndarray:
     return squared[:, :width]
 
 
-def updated_field(field: ScoreField, occupied: np.ndarray, rectangle: tuple[slice, slice]) -> ScoreField:
-    """Renew a score field after the cells in ``rectangle`` have changed: only around them is it computed again."""
-    values, reach = field.values.copy(), _reach(field.kind)
-    (inner, outer) = (_widened(rectangle, occupied.shape, n * reach) for n in (1, 2))
-    fresh = score_field(occupied[outer], field.kind).values
+def renew_field(field: ScoreField, log_odds: np.ndarray, rectangle: tuple[slice, slice]) -> None:
+    """Renew a score field, in place, after the cells in ``rectangle`` of the map's ``log_odds (H, W)`` have changed.
+
+    Only around them is it computed again, so the cost does not depend on the size of the map.
+    """
+    reach = _reach(field.kind)
+    (inner, outer) = (_widened(rectangle, log_odds.shape, n * reach) for n in (1, 2))
+    fresh = score_field(log_odds[outer] > 0, field.kind).values
     inside = tuple(slice(i.start - o.start, i.stop - o.start) for i, o in zip(inner, outer, strict=True))
-    values[inner] = fresh[inside]
-    return ScoreField(values, field.kind)
+    field.values[inner] = fresh[inside]
 
 
 def _reach(kind: str) -> int:

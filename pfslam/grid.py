@@ -90,6 +90,21 @@ class GridSpec:
         origin = (x - left * self.resolution, y - bottom * self.resolution)
         return GridSpec(origin, self.resolution, (h + bottom + top, w + left + right))
 
+    def covering(self, points_w: np.ndarray, margin: float = 5.0) -> GridSpec:
+        """Return this grid if it covers the points ``(M, 2)``, else one that is larger by at least ``margin`` (m)."""
+        cells = self.world_to_cell(points_w)
+        low, high = cells.min(axis=0), cells.max(axis=0)
+        width, height = self.shape[::-1]
+        pad = int(np.ceil(margin / self.resolution))
+        left, bottom = (pad - low[i] if low[i] < 0 else 0 for i in (0, 1))
+        right, top = (high[i] - n + 1 + pad if high[i] >= n else 0 for i, n in ((0, width), (1, height)))
+        if not (left or right or bottom or top):
+            return self
+        low_w, high_w = np.min(points_w, axis=0), np.max(points_w, axis=0)
+        reach = f"to reach from ({low_w[0]:.0f}, {low_w[1]:.0f}) to ({high_w[0]:.0f}, {high_w[1]:.0f}) m"
+        check_cells("map", (left + width + right, bottom + height + top), reach)
+        return self.grown(int(left), int(right), int(bottom), int(top))
+
     @classmethod
     def around(cls, points_w, resolution: float, margin: float = 1.0) -> GridSpec:
         """Make the grid that covers points ``(M, 2)`` with a margin (m); its corner is a multiple of the resolution."""
@@ -126,32 +141,70 @@ class OccupancyGrid:
         """Probability that each cell is occupied, ``(H, W)``: gamma of Eq. 14."""
         return probability(self.log_odds)
 
+    def copy(self) -> OccupancyGrid:
+        """Return a grid of its own, which later scans do not change."""
+        return OccupancyGrid(self.spec, self.log_odds.copy())
+
     def covering(self, points_w: np.ndarray, margin: float = 5.0) -> OccupancyGrid:
-        """Return this grid if it covers the points ``(M, 2)``, else a larger one with the rest unknown.
-
-        It grows by at least ``margin`` metres at a time, so that a long drive does not copy the map at every scan.
-        """
-        cells = self.spec.world_to_cell(points_w)
-        low, high = cells.min(axis=0), cells.max(axis=0)
-        width, height = self.spec.shape[::-1]
-        pad = int(np.ceil(margin / self.spec.resolution))
-        left, bottom = (pad - low[i] if low[i] < 0 else 0 for i in (0, 1))
-        right, top = (high[i] - n + 1 + pad if high[i] >= n else 0 for i, n in ((0, width), (1, height)))
-        if not (left or right or bottom or top):
+        """Return this grid if it covers the points ``(M, 2)``, else a larger copy with the rest unknown."""
+        spec = self.spec.covering(points_w, margin)
+        if spec == self.spec:
             return self
-        low_w, high_w = np.min(points_w, axis=0), np.max(points_w, axis=0)
-        reach = f"to reach from ({low_w[0]:.0f}, {low_w[1]:.0f}) to ({high_w[0]:.0f}, {high_w[1]:.0f}) m"
-        check_cells("map", (left + width + right, bottom + height + top), reach)
-        spec = self.spec.grown(int(left), int(right), int(bottom), int(top))
-        return OccupancyGrid(spec, embed(self.log_odds, self.spec, spec))
+        larger = Canvas(self.spec, np.float32, self.log_odds)
+        larger.cover(spec)
+        return OccupancyGrid(spec, larger.values)
 
 
-def embed(values: np.ndarray, spec: GridSpec, larger: GridSpec) -> np.ndarray:
-    """Place the values ``(H, W)`` of one grid inside a larger one with the same resolution; new cells are zero."""
-    ix, iy = np.rint((np.subtract(spec.origin, larger.origin)) / spec.resolution).astype(int)
-    result = np.zeros(larger.shape, dtype=values.dtype)
-    result[iy : iy + spec.shape[0], ix : ix + spec.shape[1]] = values
-    return result
+class Canvas:
+    """Values of a grid that grows: a window into a larger block of zeros, so that growing rarely copies.
+
+    ``values (H, W)`` is the window that belongs to ``spec``; who holds it sees what is written later, until the block
+    is replaced by a larger one. A new block is half as long again on the side that was too short, so that all copying
+    together stays proportional to the last block; untouched zeros take no memory.
+    """
+
+    def __init__(self, spec: GridSpec, dtype, values: np.ndarray | None = None):
+        self.spec = spec
+        self.block = np.zeros(spec.shape, dtype) if values is None else values
+        self.corner = (0, 0)
+
+    @property
+    def values(self) -> np.ndarray:
+        """The values ``(H, W)`` of the grid's own cells, to be read and written."""
+        (row, column), (height, width) = self.corner, self.spec.shape
+        return self.block[row : row + height, column : column + width]
+
+    def copy(self) -> Canvas:
+        """Return a canvas of its own with the same values."""
+        return Canvas(self.spec, self.block.dtype, self.values.copy())
+
+    def cover(self, spec: GridSpec) -> None:
+        """Widen the window to a larger grid with the same resolution; new cells are zero."""
+        left, below = np.rint(np.subtract(self.spec.origin, spec.origin) / spec.resolution).astype(int)
+        row, column = self.corner[0] - int(below), self.corner[1] - int(left)
+        rows = _room(row, spec.shape[0], self.block.shape[0])
+        columns = _room(column, spec.shape[1], self.block.shape[1])
+        if (rows, columns) != ((0, 0), (0, 0)):
+            block = np.zeros(
+                (self.block.shape[0] + sum(rows), self.block.shape[1] + sum(columns)), self.block.dtype
+            )
+            old = self.values
+            at = self.corner[0] + rows[0], self.corner[1] + columns[0]
+            block[at[0] : at[0] + old.shape[0], at[1] : at[1] + old.shape[1]] = old
+            self.block = block
+        self.spec, self.corner = spec, (row + rows[0], column + columns[0])
+
+    def flat(self, cells: np.ndarray) -> np.ndarray:
+        """Return where cells ``(..., 2)``, given as (ix, iy), lie in the flattened block."""
+        return (cells[..., 1] + self.corner[0]) * self.block.shape[1] + cells[..., 0] + self.corner[1]
+
+
+def _room(first: int, count: int, size: int) -> tuple[int, int]:
+    """Return how many cells to add before and after ``size`` ones, for a window of ``count`` from ``first`` on."""
+    extra = size // 2
+    before = extra - first if first < 0 else 0
+    after = first + count - size + extra if first + count > size else 0
+    return before, after
 
 
 def probability(log_odds):
@@ -231,10 +284,10 @@ def integrate_scan(
     sensor_w: np.ndarray,
     config: MapConfig,
     hits: np.ndarray | None = None,
-) -> tuple[OccupancyGrid, tuple[slice, slice]]:
-    """Write one scan into the map, and return the rectangle of cells that it touched. Implements Eq. 15.
+) -> tuple[slice, slice]:
+    """Write one scan into the map, in place, and return the rectangle of cells that it touched. Implements Eq. 15.
 
-    Arguments as in ``free_cells``; the points must lie inside the grid (see ``OccupancyGrid.covering``). Every cell is
+    Arguments as in ``free_cells``; the points must lie inside the grid (see ``GridSpec.covering``). Every cell is
     written once per scan, hit or free, and a hit wins: a wall seen at a grazing angle must not be rubbed out by the
     neighbouring beams of the scan that found it. ``hits (H, 2)`` are drawn in place of the end points if given.
     """
@@ -242,7 +295,7 @@ def integrate_scan(
     change = mask * np.float32(-config.free)
     ix, iy = grid.spec.world_to_cell(points_w).T
     change[iy - rectangle[0].start, ix - rectangle[1].start] = config.hit if hits is None else 0.0
-    log_odds = grid.log_odds.copy()
+    log_odds = grid.log_odds
     change += log_odds[rectangle]
     np.clip(change, -config.clamp, config.clamp, out=log_odds[rectangle])
     if hits is not None and len(hits):
@@ -253,4 +306,4 @@ def integrate_scan(
             slice(min(rows.start, iy.min()), max(rows.stop, iy.max() + 1)),
             slice(min(columns.start, ix.min()), max(columns.stop, ix.max() + 1)),
         )
-    return OccupancyGrid(grid.spec, log_odds), rectangle
+    return rectangle

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import pfslam
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import relations_error, trajectory_error
 from pfslam.io.formats import read_relations
 from pfslam.recording import LidarScans
 from pfslam.run import run_slam
+from pfslam.slam import SlamConfig
 
 CONFIG = replace(SlamConfig.refined(), particles=50)
 pytestmark = pytest.mark.slow

@@ -29,13 +29,13 @@ from rosbags import rosbag1
 import pfslam
 from pfslam.__main__ import main
 from pfslam.errors import DataError
-from pfslam.events import Drive
 from pfslam.io.bags import BagOptions, is_bag, read_topics
 from pfslam.io.formats import read_map
 from pfslam.io.headings import with_better_headings
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, between, transform_points
 from pfslam.recording import Imu, LidarScans
+from pfslam.run import used_scans
 from pfslam.sensors import STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel, scan_points
 from pfslam.texture.floor import associate_rgb, depth_from_disparity
 
@@ -179,7 +179,7 @@ def test_a_clockwise_sweep_is_straightened():
     for sweep in (-0.2, 0.0, 0.2):
         scans = LidarScans(np.array([t]), ranges[None])
         drive = replace(BOX, robot=RobotModel(lidar=replace(lidar, sweep=sweep)), lidar=scans)
-        (event,) = Drive.of(drive, pfslam.SlamConfig.refined()).events()
+        (event,) = used_scans(drive, pfslam.SlamConfig.refined()).events()
         px, py = transform_points(true_pose(t - BOX.imu.t[0]), event.points_b).T
         walls = np.abs([px - ROOM[0], px - ROOM[1], py - ROOM[2], py - ROOM[3]])
         off[sweep] = walls.min(axis=0).max()

@@ -7,7 +7,6 @@ import pytest
 from rooms import CURVES, drive
 
 import pfslam
-from pfslam.config import SlamConfig
 from pfslam.errors import DataError
 from pfslam.evaluation.calibration import (
     WINDOW,
@@ -25,6 +24,7 @@ from pfslam.recording import Encoders, Imu, Recording
 from pfslam.run import run_slam
 from pfslam.sensors import EncoderModel, ImuModel, RobotModel
 from pfslam.simulator import HALL
+from pfslam.slam import SlamConfig
 
 CONFIG = replace(SlamConfig.refined(), particles=1)
 TRUE_SCALE_HALL = 1.03

@@ -8,13 +8,17 @@ import pytest
 from rooms import ENCODER_STEP, LIDAR, ROOM, SQUARE, arcs, distance_to_walls, drive, ray_cast, sensor_position
 
 from pfslam import events, motion
-from pfslam.config import SlamConfig
-from pfslam.events import Drive, deskewed, level_scan
+from pfslam.errors import DataError
+from pfslam.events import Drive, Odometer, deskewed, level_scan
+from pfslam.io.datasets import load
 from pfslam.motion import dead_reckoning
 from pfslam.poses import between, rotation_matrix, transform_points
 from pfslam.recording import LidarScans
 from pfslam.refined import tilt
-from pfslam.run import run_slam
+from pfslam.run import run_slam, used_scans
+from pfslam.sensors import RobotModel
+from pfslam.slam import Belief, SlamConfig, slam_step
+from pfslam.study.disturbances import first_seconds
 
 LEGS = [(1.0, 12, 0.0), (2.0, 0, 1.2), (1.0, 12, 0.0), (2.0, 6, -0.9)]
 SWEEP = 0.08
@@ -48,7 +52,7 @@ def off_the_walls(recording):
     return np.concatenate(
         [
             distance_to_walls(transform_points(recording.truth.at(event.t), event.points_b))
-            for event in Drive.of(recording, CONFIG).events()
+            for event in used_scans(recording, CONFIG).events()
         ]
     )
 
@@ -84,8 +88,8 @@ def test_first_middle_and_last_beam_by_hand(beam):
 )
 def test_motions_asked_for_at_once_are_those_of_the_events(config):
     recording = drive(LEGS)
-    one_by_one = np.array([event.motion for event in Drive.of(recording, config).events()])
-    np.testing.assert_allclose(Drive.of(recording, config).motion, one_by_one, atol=1e-12)
+    one_by_one = np.array([event.motion for event in used_scans(recording, config).events()])
+    np.testing.assert_allclose(used_scans(recording, config).motion, one_by_one, atol=1e-12)
 
 
 @pytest.mark.parametrize("config", [CONFIG, SlamConfig.report()], ids=["refined", "report"])
@@ -108,13 +112,13 @@ def test_odometry_controls_and_tilt_are_computed_once_a_run(monkeypatch, config)
         monkeypatch.setattr(module, name, counted(name, getattr(module, name)))
     monkeypatch.setattr(events, "estimate_tilt", counted("tilt", events.estimate_tilt))
     run_slam(drive(LEGS), replace(config, every=10, particles=2))
-    assert calls == Counter(controls=1, dead_reckoning=1, tilt=config.tilt is not None)
+    assert calls == Counter(controls=1, dead_reckoning=1, tilt=config.tilt)
 
 
 def test_a_run_begins_at_its_first_scan_or_for_the_report_at_the_first_stamp_of_the_odometry():
     recording, late = drive(LEGS), drive(LEGS).lidar
     recording = replace(recording, lidar=LidarScans(late.t[10:], late.ranges[10:]))
-    first, report = (next(Drive.of(recording, c).events()) for c in (CONFIG, SlamConfig.report()))
+    first, report = (next(used_scans(recording, c).events()) for c in (CONFIG, SlamConfig.report()))
     np.testing.assert_array_equal(first.motion, np.zeros(3))
     assert first.controls[2].sum() == 0.0
     odometry = dead_reckoning(recording)
@@ -125,7 +129,7 @@ def test_a_run_begins_at_its_first_scan_or_for_the_report_at_the_first_stamp_of_
 def test_before_its_first_and_after_its_last_moment_the_robot_stands():
     """Half of the first scan was measured before the odometry begins, half of the last after it ends."""
     recording, odometry = told(drive(LEGS), SWEEP), dead_reckoning(drive(LEGS))
-    used = list(Drive.of(recording, CONFIG).events())
+    used = list(used_scans(recording, CONFIG).events())
     t0, t1 = odometry.t[[0, -1]]
     for event, (begin, end) in ((used[0], (t0, t0 + SWEEP / 2)), (used[-1], (t1 - SWEEP / 2, t1))):
         points, beams, _, _ = level_scan(
@@ -143,3 +147,77 @@ def test_pitch_and_roll_move_the_scanner_each_in_its_own_way():
     _, _, sensor, _ = level_scan(np.full(LIDAR.beams, 2.0), LIDAR, (pitch, roll), -np.inf)
     expected = rotation_matrix(roll, pitch) @ np.array(LIDAR.position_b)
     np.testing.assert_allclose(sensor, expected[:2], atol=1e-12)
+
+
+@pytest.mark.parametrize("sweep", [0.0, 0.05, -0.05])
+def test_an_odometer_fed_sample_by_sample_makes_the_events_of_the_drive_to_the_last_bit(sweep):
+    """Wheel counts and yaw rates come in the order of their stamps; a scan is asked for once both have passed it."""
+    hall = load("hall")
+    robot = replace(hall.robot, lidar=replace(hall.robot.lidar, sweep=sweep))
+    drive = Drive.of(first_seconds(replace(hall, robot=robot), 20.0), tilt=False)
+    recording, odometer = drive.recording, Odometer(robot)
+    samples = [(t, "counts", c) for t, c in zip(recording.encoders.t, recording.encoders.counts, strict=True)]
+    rates = robot.imu.yaw_rate(recording.imu.angular_velocity)
+    samples += [(t, "rate", w) for t, w in zip(recording.imu.t, rates, strict=True)]
+    waiting, compared = list(drive.events())[:-1], 0
+    for t, kind, value in sorted(samples, key=lambda sample: sample[:2]):
+        (odometer.add_counts if kind == "counts" else odometer.add_rate)(t, value)
+        while waiting and waiting[0].t + 0.1 < t:
+            expected = waiting.pop(0)
+            same_event(odometer.event(expected.t, recording.lidar.ranges[drive.scans[compared]]), expected)
+            compared += 1
+    assert compared > 100
+
+
+def test_an_odometer_fed_with_poses_makes_the_events_of_a_log(real_data):
+    log = load(str(real_data / "intel" / "intel.log"))
+    odometer, drive, k = Odometer(log.robot), Drive.of(log), 0
+    events = iter(drive.events())
+    for t, pose in zip(log.odometry.t, log.odometry.poses, strict=True):
+        odometer.add_pose(t, pose)
+        while k < len(drive) - 1 and t > log.odometry.t[0] and drive.t[k] <= t:
+            same_event(odometer.event(drive.t[k], log.lidar.ranges[drive.scans[k]]), next(events))
+            k += 1
+    assert k == len(drive) - 1  # the last stamp of a log has nothing after it
+
+
+def same_event(found, expected):
+    for name, value in vars(expected).items():
+        for a, b in zip(np.atleast_1d(getattr(found, name)), np.atleast_1d(value), strict=True):
+            np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+def test_an_odometer_refuses_what_it_cannot_use():
+    odometer = Odometer(RobotModel())
+    with pytest.raises(DataError, match="odometry: found no sample"):
+        odometer.event(1.0, np.full(1081, 2.0))
+    odometer.add_pose(1.0, [0.0, 0.0, 0.0])
+    with pytest.raises(DataError, match=r"stamp: found 1.0 after 1.0"):
+        odometer.add_pose(1.0, [0.0, 0.0, 0.0])
+    with pytest.raises(DataError, match="finite numbers of shape"):
+        odometer.add_pose(2.0, [0.0, np.nan, 0.0])
+    odometer.add_pose(2.0, [1.0, 0.0, 0.0])
+    with pytest.raises(DataError, match=r"samples on both sides of 2.1"):
+        odometer.event(2.1, np.full(1081, 2.0))
+
+
+def test_a_filter_fed_scan_by_scan_is_the_run_to_the_last_bit():
+    recording, config = drive(LEGS), replace(SlamConfig.refined(), particles=10)
+    whole = run_slam(recording, config)
+    odometer, rng, belief, poses = (
+        Odometer(recording.robot),
+        np.random.default_rng(0),
+        Belief.start(config),
+        [],
+    )
+    for t, counts in zip(recording.encoders.t, recording.encoders.counts, strict=True):
+        odometer.add_counts(t, counts)
+    for t, rate in zip(
+        recording.imu.t, recording.robot.imu.yaw_rate(recording.imu.angular_velocity), strict=True
+    ):
+        odometer.add_rate(t, rate)
+    for t, ranges in zip(recording.lidar.t, recording.lidar.ranges, strict=True):
+        belief, step = slam_step(belief, odometer.event(t, ranges), config, rng)
+        poses.append(step.estimate)
+    np.testing.assert_array_equal(poses, whole.trajectory.poses)
+    np.testing.assert_array_equal(belief.grid.log_odds, whole.grid.log_odds)

@@ -323,7 +323,7 @@ def test_people_drag_the_estimate_and_the_run_says_so(worlds):
     assert exhibit.healthy < 0.1 < 0.2 < exhibit.broken
     assert healthy.ate < 0.02 < 0.3 < broken.ate
     assert max(few.ate, careful.ate) < 0.05
-    assert careful.result.config.care is not None
+    assert careful.result.config.outliers is not None
     assert (healthy.says, few.says) == ("no doubt", "no doubt")
     assert broken.says.startswith("in doubt from 20 s on: scans moved")
 

@@ -10,6 +10,7 @@ from rooms import LIDAR, ROOM, box, scan, sensor_position
 from pfslam.errors import DataError
 from pfslam.grid import (
     LOG_4,
+    Canvas,
     GridSpec,
     MapConfig,
     OccupancyGrid,
@@ -126,11 +127,8 @@ def drawn(pose, walls=ROOM, config=None, lidar=LIDAR, broken=()):
     points = transform_points(pose, scan_points(ranges, lidar))
     beams = np.flatnonzero(lidar.valid(ranges))
     grid = OccupancyGrid.empty(GridSpec.around(points, 0.05))
-    return (
-        integrate_scan(grid, points, beams, sensor_position(pose, lidar), config or MapConfig())[0],
-        points,
-        beams,
-    )
+    integrate_scan(grid, points, beams, sensor_position(pose, lidar), config or MapConfig())
+    return grid, points, beams
 
 
 def cells_of(grid, points):
@@ -225,7 +223,7 @@ def test_repeated_scans_stop_at_the_clamp_and_one_more_does_not_matter():
     pose, config = (0.3, 0.2, 0.5), MapConfig()
     grid, points, beams = drawn(pose)
     for _ in range(4):
-        grid, _ = integrate_scan(grid, points, beams, sensor_position(pose), config)
+        integrate_scan(grid, points, beams, sensor_position(pose), config)
     np.testing.assert_allclose(np.unique(grid.log_odds), [-2 * LOG_4, 0.0, 2 * LOG_4], rtol=1e-6)
     assert grid.log_odds.max() <= np.float32(config.clamp)
 
@@ -234,21 +232,22 @@ def test_hit_and_free_amounts_add_up_over_scans():
     spec, sensor = GridSpec((0.0, 0.0), 1.0, (1, 6)), np.array([0.5, 0.5])
     grid = OccupancyGrid.empty(spec)
     for end in (5.5, 5.5, 3.5):  # two hits in cell 5 that cross cell 3, then one hit in cell 3
-        grid, _ = integrate_scan(
+        integrate_scan(
             grid, np.array([[end, 0.5]]), np.array([0]), sensor, MapConfig(1.0, 2.0, 0.5, 10.0, "bresenham")
         )
     np.testing.assert_allclose(grid.log_odds, [[-1.5, -1.5, -1.5, 1.0, -1.0, 4.0]])
 
 
-def test_integrating_leaves_the_old_map_alone_and_names_the_touched_rectangle():
+def test_integrating_names_the_touched_rectangle_and_leaves_the_rest_and_copies_alone():
     pose = (0.3, 0.2, 0.5)
     grid, points, beams = drawn(pose)
-    before = grid.log_odds.copy()
-    after, rectangle = integrate_scan(grid, points[:40], beams[:40], sensor_position(pose), MapConfig())
-    np.testing.assert_array_equal(grid.log_odds, before)
+    kept, before = grid.copy(), grid.log_odds.copy()
+    rectangle = integrate_scan(grid, points[:40], beams[:40], sensor_position(pose), MapConfig())
+    np.testing.assert_array_equal(kept.log_odds, before)
+    assert (grid.log_odds != before).any()
     outside = np.ones(grid.spec.shape, dtype=bool)
     outside[rectangle] = False
-    np.testing.assert_array_equal(after.log_odds[outside], before[outside])
+    np.testing.assert_array_equal(grid.log_odds[outside], before[outside])
 
 
 @given(
@@ -265,6 +264,29 @@ def test_growing_keeps_every_cell_where_it_is_in_the_world(far, resolution, seed
     ix, iy = grown.spec.world_to_cell(centres).transpose(2, 0, 1)
     np.testing.assert_array_equal(grown.log_odds[iy, ix], grid.log_odds)
     assert np.count_nonzero(grown.log_odds) == np.count_nonzero(grid.log_odds)
+
+
+@given(
+    st.lists(st.tuples(st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=8), st.integers(0, 99)
+)
+def test_a_canvas_grows_like_copies_do_and_copies_little(far, seed):
+    """Against arrays made anew; the cells copied in all stay below five times those of the last block."""
+    rng, spec = np.random.default_rng(seed), GridSpec((-1.0, -1.0), 0.5, (4, 4))
+    canvas, plain, copied = Canvas(spec, np.float32), np.zeros(spec.shape, np.float32), 0
+    for point in far:
+        wider = canvas.spec.covering(np.array([point]), margin=1.0)
+        left, below = np.rint(np.subtract(canvas.spec.origin, wider.origin) / 0.5).astype(int)
+        larger, block = np.zeros(wider.shape, np.float32), canvas.block
+        larger[below : below + plain.shape[0], left : left + plain.shape[1]] = plain
+        canvas.cover(wider)
+        copied += 0 if canvas.block is block else plain.size
+        plain = larger
+        iy, ix = (int(rng.integers(n)) for n in plain.shape)
+        plain[iy, ix] = canvas.values[iy, ix] = rng.random()
+        np.testing.assert_array_equal(canvas.values, plain)
+        np.testing.assert_array_equal(canvas.block.ravel()[canvas.flat(np.array([ix, iy]))], plain[iy, ix])
+    assert copied <= 5 * canvas.block.size
+    np.testing.assert_array_equal(canvas.copy().values, plain)
 
 
 @pytest.mark.parametrize(

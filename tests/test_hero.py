@@ -8,8 +8,8 @@ import pytest
 from box_recording import box_recording
 from hero import encode_animation, growing_map, make_scene, moments_of
 
-from pfslam.config import SlamConfig
 from pfslam.run import run_slam
+from pfslam.slam import SlamConfig
 from pfslam.texture.mapping import FloorTexture
 
 

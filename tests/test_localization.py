@@ -26,12 +26,11 @@ from pfslam.beyond.localization import (
     spread,
 )
 from pfslam.cli.search import closing_words_of_search
-from pfslam.config import MotionNoise
 from pfslam.errors import DataError
 from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.io.formats import read_known_map, read_tum, write_map
-from pfslam.particles import Particles
+from pfslam.particles import MotionNoise, Particles
 from pfslam.poses import Trajectory, between, compose, transform_points, wrap_angle
 from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import LidarModel, RobotModel, scan_points

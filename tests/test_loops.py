@@ -11,12 +11,12 @@ from pfslam.beyond.loops import graph
 from pfslam.beyond.loops.closing import Revision, carried, close_loops, confirming, softened
 from pfslam.beyond.loops.graph import Edges, jacobians, relax, residuals
 from pfslam.beyond.loops.places import Place, align, compare, search_window
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.poses import between, compose
 from pfslam.run import SlamResult, run_slam
 from pfslam.simulator import HALL, simulate
 from pfslam.simulator.cache import cached_simulation
+from pfslam.slam import SlamConfig
 
 
 def edges_of(i, j, pose, sigma=0.02, wheels=0.0, doubtful=True) -> Edges:

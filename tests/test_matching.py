@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pfslam.config import SearchConfig, SlamConfig
 from pfslam.correlation import score_field
 from pfslam.grid import GridSpec
 from pfslam.poses import transform_points, wrap_angle
 from pfslam.refined.search.lattice import Lattice, Window
-from pfslam.refined.search.matching import match, window_for
+from pfslam.refined.search.matching import SearchConfig, match, window_for
+from pfslam.slam import SlamConfig
 
 SPEC = GridSpec((-1.013, -1.021), 0.05, (40, 41))
 LATTICE = Lattice(0.05, 0.005)

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from rooms import CURVES, LIDAR, ROOM, box, drive, scan
 
-from pfslam.config import SlamConfig
 from pfslam.correlation import map_correlation
 from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import trajectory_error
@@ -21,6 +20,7 @@ from pfslam.poses import Trajectory, between, compose
 from pfslam.recording import Encoders, Imu, LidarScans
 from pfslam.run import run_slam
 from pfslam.sensors import scan_points
+from pfslam.slam import SlamConfig
 
 pytestmark = pytest.mark.slow
 FEW = replace(SlamConfig.refined(), particles=10)
@@ -84,8 +84,9 @@ def test_map_and_score_ten_kilometres_away_are_the_same():
     points, beams, sensor = points[inside], np.flatnonzero(inside), np.array([0.1, 0.0])
     assert inside.sum() > 300
     spec, far = (GridSpec(tuple(origin), CELL, spec.shape) for origin in (near, near + FAR))
-    here, _ = integrate_scan(OccupancyGrid.empty(spec), points, beams, sensor, MapConfig())
-    there, _ = integrate_scan(OccupancyGrid.empty(far), points + FAR, beams, sensor + FAR, MapConfig())
+    here, there = OccupancyGrid.empty(spec), OccupancyGrid.empty(far)
+    integrate_scan(here, points, beams, sensor, MapConfig())
+    integrate_scan(there, points + FAR, beams, sensor + FAR, MapConfig())
     np.testing.assert_array_equal(there.log_odds, here.log_odds)
     assert map_correlation(there.occupied, far, points + FAR) == len(points)
 

@@ -11,13 +11,13 @@ from rooms import LIDAR, SQUARE
 from rooms import drive as room_drive
 
 import pfslam
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.motion import dead_reckoning
 from pfslam.poses import between
 from pfslam.recording import Imu, LidarScans
 from pfslam.refined.health import alarms
 from pfslam.run import run_slam
+from pfslam.slam import SlamConfig
 from pfslam.study.disturbances import blind, first_seconds, missing_beams, random_ranges
 
 REFINED = SlamConfig.refined()

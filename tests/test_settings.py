@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 from box_recording import box_recording
 
-from pfslam.config import MAX_PARTICLES, PRESETS, SearchConfig, SlamConfig
 from pfslam.errors import DataError
 from pfslam.grid import MapConfig
-from pfslam.particles import RESAMPLERS, ControlNoise, Scheme
+from pfslam.particles import MAX_PARTICLES, RESAMPLERS, ControlNoise, Scheme
 from pfslam.refined.search.boxes import MAX_SCORES
+from pfslam.refined.search.matching import SearchConfig
 from pfslam.run import run_slam
 from pfslam.sensors import LidarModel
 from pfslam.settings import Range, Settings, changed, plain
 from pfslam.simulator import HALL, RAMP, simulate
 from pfslam.simulator.drive import MAX_HOURS
+from pfslam.slam import PRESETS, SlamConfig
 from pfslam.texture.config import TextureConfig
 from pfslam.texture.mapping import map_texture
 
@@ -210,7 +211,7 @@ def test_dotted_and_nested_names_change_the_same_fields():
 
 def test_parts_are_switched_on_off_and_filled():
     config = changed(SlamConfig.report(), {"polish": True, "polish.reach": 2, "tilt": False, "every": False})
-    assert config.polish == replace(SlamConfig.refined().polish, reach=2)
+    assert config.lines == replace(SlamConfig.refined().lines, reach=2)
     assert (config.tilt, config.every) == (None, None)
     noisy = changed(SlamConfig.refined(), {"noise": "ControlNoise", "noise.sigma_v": 1})
     assert noisy.noise == ControlNoise(1.0, math.sqrt(0.02))
@@ -228,7 +229,7 @@ def test_parts_are_switched_on_off_and_filled():
         ({"search.cells": [4, 1]}, r"x.toml: search.cells: found \(4, 1\), expected a least and a greatest"),
         ({"search": {"cells": 3}}, "x.toml: search.cells: found 3, expected a list of 2"),
         ({"particles.number": 1}, "x.toml: particles.number: found particles = 200, expected"),
-        ({"polish": "Tilt"}, "x.toml: polish: found 'Tilt', expected PolishConfig"),
+        ({"polish": "Tilt"}, "x.toml: polish: found 'Tilt', expected LineConfig"),
     ],
 )
 def test_a_change_that_makes_no_sense_names_its_source(changes, message):

@@ -94,8 +94,8 @@ def test_settings_reach_the_configuration():
     assert config(method="report") == SlamConfig.report()
     changed = config(method="report", **{"noise.sigma_omega": 0.2, "search.prior": True, "particles": 7})
     assert (changed.noise.sigma_omega, changed.search.prior, changed.particles) == (0.2, True, 7)
-    assert config(polish=False).polish is None
-    assert config(method="report", polish=True).polish == SlamConfig.refined().polish
+    assert config(lines=False).lines is None
+    assert config(method="report", lines=True).lines == SlamConfig.refined().lines
     assert config(noise="ControlNoise", **{"noise.sigma_v": 1}).noise == ControlNoise(1.0, math.sqrt(0.02))
     assert config(tilt=False, every=3).every == 3
 

@@ -16,9 +16,9 @@ from pfslam_book.exercises.ch09 import line_step
 from pfslam_book.show.tables import study_file
 
 import pfslam
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.poses import Trajectory, compose
+from pfslam.slam import SlamConfig
 from pfslam.study import read_study
 
 INTEL = (RUNS, TABLE)
@@ -188,7 +188,7 @@ def test_every_situation_has_a_run_in_every_building_for_every_number_of_particl
 def test_kinds_are_compared_where_nothing_else_differs(study, polish):
     cases = [c for c in read_study(study_file(study)).cases if c.label.endswith("polish") != polish]
     configs = [c.config() for c in cases if c.get("method") != "dead-reckoning"]
-    assert len({(c.every, c.draw_metres, c.draw_radians, c.polish, c.search, c.map) for c in configs}) == 1
+    assert len({(c.every, c.draw_metres, c.draw_radians, c.lines, c.search, c.map) for c in configs}) == 1
     assert {c.particles for c in configs} == {1, 30}
     errors = ch10_kinds.kind_errors(study, polish)
     assert len({len(e) for e in errors.values()}) == 1

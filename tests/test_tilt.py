@@ -5,19 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.events import Drive, level_scan
+from pfslam.events import level_scan
 from pfslam.io.datasets import load
 from pfslam.motion import controls
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, Recording
-from pfslam.refined.tilt import SPEED_SMOOTHING, TiltConfig, estimate_tilt, upright
-from pfslam.run import run_slam
+from pfslam.refined.tilt import LEVEL_BELOW, SPEED_SMOOTHING, TIME_CONSTANT, estimate_tilt, upright
+from pfslam.run import run_slam, used_scans
 from pfslam.sensors import STANDARD_GRAVITY, EncoderModel, LidarModel
 from pfslam.simulator import RAMP, simulate
+from pfslam.slam import SlamConfig
 
-CONFIG = TiltConfig()
 T = np.arange(0.0, 20.0, 0.01)
 
 
@@ -47,7 +46,7 @@ MOVING = np.clip((T - 3.0) / 1.0, 0.0, 1.0)  # still for three seconds, then 1 m
 
 @pytest.mark.parametrize("degrees", [-15.0, 6.0, 15.0])
 def test_a_slope_is_followed_with_its_sign(degrees):
-    tilt = estimate_tilt(leaning(slope(np.deg2rad(degrees)), speed=MOVING), CONFIG)
+    tilt = estimate_tilt(leaning(slope(np.deg2rad(degrees)), speed=MOVING))
     on_it = (T > 8.6) & (T < 13.9)
     # Gyro and accelerometer agree here; what is left comes from whole wheel counts: one count in 10 ms is 0.22 m/s,
     # smoothed over 0.1 s and averaged over 2 s.
@@ -56,7 +55,7 @@ def test_a_slope_is_followed_with_its_sign(degrees):
 
 
 def test_roll_has_its_own_sign():
-    tilt = estimate_tilt(leaning(0.0, roll=slope(np.deg2rad(10.0)), speed=MOVING), CONFIG)
+    tilt = estimate_tilt(leaning(0.0, roll=slope(np.deg2rad(10.0)), speed=MOVING))
     on_it = (T > 8.6) & (T < 13.9)
     np.testing.assert_allclose(tilt.roll[on_it], np.deg2rad(10.0), atol=np.deg2rad(1.0))
     assert not tilt.pitch.any()
@@ -66,7 +65,7 @@ def test_speeding_up_and_turning_are_not_taken_for_slopes():
     """1 m/s^2 feels like 5.8 degrees, a turn at 1 m/s and 1 rad/s too: both are known from wheels and gyro."""
     speed = np.clip((T - 3.0) / 1.0, 0, 1)
     turning = np.where((T > 8.0) & (T < 12.0), 1.0, 0.0)
-    tilt = estimate_tilt(leaning(0.0, speed=speed, yaw_rate=turning), CONFIG)
+    tilt = estimate_tilt(leaning(0.0, speed=speed, yaw_rate=turning))
     assert not tilt.pitch.any()
     assert not tilt.roll.any()
 
@@ -76,11 +75,11 @@ def test_a_crooked_accelerometer_and_a_gyro_bias_are_learnt_at_the_standing_star
     crooked = replace(
         crooked, imu=replace(crooked.imu, acceleration_g=crooked.imu.acceleration_g + [0.03, -0.03, 0.0])
     )
-    tilt = estimate_tilt(crooked, CONFIG)
+    tilt = estimate_tilt(crooked)
     assert not tilt.pitch.any()
     assert not tilt.roll.any()
     # Without the standing start the same offsets, 1.7 degrees each way plus the bias over the time constant, show.
-    assert estimate_tilt(replace(crooked, encoders=_moving_from_the_start(crooked)), CONFIG).pitch.any()
+    assert estimate_tilt(replace(crooked, encoders=_moving_from_the_start(crooked))).pitch.any()
 
 
 def _moving_from_the_start(recording):
@@ -89,7 +88,7 @@ def _moving_from_the_start(recording):
     return replace(recording.encoders, counts=counts)
 
 
-def slow_tilt(recording, config):
+def slow_tilt(recording):
     """The filter sample by sample, as its definition says."""
     wheels, imu = controls(recording), recording.imu
     still = [k for k in range(len(imu.t)) if imu.t[k] < recording.encoders.t[first_count(recording)]]
@@ -110,9 +109,9 @@ def slow_tilt(recording, config):
             ]
         )
         rates = (imu.angular_velocity[k] - bias)[[1, 0]]
-        share = min(dt / config.time_constant, 1.0)
+        share = min(dt / TIME_CONSTANT, 1.0)
         angles = (1 - share) * (angles + rates * dt) + share * felt
-        rows.append(np.where(np.abs(angles) < config.level_below, 0.0, angles))
+        rows.append(np.where(np.abs(angles) < LEVEL_BELOW, 0.0, angles))
         before = speed
     return np.array(rows)
 
@@ -133,14 +132,9 @@ def test_the_lean_is_its_definition_through_gaps_and_noise(begin):
         drive.imu.acceleration_g[kept] + rng.normal(0, 0.02, (len(kept), 3)),
     )
     wheels = Encoders(T[begin:], drive.encoders.counts[begin:])
-    recording, config = (
-        replace(drive, encoders=wheels, imu=noisy),
-        TiltConfig(time_constant=1.5, level_below=0.01),
-    )
-    found = estimate_tilt(recording, config)
-    np.testing.assert_allclose(
-        np.column_stack([found.pitch, found.roll]), slow_tilt(recording, config), atol=1e-9
-    )
+    recording = replace(drive, encoders=wheels, imu=noisy)
+    found = estimate_tilt(recording)
+    np.testing.assert_allclose(np.column_stack([found.pitch, found.roll]), slow_tilt(recording), atol=1e-9)
 
 
 @pytest.mark.parametrize("sensor", ["encoders", "imu"])
@@ -148,8 +142,8 @@ def test_no_tilt_without_both_wheels_and_gyro(sensor):
     """A log has the poses of its maker's odometry; one sensor beside them does not make a tilt."""
     odometry = Trajectory(T[[0, -1]], np.zeros((2, 3)))
     alone = {sensor: getattr(leaning(0.0), sensor)}
-    assert estimate_tilt(Recording("log", odometry=odometry), CONFIG) is None
-    assert estimate_tilt(Recording("log", odometry=odometry, **alone), CONFIG) is None
+    assert estimate_tilt(Recording("log", odometry=odometry)) is None
+    assert estimate_tilt(Recording("log", odometry=odometry, **alone)) is None
 
 
 def test_floor_beams_are_left_out_and_wall_beams_are_levelled():
@@ -165,11 +159,9 @@ def test_floor_beams_are_left_out_and_wall_beams_are_levelled():
 
 def test_a_flat_recording_is_untouched():
     recording = simulate("hall").recording
-    with_tilt, without = (
-        replace(SlamConfig.refined(), every=200, tilt=tilt) for tilt in (TiltConfig(), None)
-    )
+    with_tilt, without = (replace(SlamConfig.refined(), every=200, tilt=tilt) for tilt in (True, False))
     for a, b in zip(
-        Drive.of(recording, with_tilt).events(), Drive.of(recording, without).events(), strict=True
+        used_scans(recording, with_tilt).events(), used_scans(recording, without).events(), strict=True
     ):
         np.testing.assert_array_equal(a.points_b, b.points_b)
         assert a.struck_floor == 0
@@ -178,9 +170,9 @@ def test_a_flat_recording_is_untouched():
 def test_motions_asked_for_at_once_are_those_of_the_events_on_slopes_too():
     recording = load("ramp")
     config = replace(SlamConfig.refined(), every=20)
-    one_by_one = np.array([event.motion for event in Drive.of(recording, config).events()])
-    np.testing.assert_allclose(Drive.of(recording, config).motion, one_by_one, atol=1e-12)
-    flat = Drive.of(recording, replace(config, tilt=None)).motion
+    one_by_one = np.array([event.motion for event in used_scans(recording, config).events()])
+    np.testing.assert_allclose(used_scans(recording, config).motion, one_by_one, atol=1e-12)
+    flat = used_scans(recording, replace(config, tilt=False)).motion
     assert np.abs(one_by_one - flat).max() > 1e-4
 
 
@@ -189,7 +181,7 @@ def test_slopes_are_driven_better_with_the_tilt_than_without():
     recording = simulate(RAMP).recording
     config = replace(SlamConfig.refined(), particles=5, every=10)
     errors, struck = {}, {}
-    for name, tilt in (("with", TiltConfig()), ("without", None)):
+    for name, tilt in (("with", True), ("without", False)):
         result = run_slam(recording, replace(config, tilt=tilt))
         errors[name] = trajectory_error(result.trajectory, recording.truth).ate_rmse_m
         struck[name] = result.dropped.get("beams that struck the floor", 0)

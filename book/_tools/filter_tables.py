@@ -10,25 +10,25 @@ import io
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from pfslam_book.ch05.measurements import LATTICE_TABLE
 from pfslam_book.ch05.your_filter import CHANGES, FILTER_TABLE, drive, error, my_filter, step
+from pfslam_book.show.faults import with_fault
 
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.events import Drive
 from pfslam.grid import GridSpec
 from pfslam.io.datasets import load
 from pfslam.io.files import write_text
-from pfslam.poses import Trajectory
 from pfslam.refined.search.lattice import Lattice
-from pfslam.refined.search.matching import Matched, match
-from pfslam.slam import PARTS, SlamState, slam_step
+from pfslam.refined.search.matching import Match, match
+from pfslam.run import run_slam
+from pfslam.slam import SlamConfig
 from pfslam.study.disturbances import first_seconds
 
 
-def exact_match(field, spec, points_b, poses, sigmas, config, rng) -> Matched:
+def exact_match(field, spec, points_b, poses, sigmas, config, rng) -> Match:
     """Every particle scored at its own pose: the map and the scan are shifted so that it comes to lie on a node."""
     lattice, found = Lattice(spec.resolution, config.yaw_step), []
     for pose in poses:
@@ -38,8 +38,8 @@ def exact_match(field, spec, points_b, poses, sigmas, config, rng) -> Matched:
         moved_map = GridSpec(tuple(np.asarray(spec.origin) - off[:2]), spec.resolution, spec.shape)
         turned = points_b @ np.array([[c, -s], [s, c]]).T
         one = match(field, moved_map, turned, node[None], sigmas, config, rng)
-        found.append(Matched(one.poses + off, one.log_likelihood, one.score))
-    return Matched(*(np.concatenate(parts) for parts in zip(*(vars(m).values() for m in found), strict=True)))
+        found.append(Match(one.poses + off, one.log_likelihood, one.score))
+    return Match(*(np.concatenate(parts) for parts in zip(*(vars(m).values() for m in found), strict=True)))
 
 
 def lattice_rows(seeds: int = 12) -> Iterator[dict]:
@@ -47,14 +47,9 @@ def lattice_rows(seeds: int = 12) -> Iterator[dict]:
     recording = first_seconds(load("hall"), 45.0)
     config = replace(SlamConfig.report(), particles=20, every=5)
     for seed in range(seeds):
-        for label, parts in (("lattice", PARTS), ("exact", PARTS._replace(match=exact_match))):
-            rng, t, poses = np.random.default_rng(seed), [], []
-            state = SlamState.start(config)
-            for event in Drive.of(recording, config).events():
-                state, info = slam_step(state, event, config, rng, parts)
-                t.append(info.t)
-                poses.append(info.estimate)
-            path = Trajectory(np.array(t), np.array(poses))
+        for label, faults in (("lattice", {}), ("exact", {"map.match": exact_match})):
+            rng = np.random.default_rng(seed)
+            path = with_fault(faults, partial(run_slam, recording, config, rng=rng)).trajectory
             off = trajectory_error(path, recording.true_path()).ate_rmse_m
             yield {"label": label, "seed": seed, "ate_rmse_m": f"{off:.5f}"}
 

@@ -25,16 +25,18 @@ from joblib import Parallel, delayed
 from pfslam_book.show.style import COLOURS, INK, STYLE
 
 import pfslam
-from pfslam.config import CareConfig, PolishConfig, SlamConfig
 from pfslam.io.course import load_course
 from pfslam.io.files import write_csv, write_text
 from pfslam.poses import compose, invert
 from pfslam.recording import Recording
 from pfslam.refined.health import in_doubt
-from pfslam.run import SlamResult, in_need_of_care, run_slam, that_stands
+from pfslam.refined.lines import LineConfig
+from pfslam.refined.outliers import OutlierConfig
+from pfslam.run import SlamResult, better_look, needs_second_look, run_slam
 from pfslam.sensors import LidarModel
 from pfslam.settings import changed
 from pfslam.simulator import Hazards, simulate
+from pfslam.slam import SlamConfig
 
 HAZARDS = {
     "people": Hazards(people=6),
@@ -143,9 +145,9 @@ WITHOUT = {
     "gate": Without(careful={"care.gate": np.inf}),
     "odometry": Without(careful={"polish.independent_beams": 0.0}),
     "lines": Without(
-        careful={f"polish.{name}": getattr(PolishConfig(), name) for name in ("min_hits", "elongation")}
+        careful={f"polish.{name}": getattr(LineConfig(), name) for name in ("min_hits", "elongation")}
     ),
-    "noise": Without(careful={"care.margin": CareConfig().margin}),
+    "noise": Without(careful={"care.margin": OutlierConfig().margin}),
 }
 """The ingredients, by the names that the page about trust explains."""
 DRIVES = {
@@ -183,11 +185,11 @@ class Bench:
         recording, other = self.with_lidar(without.lidar)
         config = changed(replace(SlamConfig.refined(), every=recording.default_every), without.config)
         first, rng = self.run((other, config), recording, config, np.random.default_rng(self.seed))
-        if not (without.second_look and in_need_of_care(recording, first)):
+        if not (without.second_look and needs_second_look(recording, first)):
             return compared(recording, first).ate
-        careful = changed(config.careful(recording.range_scatter()), without.careful)
+        careful = changed(config.robust(recording.range_scatter()), without.careful)
         second, _ = self.run((other, config, careful), recording, careful, rng)
-        return compared(recording, that_stands(recording, first, second)).ate
+        return compared(recording, better_look(recording, first, second)).ate
 
     def with_lidar(self, change: Callable[[LidarModel], LidarModel]) -> tuple[Recording, LidarModel | None]:
         """Return the recording with another LiDAR model, and that model if it makes any difference to the scans."""

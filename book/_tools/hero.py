@@ -27,7 +27,7 @@ from pfslam.poses import between, transform_points
 from pfslam.recording import LidarScans, Recording, nearest_stamp
 from pfslam.run import SlamResult, run_slam
 from pfslam.sensors import LidarModel, scan_points
-from pfslam.slam import StepInfo
+from pfslam.slam import Step
 from pfslam.texture.mapping import FloorTexture, map_texture
 
 PIXELS_PER_CELL = 2
@@ -103,12 +103,12 @@ def growing_map(scene: Scene, moments) -> Iterator[tuple[int, np.ndarray]]:
             points_w = transform_points(info.estimate, scan_points(ranges, scene.model))
             sensor_w = transform_points(info.estimate, np.array([scene.model.position_b[:2]]))[0]
             beams = np.flatnonzero(scene.model.valid(ranges))
-            grid, _ = integrate_scan(grid, points_w, beams, sensor_w, config.map)
+            integrate_scan(grid, points_w, beams, sensor_w, config.map)
         if k in wanted:
             yield k, grid.log_odds[offset[1] : offset[1] + h, offset[0] : offset[0] + w].copy()
 
 
-def scan_at(scene: Scene, info: StepInfo) -> np.ndarray:
+def scan_at(scene: Scene, info: Step) -> np.ndarray:
     """The ranges ``(beams,)`` of a step's scan."""
     return scene.lidar.ranges[nearest_stamp(scene.lidar.t, np.array([info.t]))[0]]
 
@@ -159,7 +159,7 @@ def _draw_path(picture: np.ndarray, scene: Scene, k: int, floor: float) -> None:
     cv2.addWeighted(drawn, opacity, picture, 1.0 - opacity, 0.0, dst=picture)
 
 
-def _draw_scan(picture: np.ndarray, scene: Scene, info: StepInfo) -> None:
+def _draw_scan(picture: np.ndarray, scene: Scene, info: Step) -> None:
     points_w = transform_points(info.estimate, scan_points(scan_at(scene, info), scene.model))
     for point in to_pixels(scene, points_w[::3]):
         cv2.circle(picture, point.tolist(), 2, _rgb("hits"), -1)
@@ -180,7 +180,7 @@ def _write(
     cv2.putText(picture, text, at, _rgb(name), cv2.FontFace("sans"), size, weight)
 
 
-def _draw_words(picture: np.ndarray, scene: Scene, info: StepInfo) -> None:
+def _draw_words(picture: np.ndarray, scene: Scene, info: Step) -> None:
     """The clock and a scale bar of five metres."""
     left, metre = picture.shape[1] - 60 - INSET, PIXELS_PER_CELL / scene.spec.resolution
     seconds = info.t - scene.result.infos[0].t
@@ -190,7 +190,7 @@ def _draw_words(picture: np.ndarray, scene: Scene, info: StepInfo) -> None:
     _write(picture, "5 m", (left, y - 14), 36)
 
 
-def _draw_inset(picture: np.ndarray, info: StepInfo) -> None:
+def _draw_inset(picture: np.ndarray, info: Step) -> None:
     """The cloud around the estimate, enlarged: at the scale of the map it would be one dot."""
     left, top = picture.shape[1] - 60 - INSET, 110
     box = picture[top : top + INSET, left : left + INSET]

@@ -19,7 +19,6 @@ import numpy as np
 from pfslam_book.ch10.intel import COLUMNS, RETURN_SECONDS, RUNS, TABLE
 
 import pfslam
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import relations_error
 from pfslam.grid import OccupancyGrid
 from pfslam.io.files import write_text
@@ -28,6 +27,7 @@ from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.run import run_slam
+from pfslam.slam import SlamConfig
 
 SEEDS = range(10)
 SHOWN = ("scan matching", "report")

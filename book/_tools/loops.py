@@ -21,7 +21,6 @@ from pfslam_book.ch12.drives import COLUMNS, FALSE, GIVEN, GIVEN_COLUMNS, STORED
 
 import pfslam
 from pfslam.beyond.loops.closing import Revision, chain_edges, close_loops, key_scans
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import relations_error, trajectory_error
 from pfslam.io.files import write_csv
 from pfslam.io.formats import read_relations
@@ -29,6 +28,7 @@ from pfslam.poses import Trajectory, between
 from pfslam.recording import Recording
 from pfslam.run import SlamResult, run_slam
 from pfslam.simulator import HALL, RING, simulate
+from pfslam.slam import SlamConfig
 
 CHANGES = (1.0, 0.98 / 1.02, 1.01 / 1.02)
 """The wheels of the ring count 2 % too much; in the second third of the drive 2 % too little, then 1 % too much."""

@@ -15,14 +15,14 @@ from typing import Annotated
 import cv2
 import numpy as np
 
-from pfslam.config import MAX_EVERY, MAX_PARTICLES, MotionNoise, SlamConfig
 from pfslam.errors import DataError
 from pfslam.events import Drive, ScanEvent
 from pfslam.grid import OccupancyGrid
-from pfslam.particles import Particles, effective_sample_size, reweight
+from pfslam.particles import MAX_PARTICLES, MotionNoise, Particles, effective_sample_size, reweight
 from pfslam.poses import Trajectory, average_pose, compose, transform_points, wrap_angle
 from pfslam.recording import Recording
 from pfslam.settings import Range, Settings
+from pfslam.slam import MAX_EVERY
 
 NEAR_METRES, NEAR_RADIANS = 1.0, 0.5
 """A particle counts for the estimate if it lies no farther from it than this."""
@@ -323,7 +323,7 @@ def locate(
     """
     config = LocalizationConfig() if config is None else config
     rng = np.random.default_rng(0) if rng is None else rng
-    drive = Drive.of(recording, replace(SlamConfig.refined(), every=config.every))
+    drive = Drive.of(recording, config.every)
     steps = _steps(drive, KnownMap.of(grid, config), rng, start)
     steps = progress(steps, total=len(drive)) if progress else steps
     infos = tuple(info if keep_particles else replace(info, particles=None) for info in steps)

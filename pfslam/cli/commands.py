@@ -24,7 +24,6 @@ from pfslam.cli.lab import lab_command
 from pfslam.cli.look import check_table, describe, topic_table
 from pfslam.cli.search import closing_words_of_search, picture_of_search, summarise_search
 from pfslam.cli.summary import closing_words, said_by_the_loader, summarise
-from pfslam.config import PRESETS
 from pfslam.errors import DataError
 from pfslam.evaluation.checkup import check_up
 from pfslam.io.bags import BagOptions, choose_topics, is_bag, read_topics
@@ -42,6 +41,7 @@ from pfslam.run import SlamResult, run_slam
 from pfslam.settings import changed, plain, type_hints
 from pfslam.simulator import Hazards, simulate
 from pfslam.simulator.cache import cached_simulation
+from pfslam.slam import PRESETS
 from pfslam.study import read_study, run_study
 from pfslam.study.table import read_table
 from pfslam.texture.mapping import FloorTexture, map_texture

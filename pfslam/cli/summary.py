@@ -37,7 +37,7 @@ def summarise(
         "updates": result.updates if result else 0,
         "resamplings": result.resamplings if result else 0,
         "lost": len(alarms(result.infos)) if result else 0,
-        "second_look": bool(result and result.config.care),
+        "second_look": bool(result and result.config.outliers),
         "distrust": result.distrust if result else [],
         "covariance": _covariance(result, recording.truth) if result else None,
         "dropped": {reason: count for part in parts for reason, count in part.items()},

@@ -13,10 +13,9 @@ from itertools import pairwise
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.events import Drive
 from pfslam.poses import between, compose
 from pfslam.recording import Recording
-from pfslam.run import SlamResult
+from pfslam.run import SlamResult, used_scans
 
 WINDOW = 1.0
 """Length (s) of the pieces in which stillness is checked: long against the gyro's memory of a few samples."""
@@ -152,7 +151,7 @@ def matched_motion(recording: Recording, result: SlamResult) -> tuple[np.ndarray
     Only blocks count in which every scan was matched and no direction was left to odometry: where the map says
     nothing, the estimate is the odometry, and comparing the two would prove whatever one likes.
     """
-    motions = Drive.of(recording, result.config).motion
+    motions = used_scans(recording, result.config).motion
     trajectory, infos = result.trajectory, result.infos
     if len(motions) != len(infos):
         raise DataError(

@@ -18,7 +18,7 @@ from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import rms
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory, average_pose, compose, invert, wrap_angle
-from pfslam.slam import StepInfo
+from pfslam.slam import Step
 
 CLAIMS = (0.5, 0.9, 0.99)
 """Probabilities whose ellipsoids are checked."""
@@ -90,7 +90,7 @@ def squared_mahalanobis(error: np.ndarray, covariance: np.ndarray) -> float:
     return float(error @ np.linalg.solve(covariance, error))
 
 
-def cloud_consistency(infos: Iterable[StepInfo], truth: Trajectory, dof: int = 3) -> CloudConsistency:
+def cloud_consistency(infos: Iterable[Step], truth: Trajectory, dof: int = 3) -> CloudConsistency:
     """Compare the clouds of a run with the truth; ``dof`` 2 is for position alone, 3 for heading too.
 
     The run is moved as a whole so that its first estimate is true, as for the trajectory error; that first cloud,
@@ -104,7 +104,7 @@ def cloud_consistency(infos: Iterable[StepInfo], truth: Trajectory, dof: int = 3
     return _consistency([info for info, _ in known], means, covariances, truth, dof)
 
 
-def covariance_consistency(infos: Iterable[StepInfo], truth: Trajectory, dof: int = 3) -> CloudConsistency:
+def covariance_consistency(infos: Iterable[Step], truth: Trajectory, dof: int = 3) -> CloudConsistency:
     """Compare the estimates of a run and their covariances with the truth, as ``cloud_consistency`` does its clouds."""
     known = [info for info in infos if info.covariance is not None and truth.covers(info.t)]
     if len(known) < 2:
@@ -115,7 +115,7 @@ def covariance_consistency(infos: Iterable[StepInfo], truth: Trajectory, dof: in
 
 
 def _consistency(
-    infos: list[StepInfo], means: np.ndarray, covariances: np.ndarray, truth: Trajectory, dof: int
+    infos: list[Step], means: np.ndarray, covariances: np.ndarray, truth: Trajectory, dof: int
 ) -> CloudConsistency:
     """Compare the means and covariances of all infos but the first with the truth, moved to the first estimate."""
     first = compose(infos[0].estimate, invert(truth.at(infos[0].t)))

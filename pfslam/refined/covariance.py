@@ -6,13 +6,15 @@ keeps its covariance, every cell remembers which scan hit it first, and a new sc
 scans whose walls it lies on. Where new ground is drawn these errors add up, link by link; back at an old place the
 scans rest on the first walls again, and the covariance shrinks.
 
-The measurement's own covariance follows from the residuals of the line polish by the sandwich formula H^-1 B H^-1
+The measurement's own covariance follows from the residuals of the alignment by the sandwich formula H^-1 B H^-1
 (Huber, "The behavior of maximum likelihood estimates under nonstandard conditions", 1967) with the beams in clusters
 (Liang and Zeger, "Longitudinal data analysis using generalized linear models", 1986): no noise of the LiDAR is assumed.
 What is not seen in the residuals is not in the covariance: people, glass, and a scan that fits the wrong place.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -29,7 +31,6 @@ halls and ramps, where the 90 % ellipsoid then holds the truth at somewhat more 
 """
 LEAST_SIGMA = 1e-3
 """Standard deviation (m) that a beam has at least: ranges are written to the millimetre."""
-NOTHING_DRAWN = np.zeros((0, 3, 3))
 
 
 def transported(covariance: np.ndarray, offset: np.ndarray) -> np.ndarray:
@@ -41,14 +42,6 @@ def transported(covariance: np.ndarray, offset: np.ndarray) -> np.ndarray:
     return A @ covariance @ A.T
 
 
-def with_drawn(drawn: np.ndarray, pose: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Add the next drawn scan to the covariances ``(D, 3, 3)`` of those before.
-
-    They are kept at the world's origin, as errors of all that a scan has drawn, so that they can be averaged.
-    """
-    return np.concatenate([drawn, transported(covariance, -pose[:2])[None]])
-
-
 def predicted_covariance(
     covariance: np.ndarray, before: np.ndarray, after: np.ndarray, variance: np.ndarray
 ) -> np.ndarray:
@@ -56,29 +49,36 @@ def predicted_covariance(
     return transported(covariance, after[:2] - before[:2]) + np.diag(variance[[0, 0, 1]])
 
 
-def polished_covariance(
-    drawn: np.ndarray, moments: HitMoments, pose: np.ndarray, fit: LineFit, variance: np.ndarray
+def aligned_covariance(
+    drawn: Sequence[np.ndarray], moments: HitMoments, pose: np.ndarray, fit: LineFit, variance: np.ndarray
 ) -> np.ndarray:
     """Return the covariance ``(3, 3)`` of a pose aligned to the map's lines: that of the walls plus the measurement's.
 
-    The motion's ``variance (2,)`` (m^2, rad^2) is the prior of the measurement.
+    ``drawn`` holds the covariance ``(3, 3)`` of every scan in the map, moved to the world's origin: there it stands for
+    the error of all that the scan has drawn, and can be averaged. The motion's ``variance (2,)`` (m^2, rad^2) is the
+    prior of the measurement.
     """
     prior = np.diag(1.0 / np.maximum(variance[[0, 0, 1]], 1e-12))
     found = wall_covariance(drawn, moments, pose, fit) + np.linalg.inv(line_information(fit) + prior)
     return 0.5 * (found + found.T)
 
 
-def wall_covariance(drawn: np.ndarray, moments: HitMoments, pose: np.ndarray, fit: LineFit) -> np.ndarray:
+def wall_covariance(
+    drawn: Sequence[np.ndarray], moments: HitMoments, pose: np.ndarray, fit: LineFit
+) -> np.ndarray:
     """Return the mean covariance ``(3, 3)`` of the scans that first hit the walls, moved to the aligned pose.
 
     A mean, as if all their errors were the same: scans drawn one after another do share most of them.
     """
-    total = np.bincount(moments.first_scan(fit.points_w) + 1, fit.weight)[1:]
-    scans = np.flatnonzero(total)
+    first = moments.first_scan(fit.points_w)
+    scans, which = np.unique(first[first >= 0], return_inverse=True)
     if len(scans) == 0:
         return np.zeros((3, 3))
-    share = total[scans] / np.sum(total)
-    return transported((share @ drawn[scans].reshape(-1, 9)).reshape(3, 3), pose[:2])
+    total = np.bincount(which, fit.weight[first >= 0])
+    seen = total > 0.0
+    share = total[seen] / np.sum(total[seen])
+    errors = np.array([drawn[k] for k in scans[seen]])
+    return transported((share @ errors.reshape(-1, 9)).reshape(3, 3), pose[:2])
 
 
 def with_silent_direction(found: np.ndarray, silent: np.ndarray, predicted: np.ndarray) -> np.ndarray:

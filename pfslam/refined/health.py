@@ -19,12 +19,12 @@ from typing import TypedDict
 
 import numpy as np
 
-from pfslam.slam import StepInfo
+from pfslam.slam import Step
 
 LEAST_PAST = 50
-"""So many scans, drawn while the robot moved, must have been scored before any scan is judged."""
+"""Scans that must have been drawn, while the robot moved, before any scan is judged."""
 PAST = 400
-"""So many of them are remembered."""
+"""How many of the last of them make up the ordinary scores."""
 LOST_BELOW = -8.0
 """Score deviation below which a robot counts as lost.
 
@@ -38,7 +38,7 @@ LEAST_SPREAD = 0.005
 """A run whose scores hardly differ is not judged more finely than this."""
 
 
-def score_deviation(infos: Sequence[StepInfo]) -> np.ndarray:
+def score_deviation(infos: Sequence[Step]) -> np.ndarray:
     """Measure how far each score ``(K,)`` lies from the median of those before it, in spreads; below 0 is worse.
 
     One spread is the distance from the median down to the 5th percentile, divided by 1.645: one standard deviation if
@@ -63,12 +63,12 @@ def score_deviation(infos: Sequence[StepInfo]) -> np.ndarray:
     return found
 
 
-def lost(infos: Sequence[StepInfo]) -> np.ndarray:
-    """Tell which scans ``(K,)`` bool fit the map so badly that the robot cannot be where the filter puts it."""
+def lost(infos: Sequence[Step]) -> np.ndarray:
+    """Which scans ``(K,)`` bool fit the map so badly that the robot cannot be where the filter puts it."""
     return score_deviation(infos) < LOST_BELOW
 
 
-def alarms(infos: Sequence[StepInfo]) -> np.ndarray:
+def alarms(infos: Sequence[Step]) -> np.ndarray:
     """List the times ``(A,)`` (s) at which the robot was found to be lost; falls within 5 s are one alarm."""
     times: list[float] = []
     last = -np.inf
@@ -90,9 +90,9 @@ DRAGGED_UNEXPLAINED = 0.02
 """Least share of beams that no wall explains; ordinary drives have less than 1 %."""
 DRAGGED_SCANS = 3
 """Fewer scans in that time say little: between two that are a metre apart, odometry may drift as far."""
-MISLED_METRES = 0.15
+SUSPECT_METRES = 0.15
 """A second look costs only time, so it is taken at less than ``DRAGGED_METRES``."""
-MISLED_UNEXPLAINED = 0.01
+SUSPECT_UNEXPLAINED = 0.01
 """The same for ``DRAGGED_UNEXPLAINED``: glass leaves fewer beams unexplained than people do."""
 BLIND_SECONDS = 2.0
 """For so long odometry alone is good to some centimetres."""
@@ -102,7 +102,7 @@ ALONG_WITHIN = 20.0
 """Metres of driving within which those must lie: they are stretches of one corridor."""
 
 
-def distrust(infos: Sequence[StepInfo]) -> list[Distrust]:
+def distrust(infos: Sequence[Step]) -> list[Distrust]:
     """List the stretches of a run whose estimate is not to be trusted, each with its reason, in order of time.
 
     An error that is drawn into the map stays there, so only blindness ends: when the scans fit again, the estimate is
@@ -112,31 +112,31 @@ def distrust(infos: Sequence[StepInfo]) -> list[Distrust]:
 
 
 def in_doubt(stretches: Sequence[Distrust], t: np.ndarray) -> np.ndarray:
-    """Tell which of the times ``(K,)`` (s) lie in a stretch that is not to be trusted, ``(K,)`` bool."""
+    """Which of the times ``(K,)`` (s) lie in a stretch that is not to be trusted, ``(K,)`` bool."""
     doubted = np.zeros(len(t), dtype=bool)
     for stretch in stretches:
         doubted |= (t >= stretch["from"]) & (t <= (np.inf if stretch["to"] is None else stretch["to"]))
     return doubted
 
 
-def misled(infos: Sequence[StepInfo]) -> bool:
-    """Tell whether scans seem to have dragged the estimate from its odometry, as people and glass do.
+def was_dragged(infos: Sequence[Step]) -> bool:
+    """Whether scans seem to have dragged the estimate from its odometry, as people and glass do.
 
     Only scans before the first alarm count: where a robot was carried off, scans contradict odometry and are right.
     """
     when = alarms(infos)
     before = [info for info in infos if len(when) == 0 or info.t < when[0]]
-    return any(True for _ in _dragged(before, MISLED_METRES, MISLED_UNEXPLAINED))
+    return any(True for _ in _dragged(before, SUSPECT_METRES, SUSPECT_UNEXPLAINED))
 
 
-def _lost(infos: Sequence[StepInfo]) -> Iterator[Distrust]:
+def _lost(infos: Sequence[Step]) -> Iterator[Distrust]:
     if len(when := alarms(infos)):
         reason = "scans fit the map far worse than before: the robot is lost, or was moved by hand"
         yield {"from": float(when[0]), "to": None, "reason": reason}
 
 
 def _dragged(
-    infos: Sequence[StepInfo], least_metres: float = DRAGGED_METRES, least_share: float = DRAGGED_UNEXPLAINED
+    infos: Sequence[Step], least_metres: float = DRAGGED_METRES, least_share: float = DRAGGED_UNEXPLAINED
 ) -> Iterator[Distrust]:
     """Find the first time at which scans drag the estimate from its odometry while no wall explains part of them."""
     matched = [info for info in infos if info.matched]
@@ -157,7 +157,7 @@ def _dragged(
         yield {"from": float(t[k]), "to": None, "reason": f"{dragged}, {why}"}
 
 
-def _blind(infos: Sequence[StepInfo]) -> Iterator[Distrust]:
+def _blind(infos: Sequence[Step]) -> Iterator[Distrust]:
     """Find the times without a scan to go by, from the last one that was matched to the next."""
     since, blind, rejected = infos[0].t if infos else 0.0, False, False
     for info in infos:
@@ -177,7 +177,7 @@ def _blindness(begin: float, end: float, to: float | None, rejected: bool) -> Di
     return {"from": float(begin), "to": to, "reason": reason}
 
 
-def _along(infos: Sequence[StepInfo]) -> Iterator[Distrust]:
+def _along(infos: Sequence[Step]) -> Iterator[Distrust]:
     """Find the first time at which most of the way was driven where no wall shows how far."""
     if len(infos) < 2:
         return

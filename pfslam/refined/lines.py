@@ -1,88 +1,130 @@
-"""Line polish: one pose aligned to the lines that the map's own hits form.
+"""Alignment to lines: one pose fitted to the walls that the map's own hits form.
 
 A grid remembers that a cell was hit, not where in the cell. A wall nearly parallel to the grid falls into one row of
 cells and its small tilt is lost: the heading is pulled parallel to the grid. So every cell also keeps the moments of
-its hits, from which follow the mean and covariance of a normal distribution, as in the normal distributions transform
-(Biber and Strasser, "The normal distributions transform", 2003). The hits of three by three cells give a short piece of
-wall as a line, sharper than any cell, and the scan is fitted to these lines by weighted Gauss-Newton steps:
+its hits, from which follow the mean and covariance of a normal distribution, as in the normal distributions transform,
+NDT (Biber and Strasser, "The normal distributions transform", 2003). The hits of three by three cells give a short
+piece of wall as a line, sharper than any cell, and the scan is fitted to these lines by weighted Gauss-Newton steps:
 point-to-line ICP (Censi, "An ICP variant using a point-to-line metric", 2008) with the map's lines as reference.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from pfslam.config import PolishConfig
-from pfslam.grid import GridSpec, embed
+from pfslam.grid import Canvas, GridSpec
 from pfslam.poses import transform_points, wrap_angle
+from pfslam.settings import Range, Settings
 
 MAX_STEP = np.array([0.1, 0.1, 0.05])
-"""Largest correction in one iteration (m, m, rad): the polish is a local step."""
+"""Largest correction in one iteration (m, m, rad): the alignment is a local step."""
+ITERATIONS = 6
+"""It has settled after two to five."""
+REACH = 1
+"""A beam sees the hits up to so many cells away: 1 gives 3 x 3 cells, 0.15 m of wall."""
+BEAM_STRIDE = 2
+"""Every second beam is aligned: neighbours lie on the same piece of wall."""
+THICKNESS = 0.02
+"""Floor under the short variance of a line (cells squared): ranges to a few millimetres would divide by zero."""
+RHO = 0.05
+"""Distance (m) from its line at which a beam's weight has fallen to exp(-1/2)."""
+DEGENERATE_BELOW = 0.01
+"""Least share of normals along a direction for the map to have a say in it; below, odometry decides."""
 LINE_SIGMA = 0.02
 """Standard deviation (m) of one beam's distance from its line, when lines are weighed against odometry."""
 
 
-@dataclass(frozen=True, eq=False)
-class HitMoments:
-    """Per cell: number, sums and sums of squares of its hits.
+@dataclass(frozen=True)
+class LineConfig(Settings):
+    """What counts as a line, and how lines are weighed against odometry."""
 
-    Few cells are ever hit, so the moments stand in a table: ``slots (H, W)`` int32 says in which row of ``sums
-    (R, 6)`` (n, x, y, xx, xy, yy) a cell's are; row 0 is that of all cells without hits, and stays zero. Coordinates
-    are in cells, relative to the cell's own centre, so that nothing is lost far from the origin. ``first (R,)`` is the
-    number of the scan that hit the cell first, -1 where there are no hits.
+    min_hits: Annotated[int, Range(1, 10_000)] = 3
+    """A neighbourhood with fewer hits is no line."""
+    elongation: Annotated[float, Range(0.0, 1e6)] = 2.0
+    """Nor is one whose long variance is less than so many short ones (plus ``THICKNESS``)."""
+    independent_beams: Annotated[float, Range(0.0, 1e6)] = 0.0
+    """As so many independent beams do the lines count against odometry; 0: odometry has no say where lines have one."""
+
+
+class HitMoments:
+    """Per cell: number, sums and sums of squares of its hits; written in place by the map that owns them.
+
+    Few cells are ever hit, so the moments stand in a table: ``slots`` says in which row of ``sums (R, 6)`` (n, x, y,
+    xx, xy, yy) a cell's are; row 0 is that of all cells without hits, and stays zero. Coordinates are in cells,
+    relative to the cell's own centre, so that nothing is lost far from the origin. ``first (R,)`` is the number of the
+    scan that hit the cell first, -1 where there are no hits.
     """
 
-    spec: GridSpec
-    slots: np.ndarray
-    sums: np.ndarray
-    first: np.ndarray
+    def __init__(self, spec: GridSpec):
+        self.slots = Canvas(spec, np.int32)
+        self.used = 1
+        self._sums, self._first = np.zeros((64, 6)), np.full(64, -1)
 
-    @classmethod
-    def empty(cls, spec: GridSpec) -> HitMoments:
-        return cls(spec, np.zeros(spec.shape, dtype=np.int32), np.zeros((1, 6)), np.array([-1]))
+    @property
+    def spec(self) -> GridSpec:
+        """The grid whose cells these are."""
+        return self.slots.spec
 
-    def covering(self, spec: GridSpec) -> HitMoments:
-        """Return the same moments on a larger grid."""
-        if spec == self.spec:
-            return self
-        return replace(self, spec=spec, slots=embed(self.slots, self.spec, spec))
+    @property
+    def sums(self) -> np.ndarray:
+        """The table of moments ``(R, 6)``."""
+        return self._sums[: self.used]
 
-    def add(self, points_w: np.ndarray, scan: int = 0) -> HitMoments:
+    @property
+    def first(self) -> np.ndarray:
+        """The scan ``(R,)`` that hit each row's cell first."""
+        return self._first[: self.used]
+
+    def copy(self) -> HitMoments:
+        """Return moments of their own with the same values."""
+        other = HitMoments.__new__(HitMoments)
+        other.slots, other.used = self.slots.copy(), self.used
+        other._sums, other._first = self._sums.copy(), self._first.copy()
+        return other
+
+    def add(self, points_w: np.ndarray, scan: int = 0) -> None:
         """Add the hits ``(M, 2)`` (world, m) of the scan with this number, all of which must lie inside the grid."""
         cells = self.spec.world_to_cell(points_w)
         x, y = ((points_w - self.spec.cell_to_world(cells)) / self.spec.resolution).T
-        flat = cells[:, 1] * self.spec.shape[1] + cells[:, 0]
-        slots = self.slots.copy()
+        flat, slots = self.slots.flat(cells), self.slots.block.reshape(-1)
         new = np.unique(flat[slots.take(flat) == 0])
-        slots.put(new, len(self.sums) + np.arange(len(new)))
-        sums = np.vstack([self.sums, np.zeros((len(new), 6))])
+        slots.put(new, self.used + np.arange(len(new)))
+        self._make_room(self.used + len(new))
+        self._first[self.used : self.used + len(new)] = scan
+        self.used += len(new)
         rows = slots.take(flat)
-        for column, values in zip(sums.T, (np.ones_like(x), x, y, x * x, x * y, y * y), strict=True):
+        for column, values in zip(self._sums.T, (np.ones_like(x), x, y, x * x, x * y, y * y), strict=True):
             np.add.at(column, rows, values)
-        return HitMoments(self.spec, slots, sums, np.append(self.first, np.full(len(new), scan)))
+
+    def _make_room(self, rows: int) -> None:
+        """Double the table until it has so many rows."""
+        while rows > len(self._sums):
+            self._sums = np.vstack([self._sums, np.zeros_like(self._sums)])
+            self._first = np.append(self._first, np.full(len(self._first), -1))
 
     def first_scan(self, points_w: np.ndarray) -> np.ndarray:
         """Look up the scan ``(M,)`` that first hit the cell of each point inside the grid, -1 where none did."""
-        ix, iy = self.spec.world_to_cell(points_w).T
-        return self.first[self.slots[iy, ix]]
+        flat = self.slots.flat(self.spec.world_to_cell(points_w))
+        return self._first[self.slots.block.reshape(-1).take(flat)]
 
-    def around(self, cells: np.ndarray, reach: int) -> np.ndarray:
-        """Sum the moments ``(M, 6)`` up to ``reach`` away from ``cells (M, 2)``, about the middle cell's centre.
+    def around(self, cells: np.ndarray) -> np.ndarray:
+        """Sum the moments ``(M, 6)`` of up to 3 x 3 cells about ``cells (M, 2)``, relative to the middle one's centre.
 
-        Cells nearer than that to the border have none.
+        Cells at the border, where neighbours are missing, have none.
         """
         height, width = self.spec.shape
         ix, iy = cells.T
-        inside = (ix >= reach) & (ix < width - reach) & (iy >= reach) & (iy < height - reach)
-        dx, dy, moved = _neighbourhood(reach)
+        inside = (ix >= REACH) & (ix < width - REACH) & (iy >= REACH) & (iy < height - REACH)
+        dx, dy, moved = _neighbourhood(REACH)
         # By flat index and `take`: the same numbers, three times as fast as indices for every axis.
-        rows = self.slots.take((iy * width + ix)[:, None] + (dy * width + dx), mode="clip")
+        offsets = dy * self.slots.block.shape[1] + dx
+        rows = self.slots.block.reshape(-1).take(self.slots.flat(cells)[:, None] + offsets, mode="clip")
         rows[~inside] = 0
-        return self.sums.take(rows, axis=0).reshape(len(cells), len(moved)) @ moved
+        return self._sums.take(rows, axis=0).reshape(len(cells), len(moved)) @ moved
 
 
 @lru_cache(maxsize=4)
@@ -114,10 +156,10 @@ class Lines:
     trust: np.ndarray
 
 
-def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig) -> Lines:
+def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: LineConfig) -> Lines:
     """Fit a line to the wall near each of the points ``(M, 2)``: principal axes of the hits in 3 x 3 cells."""
     cells = moments.spec.world_to_cell(points_w)
-    n, x, y, xx, xy, yy = np.ascontiguousarray(moments.around(cells, config.reach).T)
+    n, x, y, xx, xy, yy = np.ascontiguousarray(moments.around(cells).T)
     enough = n >= config.min_hits
     n = np.where(enough, n, 1.0)
     x, y = x / n, y / n
@@ -127,7 +169,7 @@ def nearby_lines(moments: HitMoments, points_w: np.ndarray, config: PolishConfig
     half_trace, radius = 0.5 * (vxx + vyy), np.hypot(0.5 * (vxx - vyy), vxy)
     angle = 0.5 * np.arctan2(2.0 * vxy, vxx - vyy)
     narrow = np.maximum(half_trace - radius, 0.0)
-    elongation = (half_trace + radius) / (narrow + config.floor)
+    elongation = (half_trace + radius) / (narrow + THICKNESS)
     found = enough & (elongation > config.elongation)
     # Rough or half-seen pieces show other faces as the robot moves on, and pull the pose
     # along: trust straight ones. What counts as straight depends on the LiDAR's noise, so
@@ -155,8 +197,8 @@ class LineFit(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Polished:
-    """A polished pose ``(3,)``, the beams used, and the direction ``(2,)`` that no line constrains, if there is one.
+class Alignment:
+    """An aligned pose ``(3,)``, the beams used, and the direction ``(2,)`` that no line constrains, if there is one.
 
     ``fit`` is the last iteration's; None if there were too few beams on lines.
     """
@@ -167,14 +209,14 @@ class Polished:
     fit: LineFit | None = None
 
 
-def polish(
+def align_to_lines(
     moments: HitMoments,
     points_b: np.ndarray,
     pose: np.ndarray,
     odometry_pose: np.ndarray,
-    config: PolishConfig,
+    config: LineConfig,
     variance: np.ndarray | None = None,
-) -> Polished:
+) -> Alignment:
     """Move ``pose (3,)`` so that the end points ``(M, 2)`` (body, m) lie on the lines of the map.
 
     Along a direction in which no line constrains it (the length of a bare corridor) the position is taken from
@@ -184,16 +226,16 @@ def polish(
     their likelihood times the normal density about ``odometry_pose`` with ``variance (2,)`` (m^2, rad^2) of the motion.
     """
     pose = np.array(pose, dtype=float)
-    for _ in range(config.iterations):
+    for _ in range(ITERATIONS):
         fit = line_residuals(moments, points_b, pose, config)
         residual, jacobian, weight, _ = fit
         # Lines many rho away leave weights that are zero in a computer too.
         if len(residual) < 3 or not weight.any():
-            return Polished(pose, len(residual), None)
+            return Alignment(pose, len(residual), None)
         if variance is None or not config.independent_beams:
-            step = gauss_newton_step(residual, jacobian, weight)
+            step = damped_step(residual, jacobian, weight)
         else:
-            step = weighed_step(residual, jacobian, weight, pose - odometry_pose, variance, config)
+            step = step_with_prior(residual, jacobian, weight, pose - odometry_pose, variance, config)
         pose += step
         if np.max(np.abs(step) / MAX_STEP) < 1e-3:
             break
@@ -201,16 +243,16 @@ def polish(
     normal = jacobian[:, :2]
     information = (normal * weight[:, None]).T @ normal / np.sum(weight)
     share, directions = np.linalg.eigh(information)
-    if share[0] >= config.degenerate_below:
-        return Polished(pose, len(residual), None, fit)
+    if share[0] >= DEGENERATE_BELOW:
+        return Alignment(pose, len(residual), None, fit)
     silent = directions[:, 0]
     if variance is None or not config.independent_beams:
         pose[:2] += silent * (silent @ (odometry_pose[:2] - pose[:2]))
-    return Polished(pose, len(residual), silent, fit)
+    return Alignment(pose, len(residual), silent, fit)
 
 
 def line_residuals(
-    moments: HitMoments, points_b: np.ndarray, pose: np.ndarray, config: PolishConfig
+    moments: HitMoments, points_b: np.ndarray, pose: np.ndarray, config: LineConfig
 ) -> LineFit:
     """Measure the beams' distances (m) from their lines, with the Jacobian for x, y, theta, and weigh them."""
     arm = transform_points([0.0, 0.0, pose[2]], points_b)
@@ -223,17 +265,17 @@ def line_residuals(
     dx, dy = (on_line - lines.centre.take(found, axis=0)).T
     residual = nx * dx + ny * dy
     jacobian = np.column_stack([nx, ny, ny * ax - nx * ay])
-    weight = lines.trust.take(found) * np.exp(-0.5 * (residual / config.rho) ** 2)
+    weight = lines.trust.take(found) * np.exp(-0.5 * (residual / RHO) ** 2)
     return LineFit(residual, jacobian, weight, on_line)
 
 
-def weighed_step(
+def step_with_prior(
     residual: np.ndarray,
     jacobian: np.ndarray,
     weight: np.ndarray,
     departure: np.ndarray,
     variance: np.ndarray,
-    config: PolishConfig,
+    config: LineConfig,
 ) -> np.ndarray:
     """Correct a pose ``(3,)`` by one step towards the maximum of the lines' likelihood times odometry's density.
 
@@ -251,7 +293,7 @@ def weighed_step(
     return step * min(1.0, float(np.min(MAX_STEP / np.maximum(np.abs(step), 1e-12))))
 
 
-def gauss_newton_step(residual: np.ndarray, jacobian: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def damped_step(residual: np.ndarray, jacobian: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Correct a pose ``(3,)`` by one damped step of weighted least squares, at most ``MAX_STEP`` long."""
     H = jacobian.T @ (weight[:, None] * jacobian)
     diagonal = H.reshape(-1)[::4]

@@ -1,4 +1,4 @@
-"""Care among people and glass: beams left out, matches not believed, hits that wait.
+"""Outliers among people and glass: beams left out, a gate for the match, hits that wait.
 
 A map of walls has no place for what moves. A person who walks ahead of the robot is drawn as a wall, the next scan is
 matched to that wall, and the robot seems to stand still. Three measures help, in the spirit of mapping among people
@@ -15,38 +15,63 @@ matched to that wall, and the robot seems to stand still. Three measures help, i
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
+from typing import Annotated
 
 import cv2
 import numpy as np
 
-from pfslam.config import CareConfig
 from pfslam.correlation import ScoreField
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, free_cells
 from pfslam.poses import wrap_angle
+from pfslam.settings import Range, Settings
+
+NOISY = 0.04
+"""Ranges that scatter by more than this (m) smear a wall over several cells; common scanners are good to 1 or 2 cm."""
+MOST_UNEXPLAINED = 0.1
+"""Greatest share of unexplained beams that a match beyond the gate may leave."""
+WAIT = 5
+"""Hits near something that has gone wait for so many drawn scans before they are drawn."""
+RADIUS = 0.5
+"""How far from something that has gone hits wait (m): a person's width."""
 
 THINNED = 0.1
 """Of the places where something has gone, one in every square of so many metres is enough."""
 
 
-def familiar(
-    grid: OccupancyGrid, field: ScoreField, points_w: np.ndarray, free: float, care: CareConfig
-) -> np.ndarray:
-    """Tell which end points ``(M, 2)`` the map does not contradict, ``(M,)`` bool.
+@dataclass(frozen=True)
+class OutlierConfig(Settings):
+    """What a run does about beams and matches that the map contradicts."""
 
-    The others lie in cells seen free ``care.free_scans`` times, at ``free`` log-odds each, out of reach of any wall.
+    gate: Annotated[float, Range(0.0, inf)] = 3.0
+    """A match so many sigmas of the motion from odometry is rejected if beams stay unexplained."""
+    free_scans: Annotated[int, Range(1, 1000)] = 4
+    """Beams that end in cells seen free so often, far from any wall, are left out of the match."""
+    gone: Annotated[int, Range(1, 1000)] = 2
+    """Scans that must see through a hit, more than met it again, for it to have gone."""
+    margin: Annotated[int, Range(0, 100)] = 2
+    """Beams that end so few cells away, or fewer, did not see through a hit: they may have met the same wall."""
+
+
+def inliers(
+    grid: OccupancyGrid, field: ScoreField, points_w: np.ndarray, free: float, config: OutlierConfig
+) -> np.ndarray:
+    """Find the end points ``(M, 2)`` that the map does not contradict, ``(M,)`` bool.
+
+    The others lie in cells seen free ``config.free_scans`` times, at ``free`` log-odds each, out of reach of any wall.
     """
     cells = grid.spec.world_to_cell(points_w)
     inside = grid.spec.contains(cells)
     ix, iy = cells[inside].T
     known = np.ones(len(cells), dtype=bool)
     round_off = 1e-4
-    often_free = grid.log_odds[iy, ix] <= -care.free_scans * free + round_off
+    often_free = grid.log_odds[iy, ix] <= -config.free_scans * free + round_off
     known[inside] = ~(often_free & (field.values[iy, ix] == 0))
     return known
 
 
 def beyond_gate(departure: np.ndarray, variance: np.ndarray, gate: float) -> bool:
-    """Tell whether a departure ``(3,)`` (m, m, rad) from odometry is more than ``gate`` sigmas long.
+    """Whether a departure ``(3,)`` (m, m, rad) from odometry is more than ``gate`` sigmas long.
 
     Its squared Mahalanobis length is (dx^2 + dy^2) / variance[0] + dtheta^2 / variance[1].
     """
@@ -56,7 +81,7 @@ def beyond_gate(departure: np.ndarray, variance: np.ndarray, gate: float) -> boo
 
 @dataclass(frozen=True, eq=False)
 class WaitingScan:
-    """The hits ``points_w (M, 2)`` of a drawn scan while later scans judge them.
+    """The hits ``points_w (M, 2)`` of a drawn scan while later scans confirm or contradict them.
 
     ``votes (M,)`` counts the scans that met a hit again less those that saw through its place; ``drawn (M,)`` tells
     which hits are in the map already.
@@ -74,26 +99,26 @@ def settle_hits(
     beams: np.ndarray,
     sensor_w: np.ndarray,
     map_config: MapConfig,
-    care: CareConfig,
+    config: OutlierConfig,
 ) -> tuple[np.ndarray, tuple[WaitingScan, ...]]:
-    """Let a new scan judge those that wait; return the hits ``(H, 2)`` to be drawn now, and who waits from now on.
+    """Let a new scan vote on those that wait; return the hits ``(H, 2)`` to be drawn now, and who waits from now on.
 
     To be drawn are the hits of the new scan that are not near anything that has gone, and of the scan that has waited
     longest those that were held back and then met again at least as often as seen through.
     """
-    verdict, corner = judge(spec, points_w, beams, sensor_w, map_config.rays, care.margin)
+    verdict, corner = seen_again_or_through(spec, points_w, beams, sensor_w, map_config.rays, config.margin)
     waiting = tuple(replace(scan, votes=scan.votes + _votes(scan, spec, verdict, corner)) for scan in waiting)
-    gone = [scan.points_w[scan.votes <= -care.gone] for scan in waiting]
-    sound = ~_near(points_w, np.concatenate([np.zeros((0, 2)), *gone]), care.radius)
+    gone = [scan.points_w[scan.votes <= -config.gone] for scan in waiting]
+    sound = ~_near(points_w, np.concatenate([np.zeros((0, 2)), *gone]), RADIUS)
     hits = [points_w[sound]]
     waiting = (*waiting, WaitingScan(points_w, np.zeros(len(points_w), dtype=np.int64), sound))
-    if len(waiting) > care.wait:
+    if len(waiting) > WAIT:
         oldest, waiting = waiting[0], waiting[1:]
         hits.append(oldest.points_w[~oldest.drawn & (oldest.votes >= 0)])
     return np.concatenate(hits), waiting
 
 
-def judge(
+def seen_again_or_through(
     spec: GridSpec, points_w: np.ndarray, beams: np.ndarray, sensor_w: np.ndarray, rays: str, margin: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Say what a scan saw of each cell of its rectangle: 1 a hit, -1 free and no hit near, 0 neither, ``(h, w)`` int8.
@@ -120,7 +145,7 @@ def _votes(scan: WaitingScan, spec: GridSpec, verdict: np.ndarray, corner: np.nd
 
 
 def _near(points_w: np.ndarray, places: np.ndarray, radius: float) -> np.ndarray:
-    """Tell which points ``(M, 2)`` are less than ``radius`` (m) from any of the places ``(P, 2)``, thinned."""
+    """Which points ``(M, 2)`` are less than ``radius`` (m) from any of the places ``(P, 2)``, thinned."""
     near = np.zeros(len(points_w), dtype=bool)
     for place in np.unique(np.rint(places / THINNED), axis=0) * THINNED:
         near |= np.hypot(*(points_w - place).T) < radius

@@ -8,7 +8,6 @@ own acceleration, known from the wheels and the yaw rate, is subtracted first.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 
@@ -16,22 +15,17 @@ from pfslam.motion import Controls, controls
 from pfslam.poses import rotation_matrix
 from pfslam.recording import Recording
 from pfslam.sensors import STANDARD_GRAVITY
-from pfslam.settings import Range, Settings
 
 SPEED_SMOOTHING = 0.1
 """Time constant (s) of the speed whose change is taken out: whole wheel counts make the raw speed jump."""
 
 
-@dataclass(frozen=True)
-class TiltConfig(Settings):
-    """How pitch and roll are estimated and used."""
-
-    time_constant: Annotated[float, Range(1e-3, 1e6)] = 2.0
-    """Below this time (s) the gyro is trusted, above it the accelerometer."""
-    level_below: Annotated[float, Range(0.0, 2.0)] = float(np.deg2rad(2.5))
-    """A smaller pitch or roll counts as level: on a flat floor the estimate sways by up to 2 degrees."""
-    floor_clearance: Annotated[float, Range(0.0, 100.0)] = 0.1
-    """Beams that end lower than this above the ground under the robot (m) are taken to have struck the floor."""
+TIME_CONSTANT = 2.0
+"""Below this time (s) the gyro is trusted, above it the accelerometer."""
+LEVEL_BELOW = float(np.deg2rad(2.5))
+"""A smaller pitch or roll (rad) counts as level: on a flat floor the estimate sways by up to 2 degrees."""
+FLOOR_CLEARANCE = 0.1
+"""Beams that end lower than this above the ground under the robot (m) are taken to have struck the floor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +48,8 @@ def standing_start(recording: Recording) -> np.ndarray:
     return imu.t < (encoders.t[moving[0]] if len(moving) else np.inf)
 
 
-def estimate_tilt(recording: Recording, config: TiltConfig, inputs: Controls | None = None) -> Tilt | None:
-    """Estimate pitch and roll along a recording, 0 where below ``level_below``; None without encoders and IMU.
+def estimate_tilt(recording: Recording, inputs: Controls | None = None) -> Tilt | None:
+    """Estimate pitch and roll along a recording, 0 where below ``LEVEL_BELOW``; None without encoders and IMU.
 
     The tilt of the accelerometer's own axes and the bias of the gyro are taken from the standing start, if there is
     one: the robot is supposed to start on level ground. ``inputs`` are the recording's ``controls``, for callers that
@@ -76,9 +70,9 @@ def estimate_tilt(recording: Recording, config: TiltConfig, inputs: Controls | N
     pitch_from_gravity = np.arctan2(-(gx - forward / STANDARD_GRAVITY), gz)
     roll_from_gravity = np.arctan2(gy - sideways / STANDARD_GRAVITY, gz)
     rates = imu.angular_velocity - bias
-    pitch = _complementary(rates[:, 1], pitch_from_gravity, dt, config.time_constant)
-    roll = _complementary(rates[:, 0], roll_from_gravity, dt, config.time_constant)
-    tilted = [np.where(np.abs(angle) < config.level_below, 0.0, angle) for angle in (pitch, roll)]
+    pitch = _complementary(rates[:, 1], pitch_from_gravity, dt, TIME_CONSTANT)
+    roll = _complementary(rates[:, 0], roll_from_gravity, dt, TIME_CONSTANT)
+    tilted = [np.where(np.abs(angle) < LEVEL_BELOW, 0.0, angle) for angle in (pitch, roll)]
     return Tilt(imu.t, *tilted)
 
 

@@ -17,12 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pfslam.config import PRESETS, SlamConfig
 from pfslam.errors import DataError
 from pfslam.io.files import read_text
 from pfslam.settings import Range, Settings, changed, depth, type_hints, type_of, value_of
 from pfslam.simulator import HALL, SimulatorConfig
 from pfslam.simulator import PRESETS as BUILDINGS
+from pfslam.slam import PRESETS, SlamConfig
 
 MAX_CASES = 1_000_000
 Seed = Annotated[int, Range(0, 2**63 - 1)]

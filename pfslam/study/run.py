@@ -11,19 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from pfslam.config import SlamConfig
 from pfslam.evaluation.cloud import cloud_consistency
 from pfslam.evaluation.trajectory import aligned_at_first, map_agreement, relations_error, trajectory_error
-from pfslam.events import Drive
 from pfslam.io.datasets import data_folder, load
 from pfslam.io.formats import read_relations
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
-from pfslam.run import SlamResult, run_slam
+from pfslam.run import SlamResult, run_slam, used_scans
 from pfslam.simulator import PRESETS as BUILDINGS
 from pfslam.simulator import Simulation, SimulatorConfig, simulate
 from pfslam.simulator.cache import cached_simulation
+from pfslam.slam import SlamConfig
 from pfslam.study.definition import Case, Disturbances
 from pfslam.study.disturbances import disturb
 
@@ -72,7 +71,7 @@ def figures(case: Case) -> dict[str, Any]:
     recording = disturb(source.recording, faults, case.get("seed"))
     odometry = dead_reckoning(recording)
     if case.get("method") == "dead-reckoning":
-        t = Drive.of(recording, config).t
+        t = used_scans(recording, config).t
         return {"scans": len(t)} | errors(
             Trajectory(t, odometry.at(t)), odometry, recording, source.relations
         )

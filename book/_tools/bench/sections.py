@@ -16,7 +16,6 @@ import numpy as np
 
 import pfslam
 from bench.measure import Row, Section, in_fresh_process, interleaved
-from pfslam.config import PRESETS, SlamConfig
 from pfslam.correlation import map_correlation, score_field
 from pfslam.grid import GridSpec
 from pfslam.poses import transform_points
@@ -25,6 +24,7 @@ from pfslam.refined.search.lattice import Lattice, Window
 from pfslam.refined.search.volume import search
 from pfslam.run import slam_steps
 from pfslam.sensors import scan_points
+from pfslam.slam import PRESETS, SlamConfig
 
 ALWAYS_DRAW = replace(SlamConfig.refined(), every=5, draw_metres=0.0, draw_radians=0.0)
 """Every update does the same work."""
@@ -38,7 +38,7 @@ PARTS = {
     "estimate": "estimate_pose",
     "polish": "polish",
     "draw the scan": "integrate_scan",
-    "renew the field": "updated_field",
+    "renew the field": "renew_field",
     "add the hits' moments": "add",
 }
 """The parts of an update and the functions that do them; what one of these calls is counted with the one called."""

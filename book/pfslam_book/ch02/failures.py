@@ -93,7 +93,8 @@ def glass_map(recording: Recording, rule: str) -> OccupancyGrid:
     beams = np.arange(len(scan.beams)) if rule == GLASS_RULES[1] else scan.beams
     around = scan.sensor + longest * np.array([[-1.0, -1.0], [1.0, 1.0]])
     empty = OccupancyGrid.empty(GridSpec.around(around, CELL, 0.2))
-    return integrate_scan(empty, scan.points, beams, scan.sensor, MapConfig(clamp=LOG_4))[0]
+    integrate_scan(empty, scan.points, beams, scan.sensor, MapConfig(clamp=LOG_4))
+    return empty
 
 
 def glass_picture(recording: Recording, seconds: float = 40.0) -> Picture:

@@ -34,8 +34,8 @@ def drawn(scans: list[Placed], config: MapConfig | None = None) -> Iterator[Occu
     """Return the map after each of the scans."""
     grid = OccupancyGrid.empty(spec_of(scans))
     for scan in scans:
-        grid, _ = integrate_scan(grid, scan.points, scan.beams, scan.sensor, config or MapConfig())
-        yield grid
+        integrate_scan(grid, scan.points, scan.beams, scan.sensor, config or MapConfig())
+        yield grid.copy()
 
 
 def hit_counts(scans: list[Placed], spec: GridSpec) -> np.ndarray:

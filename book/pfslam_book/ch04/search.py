@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.patches import Rectangle
 
-from pfslam.correlation import ScoreField, map_correlation, score_field, updated_field
+from pfslam.correlation import ScoreField, map_correlation, renew_field, score_field
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
 from pfslam.poses import transform_points
 from pfslam.recording import Recording
@@ -114,10 +114,11 @@ def _drawn(grid: OccupancyGrid, field, pose, points_b, beams, lidar) -> tuple[Oc
     points = transform_points(pose, points_b)
     sensor = transform_points(pose, np.array([lidar.position_b[:2]]))
     larger = grid.covering(np.concatenate([points, sensor]))
-    drawn, part = integrate_scan(larger, points, beams, sensor[0], MapConfig())
+    part = integrate_scan(larger, points, beams, sensor[0], MapConfig())
     if larger is not grid:
-        return drawn, score_field(drawn.occupied, field.kind)
-    return drawn, updated_field(field, drawn.occupied, part)
+        return larger, score_field(larger.occupied, field.kind)
+    renew_field(field, larger.log_odds, part)
+    return larger, field
 
 
 def fine_scores(place: Place, dx: np.ndarray, kind: str) -> np.ndarray:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import SlamCost, slam_cost
 from pfslam.grid import LOG_4, MapConfig, OccupancyGrid
 from pfslam.io.files import read_text
@@ -16,6 +15,7 @@ from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording
 from pfslam.run import run_slam
 from pfslam.sensors import scan_points
+from pfslam.slam import SlamConfig
 from pfslam_book.show.figures import draw_map, map_along
 from pfslam_book.show.pictures import Picture
 from pfslam_book.show.style import COLOURS, new_figure

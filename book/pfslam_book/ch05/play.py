@@ -9,16 +9,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.events import Drive
 from pfslam.grid import OccupancyGrid
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording, nearest_stamp
-from pfslam.run import slam_steps
+from pfslam.run import slam_steps, used_scans
 from pfslam.sensors import scan_points
-from pfslam.slam import StepInfo
+from pfslam.slam import SlamConfig, Step
 from pfslam_book.show.figures import (
     draw_map,
     draw_particles,
@@ -40,7 +38,7 @@ class Played:
 
     recording: Recording
     config: SlamConfig
-    infos: tuple[StepInfo, ...]
+    infos: tuple[Step, ...]
     shown: np.ndarray
     maps: tuple[OccupancyGrid, ...]
 
@@ -65,13 +63,13 @@ class Played:
 
 def play(recording: Recording, config: SlamConfig, seed: int = 0) -> Played:
     """Run the filter and keep what the film shows; the last frame is the last step."""
-    steps = len(Drive.of(recording, config).t)
+    steps = len(used_scans(recording, config).t)
     shown = np.linspace(0, steps - 1, FRAMES + 1).astype(int)[1:]
     infos, maps = [], []
     for k, (state, info) in enumerate(slam_steps(recording, config, np.random.default_rng(seed))):
         infos.append(info)
         if k in shown:  # the maps of all steps would fill gigabytes
-            maps.append(OccupancyGrid(state.grid.spec, state.grid.log_odds))
+            maps.append(state.grid.copy())
     return Played(recording, config, tuple(infos), shown, tuple(maps))
 
 

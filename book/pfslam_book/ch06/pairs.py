@@ -8,7 +8,6 @@ from functools import cache
 
 import numpy as np
 
-from pfslam.config import SlamConfig
 from pfslam.grid import GridSpec
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording, RgbdStream, image_pairs, nearest_stamp
@@ -16,6 +15,7 @@ from pfslam.run import SlamResult, run_slam
 from pfslam.sensors import RgbdModel
 from pfslam.simulator import Simulation
 from pfslam.simulator.cache import cached_simulation
+from pfslam.slam import SlamConfig
 from pfslam.texture.floor import (
     associate_rgb,
     back_project,

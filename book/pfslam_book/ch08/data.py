@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import OccupancyGrid
 from pfslam.motion import Controls, controls, dead_reckoning, integrate, wheel_distance
@@ -15,6 +14,7 @@ from pfslam.poses import Trajectory, between, transform_points, wrap_angle
 from pfslam.recording import Recording
 from pfslam.run import run_slam
 from pfslam.sensors import scan_points
+from pfslam.slam import SlamConfig
 from pfslam_book.show.figures import map_along
 
 LAB = (9.0, 52.0)
@@ -140,7 +140,7 @@ def body_corrections(path: Trajectory, odometry: Trajectory) -> tuple[np.ndarray
 
 def corrections(recording: Recording, seed: int = 0, every: int = 20) -> Corrections:
     """Run the refined filter with twenty particles and see where it disagrees with the odometry."""
-    config = replace(SlamConfig.refined(), particles=20, every=every, tilt=None)
+    config = replace(SlamConfig.refined(), particles=20, every=every, tilt=False)
     path = run_slam(recording, config, rng=np.random.default_rng(seed), keep_particles=False).trajectory
     odometry = dead_reckoning(recording)
     step, heading, shift = body_corrections(path, odometry)

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.particles import Particles, resample, reweight
 from pfslam.recording import Recording
 from pfslam.run import run_slam
+from pfslam.slam import SlamConfig
 from pfslam_book.ch08.data import BENDS, LAB, corrections, turn_ratio
 from pfslam_book.ch08.data_exhibits import DELAY, MIRRORED_X
 from pfslam_book.show.faults import (
@@ -70,7 +70,7 @@ def mirrored_worlds(recording: Recording) -> dict[str, World]:
 
 
 def _world(recording: Recording) -> World:
-    config = replace(SlamConfig.refined(), particles=20, every=20, tilt=None)
+    config = replace(SlamConfig.refined(), particles=20, every=20, tilt=False)
     part = scans_between(recording, *BENDS)
     result = run_slam(part, config, rng=np.random.default_rng(0), keep_particles=False, second_look=False)
     score = float(np.median([info.score for info in result.infos if info.matched]))

@@ -6,17 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pfslam.config import MotionNoise, SearchConfig, SlamConfig
 from pfslam.correlation import map_correlation
 from pfslam.evaluation.trajectory import aligned_at_first, rms
-from pfslam.events import Drive
 from pfslam.grid import LOG_4, GridSpec, MapConfig, OccupancyGrid, integrate_scan
+from pfslam.map import Prior
 from pfslam.motion import controls
-from pfslam.particles import ControlNoise, Particles, predict
+from pfslam.particles import ControlNoise, MotionNoise, Particles, predict
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
+from pfslam.refined.search.matching import SearchConfig
+from pfslam.run import used_scans
 from pfslam.sensors import LidarModel, scan_points
-from pfslam.slam import PARTS, Parts, SlamState, StepInfo, match_scan, slam_step
+from pfslam.slam import Belief, SlamConfig, Step, slam_step
 
 
 def plain_filter(particles: int = 100) -> SlamConfig:
@@ -53,9 +54,9 @@ class LabRun:
     ``error (K,)`` is the distance (m) from the truth at each step. Where nothing was resampled both clouds are alike.
     """
 
-    infos: tuple[StepInfo, ...]
+    infos: tuple[Step, ...]
     clouds: tuple[tuple[Particles, Particles], ...]
-    state: SlamState
+    state: Belief
     error: np.ndarray
 
     @property
@@ -127,11 +128,11 @@ def parents(before: Particles, after: Particles) -> np.ndarray:
     return (after.poses[:, None, :2] == before.poses[:, :2]).all(axis=2).argmax(axis=1)
 
 
-def lab_run(recording: Recording, config: SlamConfig, parts: Parts = PARTS, seed: int = 0) -> LabRun:
-    """Return the filter over a recording, with its own parts or a wrong one among them."""
-    rng, state, infos, clouds = np.random.default_rng(seed), SlamState.start(config), [], []
-    for event in Drive.of(recording, config).events():
-        state, info = slam_step(state, event, config, rng, parts)
+def lab_run(recording: Recording, config: SlamConfig, seed: int = 0) -> LabRun:
+    """Return the filter over a recording."""
+    rng, state, infos, clouds = np.random.default_rng(seed), Belief.start(config), [], []
+    for event in used_scans(recording, config).events():
+        state, info = slam_step(state, event, config, rng)
         if info.matched and info.particles is not None:
             infos.append(info)
             clouds.append((info.particles, state.particles))
@@ -140,15 +141,15 @@ def lab_run(recording: Recording, config: SlamConfig, parts: Parts = PARTS, seed
     return LabRun(tuple(infos), tuple(clouds), state, np.hypot(*(poses - true_poses)[:, :2].T))
 
 
-def shift_test(recording: Recording, run: LabRun, config: SlamConfig, parts: Parts, metres: float = 0.5):
+def shift_test(recording: Recording, run: LabRun, config: SlamConfig, metres: float = 0.5):
     """Return the score per beam of the last scan with the cloud where it is, and moved aside by ``metres``."""
     rng, state = np.random.default_rng(0), run.state
-    *_, event = Drive.of(recording, config).events()
+    *_, event = used_scans(recording, config).events()
     moved = Particles(state.particles.poses + [metres, metres, 0.0], state.particles.log_weights)
-    arguments = (np.full(2, 1e-4), config, rng, parts)
-    return tuple(
-        float(match_scan(state, event, p, *arguments).score.mean()) for p in (state.particles, moved)
+    priors = (
+        Prior(p, state.estimate, np.full(2, 1e-4), state.estimate, None) for p in (state.particles, moved)
     )
+    return tuple(float(state.map.match(event, prior, config.search, rng).score.mean()) for prior in priors)
 
 
 # ---- a cloud torn apart
@@ -226,9 +227,9 @@ def door_map(closed, opened, lidar: LidarModel, clamp: float, shut: int = 60, fr
     (ix, iy), history, shown = grid.spec.world_to_cell(middle), [], grid
     for k, ranges in enumerate([closed] * shut + [opened] * free):
         beams = np.flatnonzero(lidar.valid(ranges))
-        grid, _ = integrate_scan(grid, scan_points(ranges, lidar), beams, sensor, config)
+        integrate_scan(grid, scan_points(ranges, lidar), beams, sensor, config)
         history.append(float(grid.log_odds[iy, ix]))
-        shown = grid if k == shut + 9 else shown
+        shown = grid.copy() if k == shut + 9 else shown
     return DoorMap(np.array(history), shown, shut)
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from pfslam.config import SlamConfig
 from pfslam.particles import Particles, resample
 from pfslam.recording import Recording
-from pfslam.slam import PARTS, Parts
+from pfslam.slam import SlamConfig
 from pfslam_book.ch08.data import BENDS
 from pfslam_book.ch08.data_exhibits import Panel, pair
 from pfslam_book.ch08.exhibit import COLOUR, STATES, Exhibit, by_name, few_ticks
@@ -28,9 +27,12 @@ from pfslam_book.show.faults import (
     match_without_translation,
     scans_between,
     torn_rows,
+    with_fault,
 )
 from pfslam_book.show.style import COLOURS
 from pfslam_book.show.tables import Shown
+
+NO_TRANSLATION = {"map.match": match_without_translation}
 
 
 def filter_runs(recording: Recording, seed: int = 0) -> dict[str, LabRun]:
@@ -39,9 +41,9 @@ def filter_runs(recording: Recording, seed: int = 0) -> dict[str, LabRun]:
     return {
         "healthy": lab_run(lab, config, seed=seed),
         "too sharp": lab_run(lab, every_beam_a_witness(config), seed=seed),
-        "kept weights": lab_run(lab, config, Parts(resample=keep_weights), seed),
-        "torn rows": lab_run(lab, config, Parts(resample=torn_rows), seed),
-        "w = 0": lab_run(lab, config, Parts(match=match_without_translation), seed),
+        "kept weights": with_fault({"slam.resample": keep_weights}, lab_run, lab, config, seed),
+        "torn rows": with_fault({"slam.resample": torn_rows}, lab_run, lab, config, seed),
+        "w = 0": with_fault(NO_TRANSLATION, lab_run, lab, config, seed),
     }
 
 
@@ -155,8 +157,8 @@ def errors_over_seeds(recording: Recording, first: dict[str, LabRun], seeds: int
 def blind_exhibit(lab: Recording, config: SlamConfig, runs: dict[str, LabRun]) -> Exhibit:
     """Show points that a pose turns but never moves."""
     both = pair(runs["healthy"], runs["w = 0"])
-    parts = pair(PARTS, Parts(match=match_without_translation))
-    scores = {s: shift_test(lab, both[s], config, parts[s]) for s in STATES}
+    faults = pair({}, NO_TRANSLATION)
+    scores = {s: with_fault(faults[s], shift_test, lab, both[s], config) for s in STATES}
 
     def draw(axes: Axes, state: str) -> str:
         here, aside = scores[state]

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.axes import Axes
 
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import OccupancyGrid
 from pfslam.recording import LidarScans, Recording
 from pfslam.refined.health import DRAGGED_METRES, DRAGGED_WITHIN
 from pfslam.run import SlamResult, run_slam
 from pfslam.simulator import Hazards, simulate
+from pfslam.slam import SlamConfig
 from pfslam.study.disturbances import first_seconds
 from pfslam_book.ch08.data_exhibits import Panel, pair
 from pfslam_book.ch08.exhibit import COLOUR, STATES, Exhibit, by_name, few_ticks, small_map

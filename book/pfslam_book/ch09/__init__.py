@@ -1,8 +1,8 @@
 """What the notebook of chapter 09 calls."""
 
-from pfslam.config import MotionNoise
 from pfslam.correlation import score_field
-from pfslam.refined.lines import nearby_lines, polish
+from pfslam.particles import MotionNoise
+from pfslam.refined.lines import align_to_lines, nearby_lines
 from pfslam_book.ch09.judging import judged_table, turned_start
 from pfslam_book.ch09.runs import (
     PolishCase,
@@ -40,6 +40,7 @@ from pfslam_book.show.tables import number_of_buildings
 __all__ = [
     "MotionNoise",
     "PolishCase",
+    "align_to_lines",
     "buildings",
     "buildings_picture",
     "changes_table",
@@ -64,7 +65,6 @@ __all__ = [
     "medians_cm",
     "nearby_lines",
     "number_of_buildings",
-    "polish",
     "polish_picture",
     "prior_table",
     "repeat_step",

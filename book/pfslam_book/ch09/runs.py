@@ -8,15 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from pfslam.config import PolishConfig, SearchConfig, SlamConfig
 from pfslam.correlation import score_field
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording
-from pfslam.refined.lines import HitMoments, nearby_lines, polish
+from pfslam.refined.lines import HitMoments, LineConfig, align_to_lines, nearby_lines
+from pfslam.refined.search.matching import SearchConfig
 from pfslam.run import run_slam
+from pfslam.slam import SlamConfig
 from pfslam.study.disturbances import first_seconds
 from pfslam_book.show.checks import Check, attempt, is_unanswered, unanswered
 from pfslam_book.show.figures import draw_map, draw_trajectory, map_along
@@ -43,7 +44,7 @@ def rung_configs() -> dict[str, SlamConfig]:
     gentle = replace(report, map=best.map)
     field = SearchConfig(field="distance", weight="likelihood")
     weights = replace(gentle, search=field, estimate="mean", resample_below=0.5)
-    no_polish = replace(best, polish=None)
+    no_polish = replace(best, lines=None)
     return {
         "report": report,
         "clearing and clamp": gentle,
@@ -151,16 +152,16 @@ class PolishCase:
     @classmethod
     def make(cls, tilt: float = 0.03, seed: int = 0) -> PolishCase:
         """Return a corner of two walls at right angles, turned by ``tilt`` rad against the grid."""
-        rng, moments = np.random.default_rng(seed), HitMoments.empty(LOCK_SPEC)
+        rng, moments = np.random.default_rng(seed), HitMoments(LOCK_SPEC)
         scans = [corner_scan(tilt, rng) for _ in range(4)]
         for points in scans[:3]:
-            moments = moments.add(points)
+            moments.add(points)
         return cls(scans[3], moments, np.array([0.03, -0.04, 0.01]))
 
     def lines(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the arms ``(M, 2)`` to the end points, and the centres and normals ``(M, 2)`` of their lines."""
         arms = transform_points([0.0, 0.0, pose[2]], self.points_b)
-        lines = nearby_lines(self.moments, arms + pose[:2], PolishConfig())
+        lines = nearby_lines(self.moments, arms + pose[:2], LineConfig())
         return arms[lines.found], lines.centre[lines.found], lines.normal[lines.found]
 
 
@@ -193,16 +194,16 @@ def heading_errors(tilt: float, rng: np.random.Generator) -> tuple[float, float]
     Returns the answers (rad) of the best score over a fine sweep, and of the polish. The truth is 0.
     """
     walls = 0.9 + 0.1 * rng.random(2)
-    grid, moments = OccupancyGrid.empty(LOCK_SPEC), HitMoments.empty(LOCK_SPEC)
+    grid, moments = OccupancyGrid.empty(LOCK_SPEC), HitMoments(LOCK_SPEC)
     for _ in range(3):
         points, beams = corridor_scan(tilt, walls, rng)
-        grid, _ = integrate_scan(grid, points, beams, np.zeros(2), SlamConfig.refined().map)
-        moments = moments.add(points)
+        integrate_scan(grid, points, beams, np.zeros(2), SlamConfig.refined().map)
+        moments.add(points)
     field, (points, _) = score_field(grid.occupied, "distance").values, corridor_scan(tilt, walls, rng)
     yaws = np.deg2rad(np.linspace(-1.0, 1.0, 51))
     cells = [LOCK_SPEC.world_to_cell(transform_points(np.array([0.0, 0.0, yaw]), points)) for yaw in yaws]
     best = float(yaws[np.argmax([field[c[:, 1], c[:, 0]].sum() for c in cells])])
-    polished = polish(moments, points, np.array([0.0, 0.0, best]), np.zeros(3), PolishConfig())
+    polished = align_to_lines(moments, points, np.array([0.0, 0.0, best]), np.zeros(3), LineConfig())
     return best, float(polished.pose[2])
 
 

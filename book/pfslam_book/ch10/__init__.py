@@ -1,7 +1,8 @@
 """What the notebook of chapter 10 calls."""
 
 from pfslam.beyond.per_particle import per_particle_step
-from pfslam.slam import align, shifted
+from pfslam.map import Map
+from pfslam.particles import Particles
 from pfslam_book.ch10.intel import intel_errors, intel_facts, intel_picture, intel_slips, intel_table
 from pfslam_book.ch10.kinds import (
     cost_ratio,
@@ -27,6 +28,8 @@ from pfslam_book.show.source import show_source
 from pfslam_book.show.tables import number_of_buildings
 
 __all__ = [
+    "Map",
+    "Particles",
     "Proposals",
     "align",
     "check_draw_all",

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from pfslam.config import PolishConfig, SlamConfig
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import OccupancyGrid
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
-from pfslam.run import run_slam, slam_steps
+from pfslam.refined.lines import LineConfig
+from pfslam.run import run_slam, slam_steps, used_scans
 from pfslam.simulator import HALL, simulate
+from pfslam.slam import SlamConfig
 from pfslam.study.disturbances import first_seconds
 from pfslam_book.show.figures import draw_map, draw_trajectory
 from pfslam_book.show.pictures import steady
@@ -77,10 +78,10 @@ def cost_ratio(one: str = PRIVATE, other: str = SHARED) -> float:
 def one_and_many(recording: Recording, seconds: float = 40.0, every: int = 20) -> Shown:
     """Return the errors (mm) of one and of two hundred particles, and how far their maps' poses lie apart at most."""
     part, rows = first_seconds(recording, seconds), []
-    for name, polish in (("no polish", None), ("polish", PolishConfig())):
+    for name, polish in (("no polish", None), ("polish", LineConfig())):
         paths = []
         for particles in (1, 200):
-            config = replace(SlamConfig.refined(), particles=particles, every=every, polish=polish)
+            config = replace(SlamConfig.refined(), particles=particles, every=every, lines=polish)
             result = run_slam(part, config, rng=np.random.default_rng(0), keep_particles=False)
             paths.append(result.trajectory)
         errors = [trajectory_error(path, recording.true_path()).ate_rmse_m for path in paths]
@@ -136,19 +137,18 @@ def loop_recording() -> Recording:
 
 def play_histories(recording: Recording, particles: int = 10, every: int = 40, seed: int = 0) -> Histories:
     """Run the filter with a map per particle, without the polish, and keep who descends from whom."""
-    config = replace(SlamConfig.per_particle(), particles=particles, every=every, polish=None)
-    t, clouds, ancestors, grids = [], [], [], []
-    for state, info in slam_steps(recording, config, np.random.default_rng(seed)):
+    config = replace(SlamConfig.per_particle(), particles=particles, every=every, lines=None)
+    shown = np.linspace(0, len(used_scans(recording, config)) - 1, FRAMES + 1).astype(int)[1:]
+    t, clouds, ancestors, maps = [], [], [], []
+    for k, (state, info) in enumerate(slam_steps(recording, config, np.random.default_rng(seed))):
         assert info.particles is not None  # kept by every step; only run_slam drops it on demand
         t.append(info.t)
         clouds.append(info.particles.poses)
         same = (state.particles.poses[:, None] == info.particles.poses[None]).all(axis=2)
         # Where nobody was resampled everyone goes on as himself, equal poses or not.
         ancestors.append(same.argmax(axis=1) if info.resampled else np.arange(particles))
-        grids.append(OccupancyGrid(state.grid.spec, state.grid.log_odds))
-    shown = np.linspace(0, len(t) - 1, FRAMES + 1).astype(int)[1:]
-    maps = tuple(grids[k] for k in shown)
-    return Histories(recording, np.array(t), np.array(clouds), np.array(ancestors), shown, maps)
+        maps += [state.grid.copy()] * np.count_nonzero(shown == k)
+    return Histories(recording, np.array(t), np.array(clouds), np.array(ancestors), shown, tuple(maps))
 
 
 def histories_explorer(run: Histories) -> Explorer:

@@ -30,7 +30,7 @@ def situation_errors(situation: str, particles: int | str, polish: bool = True) 
         rows = select(table, label=situation + MATCHING)
     else:
         rows = select(table, label=situation, particles=float(particles))
-    polished = np.array([str(value) not in ("0.0", "false", "False") for value in rows["polish"]])
+    polished = np.array([str(value) not in ("0.0", "false", "False") for value in rows["lines"]])
     return rows[ERROR][polished == polish]
 
 

@@ -7,16 +7,13 @@ from functools import cache
 
 import numpy as np
 
-from pfslam.config import SlamConfig
-from pfslam.correlation import score_field
-from pfslam.events import Drive
 from pfslam.grid import OccupancyGrid
+from pfslam.map import Map
 from pfslam.motion import dead_reckoning
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory, between, compose, invert
 from pfslam.recording import LidarScans, Recording
-from pfslam.refined.covariance import NOTHING_DRAWN
-from pfslam.refined.lines import HitMoments
+from pfslam.run import used_scans
 from pfslam.sensors import LidarModel, RobotModel
 from pfslam.simulator import HALL, Simulation, Timing
 from pfslam.simulator.clocks import START_OF_TIME
@@ -25,7 +22,7 @@ from pfslam.simulator.lidar import measured, true_ranges
 from pfslam.simulator.odometry import encoder_counts, imu_samples
 from pfslam.simulator.plan import FloorPlan, outline
 from pfslam.simulator.world import WALL_KINDS, World
-from pfslam.slam import SlamState, slam_step
+from pfslam.slam import Belief, SlamConfig, slam_step
 
 HALF = ((-12.0, -1.0, 12.0, 1.0), (2.0, 1.25, 6.5, 5.0), (3.4, 1.0, 4.4, 1.25), (8.0, -1.5, 9.0, -1.0))
 """A corridor, and on one half of it a room, the room's doorway and a shallow recess (x0, y0, x1, y1; m)."""
@@ -135,21 +132,12 @@ def kidnapped(recording: Recording, begin: float, end: float) -> Recording:
 
 def match_along(grid: OccupancyGrid, recording: Recording, start: np.ndarray) -> Trajectory:
     """Follow a robot by scan matching in a known map, from a start that is given: ``slam_step`` that never draws."""
-    config = replace(SlamConfig.matching(), polish=None, draw_metres=np.inf, draw_radians=np.inf)
-    field = score_field(grid.occupied, config.search.field)
+    config = replace(SlamConfig.matching(), lines=None, draw_metres=np.inf, draw_radians=np.inf)
+    known = Map.known(grid, config.map, config.search.field)
     start = np.asarray(start, dtype=float)
-    state = SlamState(
-        Particles.at(start, 1),
-        start,
-        grid,
-        field,
-        HitMoments.empty(grid.spec),
-        start,
-        np.zeros(2),
-        NOTHING_DRAWN,
-    )
+    state = Belief(Particles.at(start, 1), start, known, np.zeros(2))
     t, poses = [], []
-    for event in Drive.of(recording, config).events():
+    for event in used_scans(recording, config).events():
         state, info = slam_step(state, event, config, np.random.default_rng(0))
         t.append(info.t)
         poses.append(info.estimate)

@@ -14,10 +14,9 @@ from pfslam.beyond.localization import (
     localization_step,
     spread,
 )
-from pfslam.config import MotionNoise
 from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec, OccupancyGrid
-from pfslam.particles import Particles
+from pfslam.particles import MotionNoise, Particles
 from pfslam.poses import between, compose, wrap_angle
 
 ROOM, PILLAR = (-1.5, -1.0, 1.5, 1.0), (0.6, 0.3, 1.1, 0.7)

@@ -6,19 +6,22 @@ is a configuration, or takes the place of a function that ``slam_step`` calls.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 
-from pfslam.config import SlamConfig
 from pfslam.correlation import ScoreField
 from pfslam.evaluation.checkup import turned_by_wheels
 from pfslam.grid import GridSpec
 from pfslam.motion import Controls
 from pfslam.particles import RESAMPLERS, Particles
 from pfslam.recording import Imu, LidarScans, Recording
-from pfslam.refined.search.matching import Matched, match
+from pfslam.refined.search.matching import Match, match
 from pfslam.sensors import RgbdModel
+from pfslam.slam import SlamConfig
 from pfslam.study.disturbances import ranges_and_valid, start_time, with_ranges
 
 
@@ -103,6 +106,14 @@ def heading_from_wheels(recording: Recording) -> Recording:
     return replace(recording, imu=Imu(imu.t, rates, imu.acceleration_g))
 
 
+def with_fault(faults: dict[str, Callable], function: Callable, *arguments):
+    """Call a function while names of the package, such as ``"slam.resample"``, stand for faulty functions."""
+    with ExitStack() as stack:
+        for name, fault in faults.items():
+            stack.enter_context(patch(f"pfslam.{name}", fault))
+        return function(*arguments)
+
+
 def keep_weights(particles: Particles, rng: np.random.Generator, scheme: str) -> Particles:
     """Resample wrongly: each copy keeps the weight for which it was chosen, and so counts it twice."""
     rows = RESAMPLERS[scheme](particles.weights, rng)
@@ -118,10 +129,10 @@ def torn_rows(particles: Particles, rng: np.random.Generator, scheme: str) -> Pa
 
 def match_without_translation(
     field: ScoreField, spec: GridSpec, points_b: np.ndarray, poses: np.ndarray, *rest
-) -> Matched:
+) -> Match:
     """Match wrongly: end points are (x, y, 0, 0), not (x, y, 0, 1), so that a pose turns and never moves them."""
     matched = match(field, spec, points_b, poses * [0.0, 0.0, 1.0], *rest)
-    return Matched(poses, matched.log_likelihood, matched.score)
+    return Match(poses, matched.log_likelihood, matched.score)
 
 
 def every_beam_a_witness(config: SlamConfig, beams: int = 1081) -> SlamConfig:

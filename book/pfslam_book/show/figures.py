@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 
-from pfslam.config import SlamConfig
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
 from pfslam.motion import controls, dead_reckoning
 from pfslam.particles import ControlNoise, Particles, predict
@@ -20,6 +19,7 @@ from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording
 from pfslam.run import SlamResult, run_slam
 from pfslam.sensors import scan_points
+from pfslam.slam import SlamConfig
 from pfslam.texture.mapping import FloorTexture, TextureConfig, map_texture
 from pfslam_book.show.style import COLOURS, LINE_STYLES, metric_axes, new_figure
 
@@ -88,7 +88,7 @@ def map_along(
     grid = OccupancyGrid.empty(GridSpec.around(np.array(ends), config.resolution))
     for points, beams, sensor in hits:
         if len(points):
-            grid, _ = integrate_scan(grid, points, beams, sensor, config)
+            integrate_scan(grid, points, beams, sensor, config)
     return grid
 
 

@@ -9,11 +9,10 @@ import numpy as np
 
 from pfslam.beyond.loops.graph import Edges, chi_square, relax
 from pfslam.beyond.loops.places import Place, align, compare, search_window
-from pfslam.events import Drive
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
 from pfslam.poses import Trajectory, between, compose, invert, transform_points
 from pfslam.recording import Recording
-from pfslam.run import SlamResult
+from pfslam.run import SlamResult, used_scans
 
 KEY_METRES, KEY_RADIANS, AROUND, APART = 1.0, 0.5, 2, 2
 """Motion to the next key scan; such scans either side of a place; how far on one is matched anew after wheels alone."""
@@ -50,7 +49,7 @@ def close_loops(recording: Recording, result: SlamResult) -> Revision:
     a drive that never returns. With neither loops nor such stretches the path stays as it is.
     """
     poses, keys = result.trajectory.poses, key_scans(result)
-    events = Drive.of(recording, result.config).events()
+    events = used_scans(recording, result.config).events()
     places = [Place.of(event) for k, event in enumerate(events) if k in keys]
     at, chain = poses[keys], chain_edges(result, keys)
     candidates, path, grid, scale = find_candidates(at), poses, result.grid, np.zeros(len(keys))
@@ -191,10 +190,10 @@ def carried(poses: np.ndarray, keys: np.ndarray, revised: np.ndarray) -> np.ndar
 def redrawn(recording: Recording, result: SlamResult, path: np.ndarray) -> OccupancyGrid:
     """Draw the map anew: the scans that the run drew, each from its revised pose."""
     grid = OccupancyGrid.empty(GridSpec.around(path[:, :2], result.config.map.resolution, margin=5.0))
-    events = Drive.of(recording, result.config).events()
+    events = used_scans(recording, result.config).events()
     for event, info, pose in zip(events, result.infos, path, strict=True):
         if info.drawn:
             points, sensor = (transform_points(pose, p) for p in (event.points_b, event.sensor_b[None]))
             grid = grid.covering(np.vstack([points, sensor]))
-            grid, _ = integrate_scan(grid, points, event.beams, sensor[0], result.config.map)
+            integrate_scan(grid, points, event.beams, sensor[0], result.config.map)
     return grid

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
 
-from pfslam.config import SearchConfig
 from pfslam.correlation import ScoreField
+from pfslam.errors import DataError
 from pfslam.grid import GridSpec
 from pfslam.poses import wrap_angle
+from pfslam.refined.search.boxes import MAX_SCORES
 from pfslam.refined.search.lattice import Lattice, Window, parabola_peak
 from pfslam.refined.search.volume import BoxScores, search
+from pfslam.settings import Range, Settings
 
 CHUNK = 2**19
 """Scores looked at together, so that twenty thousand particles need no more memory than seven hundred."""
@@ -24,8 +27,50 @@ NEAREST_TIE = 1e-3
 """Root of twice the cost of a squared step where there is no prior: it settles ties and outvotes no score."""
 
 
+HalfWidth = Annotated[int, Range(0, 10_000)]
+HalfWidths = tuple[HalfWidth, HalfWidth]
+
+
+@dataclass(frozen=True)
+class SearchConfig(Settings):
+    """Choose how a particle searches for a better pose around itself, and how that pose changes its weight."""
+
+    yaw_step: Annotated[float, Range(1e-5, 1.0)] = 0.005
+    """Heading step of the lattice (rad); the step in x and y is one cell."""
+    cells: HalfWidths = (4, 4)
+    """Least and greatest half width of the window in cells; between them it spans three sigmas of the motion."""
+    yaws: HalfWidths = (4, 4)
+    """Least and greatest half width in heading steps."""
+    beam_stride: Annotated[int, Range(1, 10_000)] = 1
+    """Every how-many-th beam is scored."""
+    field: Literal["occupied", "distance"] = "occupied"
+    """"occupied": count of end points on occupied cells. "distance": credit for near misses too."""
+    prior: bool = False
+    """Whether leaving the predicted pose costs something (the motion model's own density)."""
+    sub_cell: bool = False
+    """Whether a parabola through the best score and its neighbours refines the pose within a step."""
+    keep_offset: bool = True
+    """Whether a particle keeps its offset from the lattice node it was scored at (the report), or moves onto it."""
+    sharpness: Annotated[float, Range(0.0, 1e6)] = 54.0
+    """Log-likelihood of a perfect scan: one score for the whole scan, because its beams are not independent."""
+    weight: Literal["count", "likelihood"] = "count"
+    """"count": weights multiply by the score (Eq. 12). "likelihood": by exp(sharpness * mean score - prior cost)."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        for name in ("cells", "yaws"):
+            least, greatest = getattr(self, name)
+            if least > greatest:
+                raise DataError("SearchConfig", name, (least, greatest), "a least and a greatest half width")
+        poses = (2 * self.cells[1] + 1) ** 2 * (2 * self.yaws[1] + 1)
+        if poses > MAX_SCORES:
+            raise DataError(
+                "SearchConfig", "cells, yaws", f"{poses} poses in a window", f"at most {MAX_SCORES}"
+            )
+
+
 @dataclass(frozen=True, eq=False)
-class Matched:
+class Match:
     """Poses ``(N, 3)`` after the search, ``log_likelihood (N,)`` and mean score per beam ``(N,)`` from 0 to 1."""
 
     poses: np.ndarray
@@ -48,7 +93,7 @@ def match(
     sigmas: tuple[float, float],
     config: SearchConfig,
     rng: np.random.Generator,
-) -> Matched:
+) -> Match:
     """Move each of ``poses (N, 3)`` to the best pose of its window for the end points ``(M, 2)`` (body, m).
 
     ``sigmas`` are the standard deviations (m, rad) of the motion that led here: they set the search window, outside
@@ -72,7 +117,7 @@ def match(
                 )
             log_likelihood[some], score[some] = gain, best / full_score
     moved[:, 2] = wrap_angle(moved[:, 2])
-    return Matched(moved, log_likelihood, score)
+    return Match(moved, log_likelihood, score)
 
 
 def _in_parts(box: BoxScores) -> Iterator[BoxScores]:

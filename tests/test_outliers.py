@@ -1,4 +1,4 @@
-"""Care among people: each measure against a slow and obvious one, and whole drives that it saves or leaves alone."""
+"""Outliers: each measure against a slow and obvious one, and whole drives that it saves or leaves alone."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -7,15 +7,23 @@ import numpy as np
 import pytest
 
 import pfslam
-from pfslam.config import CareConfig, SlamConfig
 from pfslam.correlation import score_field
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
-from pfslam.refined.outliers import WaitingScan, beyond_gate, familiar, judge, settle_hits
-from pfslam.run import in_need_of_care, run_slam, that_stands
+from pfslam.refined.outliers import (
+    RADIUS,
+    OutlierConfig,
+    WaitingScan,
+    beyond_gate,
+    inliers,
+    seen_again_or_through,
+    settle_hits,
+)
+from pfslam.run import better_look, needs_second_look, run_slam
 from pfslam.simulator import Hazards, simulate
+from pfslam.slam import SlamConfig
 
-CARE = CareConfig()
+CONFIG = OutlierConfig()
 MAP = SlamConfig.refined().map
 SPEC = GridSpec((-6.0, -6.0), 0.05, (240, 240))
 SENSOR = np.zeros(2)
@@ -36,10 +44,10 @@ def room_and_person(distance, beams=721):
 
 def test_a_cell_is_judged_by_hits_near_it_and_by_the_beams_through_it():
     points, beams = room_and_person(2.0)
-    verdict, corner = judge(SPEC, points, beams, SENSOR, "bresenham", 2)
+    verdict, corner = seen_again_or_through(SPEC, points, beams, SENSOR, "bresenham", 2)
     hit = {tuple(cell) for cell in SPEC.world_to_cell(points)}
     through = OccupancyGrid.empty(SPEC)
-    through, _ = integrate_scan(through, points, beams, SENSOR, replace(MAP, rays="bresenham"))
+    integrate_scan(through, points, beams, SENSOR, replace(MAP, rays="bresenham"))
     rng = np.random.default_rng(0)
     for row, column in rng.integers(0, verdict.shape, (500, 2)):
         cell = (int(column + corner[0]), int(row + corner[1]))
@@ -49,11 +57,11 @@ def test_a_cell_is_judged_by_hits_near_it_and_by_the_beams_through_it():
     assert {-1, 0, 1} <= set(verdict.ravel().tolist())
 
 
-def settle(scans, care=CARE):
+def settle(scans, outliers=CONFIG):
     """Give scans one after the other to ``settle_hits``; return what is drawn with each."""
     waiting, drawn = (), []
     for points, beams in scans:
-        hits, waiting = settle_hits(waiting, SPEC, points, beams, SENSOR, MAP, care)
+        hits, waiting = settle_hits(waiting, SPEC, points, beams, SENSOR, MAP, outliers)
         drawn.append(hits)
     return drawn
 
@@ -84,10 +92,10 @@ def test_what_waited_is_drawn_once_later_scans_have_met_it_again():
 
 
 def test_hits_wait_only_near_what_has_gone():
-    scan = WaitingScan(np.array([[1.0, 0.0]]), np.array([1 - CARE.gone]), np.array([True]))
+    scan = WaitingScan(np.array([[1.0, 0.0]]), np.array([1 - CONFIG.gone]), np.array([True]))
     points, beams = room_and_person(1.4)
-    hits, waiting = settle_hits((scan,), SPEC, points, beams, SENSOR, MAP, CARE)
-    near = np.hypot(*(points - [1.0, 0.0]).T) < CARE.radius
+    hits, waiting = settle_hits((scan,), SPEC, points, beams, SENSOR, MAP, CONFIG)
+    near = np.hypot(*(points - [1.0, 0.0]).T) < RADIUS
     assert near.any()
     np.testing.assert_array_equal(hits, points[~near])
     np.testing.assert_array_equal(waiting[-1].drawn, ~near)
@@ -95,13 +103,13 @@ def test_hits_wait_only_near_what_has_gone():
 
 def test_a_beam_is_left_out_if_the_map_is_sure_that_nothing_is_there():
     grid = OccupancyGrid.empty(SPEC)
-    for _ in range(CARE.free_scans):
-        grid, _ = integrate_scan(grid, *room_and_person(4.0), SENSOR, MAP)
+    for _ in range(CONFIG.free_scans):
+        integrate_scan(grid, *room_and_person(4.0), SENSOR, MAP)
     field = score_field(grid.occupied, "distance")
     ends = np.array([[2.0, 0.0], [3.9, 0.0], [5.0, 0.0], [100.0, 0.0]])  # free, by the wall, unknown, outside
-    assert familiar(grid, field, ends, MAP.free, CARE).tolist() == [False, True, True, True]
-    surer = replace(CARE, free_scans=CARE.free_scans + 1)
-    assert familiar(grid, field, ends, MAP.free, surer).all()
+    assert inliers(grid, field, ends, MAP.free, CONFIG).tolist() == [False, True, True, True]
+    surer = replace(CONFIG, free_scans=CONFIG.free_scans + 1)
+    assert inliers(grid, field, ends, MAP.free, surer).all()
 
 
 @pytest.mark.parametrize(
@@ -119,10 +127,10 @@ def test_a_heading_on_the_other_side_of_pi_is_near():
 
 def test_hits_given_by_hand_are_drawn_and_the_others_left_out():
     points, beams = room_and_person(1.0)
-    empty, person = OccupancyGrid.empty(SPEC), np.hypot(*points.T) < 2.0
-    whole, _ = integrate_scan(empty, points, beams, SENSOR, MAP)
-    behind = np.array([[-1.02, 0.01]])
-    some, rectangle = integrate_scan(empty, points, beams, SENSOR, MAP, np.vstack([points[~person], behind]))
+    whole, some = OccupancyGrid.empty(SPEC), OccupancyGrid.empty(SPEC)
+    integrate_scan(whole, points, beams, SENSOR, MAP)
+    person, behind = np.hypot(*points.T) < 2.0, np.array([[-1.02, 0.01]])
+    rectangle = integrate_scan(some, points, beams, SENSOR, MAP, np.vstack([points[~person], behind]))
     ix, iy = SPEC.world_to_cell(points[person]).T
     jx, jy = SPEC.world_to_cell(behind)[0]
     assert (whole.log_odds[iy, ix] > 0).all()
@@ -133,35 +141,35 @@ def test_hits_given_by_hand_are_drawn_and_the_others_left_out():
     assert (changed < [side.stop for side in rectangle]).all()
 
 
-def test_methods_without_lines_or_with_many_maps_have_no_careful_settings():
+def test_methods_without_lines_or_with_many_maps_have_no_robust_settings():
     for method in (SlamConfig.report(), SlamConfig.per_particle()):
-        assert method.careful() == method
-    careful = SlamConfig.refined().careful()
-    assert careful.care is not None
-    assert careful.careful() == careful
-    assert SlamConfig.matching().careful().particles == 1
+        assert method.robust() == method
+    robust = SlamConfig.refined().robust()
+    assert robust.outliers is not None
+    assert robust.robust() == robust
+    assert SlamConfig.matching().robust().particles == 1
 
 
 def test_noisy_ranges_must_end_farther_behind_a_hit_to_have_seen_through_it():
-    margins = [SlamConfig.refined().careful(metres).care.margin for metres in (0.0, 0.01, 0.05, 0.1)]
-    assert margins == [CARE.margin, CARE.margin, 4, 8]
-    cautious = replace(SlamConfig.refined(), care=replace(CARE, margin=1))
-    assert cautious.careful(0.1).care.margin == 1
+    margins = [SlamConfig.refined().robust(metres).outliers.margin for metres in (0.0, 0.01, 0.05, 0.1)]
+    assert margins == [CONFIG.margin, CONFIG.margin, 4, 8]
+    cautious = replace(SlamConfig.refined(), outliers=replace(CONFIG, margin=1))
+    assert cautious.robust(0.1).outliers.margin == 1
 
 
 FEW = replace(SlamConfig.refined(), particles=50)
 
 
 @pytest.mark.slow
-def test_noisy_ranges_alone_ask_for_care():
+def test_noisy_ranges_alone_ask_for_a_second_look():
     quiet = pfslam.load("hall")
     ranges = quiet.lidar.ranges
     noise = np.random.default_rng(0).normal(0.0, 0.06, ranges.shape).astype(ranges.dtype)
     noise[~quiet.robot.lidar.valid(ranges)] = 0.0
     noisy = replace(quiet, lidar=replace(quiet.lidar, ranges=np.maximum(ranges + noise, 0.0)))
     run = run_slam(quiet, FEW, keep_particles=False, second_look=False)
-    assert not in_need_of_care(quiet, run)
-    assert in_need_of_care(noisy, run)
+    assert not needs_second_look(quiet, run)
+    assert needs_second_look(noisy, run)
 
 
 def test_the_second_look_stands_unless_it_is_more_in_doubt_and_always_in_noise():
@@ -169,10 +177,10 @@ def test_the_second_look_stands_unless_it_is_more_in_doubt_and_always_in_noise()
     doubts = {n: [{"from": 10.0 - n, "to": None, "reason": ""}] for n in (1, 5)}
     little, much = (SimpleNamespace(distrust=doubts[n], trajectory=SimpleNamespace(t=t)) for n in (1, 5))
     clean, noisy = (SimpleNamespace(range_scatter=lambda s=s: s) for s in (0.01, 0.05))
-    assert that_stands(clean, little, much) is little
-    assert that_stands(clean, much, little) is little
-    assert that_stands(clean, little, again := SimpleNamespace(**vars(little))) is again
-    assert that_stands(noisy, little, much) is much
+    assert better_look(clean, little, much) is little
+    assert better_look(clean, much, little) is little
+    assert better_look(clean, little, again := SimpleNamespace(**vars(little))) is again
+    assert better_look(noisy, little, much) is much
 
 
 @pytest.mark.slow
@@ -183,11 +191,11 @@ def test_among_people_a_second_look_finds_the_way():
     assert trajectory_error(first.trajectory, data.truth).ate_rmse_m > 0.2
     assert trajectory_error(second.trajectory, data.truth).ate_rmse_m <= 0.06
     assert first.config == FEW
-    assert second.config == FEW.careful()
+    assert second.config == FEW.robust()
 
 
 @pytest.mark.slow
-def test_a_run_that_nothing_misled_stands():
+def test_a_run_that_nothing_dragged_off_is_kept():
     data = pfslam.load("hall")
     once = run_slam(data, FEW, keep_particles=False, second_look=False)
     run = run_slam(data, FEW, keep_particles=False)
@@ -196,9 +204,9 @@ def test_a_run_that_nothing_misled_stands():
 
 
 @pytest.mark.slow
-def test_care_costs_little_where_nothing_moves():
+def test_the_robust_settings_cost_little_where_nothing_moves():
     data = pfslam.load("hall")
-    found = trajectory_error(run_slam(data, FEW.careful(), keep_particles=False).trajectory, data.truth)
+    found = trajectory_error(run_slam(data, FEW.robust(), keep_particles=False).trajectory, data.truth)
     assert found.ate_rmse_m <= 0.03
 
 

@@ -1,26 +1,30 @@
-"""Line polish: exact walls, known offsets, silent directions."""
+"""Alignment to lines: exact walls, known offsets, silent directions."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pfslam.config import PolishConfig
 from pfslam.grid import GridSpec
 from pfslam.poses import invert, transform_points, wrap_angle
+from pfslam.refined import lines as module
 from pfslam.refined.lines import (
+    DEGENERATE_BELOW,
     LINE_SIGMA,
     MAX_STEP,
+    RHO,
+    THICKNESS,
     HitMoments,
+    LineConfig,
     _median,
+    align_to_lines,
     line_residuals,
     nearby_lines,
-    polish,
-    weighed_step,
+    step_with_prior,
 )
 
 SPEC = GridSpec((-6.013, -6.021), 0.05, (240, 240))
-CONFIG = PolishConfig()
+CONFIG = LineConfig()
 TRUE_POSE = np.array([0.3, -0.2, 0.4])
 STOP = 1e-3 * MAX_STEP  # the polish ends when its step has fallen below this
 
@@ -41,46 +45,57 @@ ROOM = np.vstack(
 CORRIDOR = np.vstack([line(-4, 1, 4, 1), line(-4, -1, 4, -1)])
 
 
+def moments_of(*scans):
+    """The moments of the hits of some scans."""
+    moments = HitMoments(SPEC)
+    for hits in scans:
+        moments.add(hits)
+    return moments
+
+
 def seen_from(pose, hits):
     return transform_points(invert(pose), hits)
 
 
-def polished(hits, start, odometry=None, points_b=None):
-    moments = HitMoments.empty(SPEC).add(hits)
+def aligned(hits, start, odometry=None, points_b=None):
+    moments = moments_of(hits)
     points_b = seen_from(TRUE_POSE, hits) if points_b is None else points_b
-    return polish(moments, points_b, start, start if odometry is None else odometry, CONFIG)
+    return align_to_lines(moments, points_b, start, start if odometry is None else odometry, CONFIG)
 
 
 def test_moments_are_the_sums_over_the_hits_of_each_cell():
     rng = np.random.default_rng(0)
     hits = np.vstack([rng.uniform(-1, 1, (300, 2)), rng.uniform(-1, 1, (300, 2))])
-    moments = HitMoments.empty(SPEC).add(hits[:300]).add(hits[300:])
+    moments = moments_of(hits[:300], hits[300:])
     cells = SPEC.world_to_cell(hits)
     for ix, iy in np.unique(cells, axis=0)[::10]:
         x, y = ((hits[(cells == [ix, iy]).all(axis=1)] - SPEC.cell_to_world([ix, iy])) / 0.05).T
         expected = [len(x), x.sum(), y.sum(), (x * x).sum(), (x * y).sum(), (y * y).sum()]
-        np.testing.assert_allclose(moments.sums[moments.slots[iy, ix]], expected, atol=1e-12)
+        np.testing.assert_allclose(moments.sums[moments.slots.values[iy, ix]], expected, atol=1e-12)
     assert not moments.sums[0].any()  # the row of the cells without hits
 
 
 def test_every_cell_remembers_the_scan_that_hit_it_first():
     hits = np.array([[0.01, 0.01], [0.51, 0.01], [1.01, 0.01]])
-    moments = HitMoments.empty(SPEC).add(hits[:2], 3).add(hits, 5)
+    moments = HitMoments(SPEC)
+    moments.add(hits[:2], 3)
+    moments.add(hits, 5)
     np.testing.assert_array_equal(moments.first_scan(np.vstack([hits, [[2.0, 2.0]]])), [3, 3, 5, -1])
-    np.testing.assert_array_equal(moments.covering(SPEC.grown(7, 5, 3, 2)).first_scan(hits), [3, 3, 5])
+    moments.slots.cover(SPEC.grown(7, 5, 3, 2))
+    np.testing.assert_array_equal(moments.first_scan(hits), [3, 3, 5])
 
 
 def test_moments_are_added_hit_by_hit_to_the_last_bit():
     hits = np.random.default_rng(2).uniform(-0.3, 0.3, (900, 2))
-    moments, sums = HitMoments.empty(SPEC), {}
+    moments, sums = HitMoments(SPEC), {}
     for scan in np.split(hits, 3):
-        moments = moments.add(scan)
+        moments.add(scan)
     cells = SPEC.world_to_cell(hits)
     for (ix, iy), (x, y) in zip(cells, (hits - SPEC.cell_to_world(cells)) / 0.05, strict=True):
         sums[ix, iy] = sums.get((ix, iy), np.zeros(6)) + [1.0, x, y, x * x, x * y, y * y]
     assert len(sums) < 300  # most cells are hit several times
     for (ix, iy), expected in sums.items():
-        np.testing.assert_array_equal(moments.sums[moments.slots[iy, ix]], expected)
+        np.testing.assert_array_equal(moments.sums[moments.slots.values[iy, ix]], expected)
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 200, 541])
@@ -91,7 +106,7 @@ def test_median_is_that_of_numpy_to_the_last_bit(n):
 
 def test_residuals_are_those_of_the_definition_to_the_last_bit():
     hits = ROOM + np.random.default_rng(3).normal(0.0, 0.005, ROOM.shape)
-    moments, points_b = HitMoments.empty(SPEC).add(hits), seen_from(TRUE_POSE, hits)
+    moments, points_b = moments_of(hits), seen_from(TRUE_POSE, hits)
     pose = TRUE_POSE + [0.01, -0.02, 0.01]
     arm = turned(points_b, pose[2])
     lines = nearby_lines(moments, arm + pose[:2], CONFIG)
@@ -104,32 +119,32 @@ def test_residuals_are_those_of_the_definition_to_the_last_bit():
     np.testing.assert_array_equal(fit.jacobian[:, 2], across[lines.found])
 
 
-@pytest.mark.parametrize("reach", [1, 2])
-def test_moments_around_a_cell_are_those_of_all_hits_near_it(reach):
+def test_moments_around_a_cell_are_those_of_all_hits_near_it():
     rng = np.random.default_rng(1)
     hits = rng.uniform(-1, 1, (3000, 2))
     cells = SPEC.world_to_cell(hits)
     middle = np.array([[120, 121], [115, 124], [130, 118]])
-    found = HitMoments.empty(SPEC).add(hits).around(middle, reach)
+    found = moments_of(hits).around(middle)
     for centre, sums in zip(middle, found, strict=True):
-        x, y = ((hits[(np.abs(cells - centre) <= reach).all(axis=1)] - SPEC.cell_to_world(centre)) / 0.05).T
+        x, y = ((hits[(np.abs(cells - centre) <= 1).all(axis=1)] - SPEC.cell_to_world(centre)) / 0.05).T
         np.testing.assert_allclose(
             sums, [len(x), x.sum(), y.sum(), (x * x).sum(), (x * y).sum(), (y * y).sum()], atol=1e-4
         )
 
 
 def test_no_moments_beyond_the_border():
-    moments = HitMoments.empty(SPEC).add(ROOM)
+    moments = moments_of(ROOM)
     outside = np.array([[0, 5], [5, 0], [239, 5], [5, 239], [-1, 5], [500, -3]])
-    assert not moments.around(outside, 1).any()
+    assert not moments.around(outside).any()
 
 
 def test_moments_keep_their_place_when_the_map_grows():
-    moments = HitMoments.empty(SPEC).add(ROOM)
-    grown = moments.covering(SPEC.grown(3, 2, 5, 1))
-    np.testing.assert_array_equal(grown.sums[grown.slots[5:245, 3:243]], moments.sums[moments.slots])
-    assert np.count_nonzero(grown.slots) == np.count_nonzero(moments.slots)
-    assert moments.covering(SPEC) is moments
+    moments, grown = moments_of(ROOM), moments_of(ROOM)
+    grown.slots.cover(SPEC.grown(3, 2, 5, 1))
+    np.testing.assert_array_equal(grown.slots.values[5:245, 3:243], moments.slots.values)
+    assert np.count_nonzero(grown.slots.values) == np.count_nonzero(moments.slots.values)
+    cells = SPEC.world_to_cell(ROOM)
+    np.testing.assert_array_equal(grown.around(cells + [3, 5]), moments.around(cells))
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.02, 0.8, np.pi / 2, 3.0])
@@ -137,7 +152,7 @@ def test_line_through_the_hits_of_a_wall_has_the_walls_place_and_direction(angle
     # 0.02 rad is the tilt that a grid loses: the wall stays within one row of cells for two metres and a
     # half.
     wall = turned(line(-2, 0.7, 2, 0.7), angle)
-    lines = nearby_lines(HitMoments.empty(SPEC).add(wall), wall[20:-20], CONFIG)
+    lines = nearby_lines(moments_of(wall), wall[20:-20], CONFIG)
     assert lines.found.all()
     normal = np.array([-np.sin(angle), np.cos(angle)])
     np.testing.assert_allclose(np.abs(lines.normal @ normal), 1.0, atol=1e-6)
@@ -148,9 +163,9 @@ def test_scattered_hits_and_few_hits_are_no_line():
     ring = 0.02 * np.column_stack(
         [np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)]
     ) + SPEC.cell_to_world([100, 100])
-    assert not nearby_lines(HitMoments.empty(SPEC).add(ring), ring, CONFIG).found.any()
+    assert not nearby_lines(moments_of(ring), ring, CONFIG).found.any()
     few = line(0, 0, 0.02, 0)[: CONFIG.min_hits - 1]
-    assert not nearby_lines(HitMoments.empty(SPEC).add(few), few, CONFIG).found.any()
+    assert not nearby_lines(moments_of(few), few, CONFIG).found.any()
 
 
 @pytest.mark.parametrize("world", [0.0, 0.02, 0.7, -2.5])
@@ -159,14 +174,14 @@ def test_polish_finds_the_true_pose_from_a_known_offset(world, offset):
     # All end points lie exactly on lines at the true pose alone. What remains is the last step, ten times at
     # most: the damping of a thousandth leaves a thousandth of each error, and the weights change little.
     hits = turned(ROOM, world)
-    found = polished(hits, TRUE_POSE + offset)
+    found = aligned(hits, TRUE_POSE + offset)
     assert (np.abs(found.pose - TRUE_POSE) <= 10 * STOP).all()
     assert found.free_direction is None
     assert found.beams > len(hits) // 2
 
 
 def test_polish_at_the_true_pose_stays_there():
-    found = polished(ROOM, TRUE_POSE.copy())
+    found = aligned(ROOM, TRUE_POSE.copy())
     assert (np.abs(found.pose - TRUE_POSE) <= STOP).all()
 
 
@@ -179,7 +194,7 @@ def slow_lines(hits, points_w):
             found.append(None)
             continue
         (short, long), axes = np.linalg.eigh(np.cov(near.T, bias=True))
-        elongation = long / (max(short, 0.0) + CONFIG.floor)
+        elongation = long / (max(short, 0.0) + THICKNESS)
         line = (near.mean(axis=0) * SPEC.resolution, axes[:, 0], elongation)
         found.append(line if elongation > CONFIG.elongation else None)
     typical = np.median([line[2] for line in found if line])
@@ -199,7 +214,7 @@ def slow_round(hits, points_b, pose):
             return normal @ (transform_points(at, point[None])[0] - centre)
 
         slopes = [(distance(pose + h) - distance(pose - h)) / 2e-6 for h in 1e-6 * np.eye(3)]
-        weight = trust * np.exp(-0.5 * (distance(pose) / CONFIG.rho) ** 2)
+        weight = trust * np.exp(-0.5 * (distance(pose) / RHO) ** 2)
         H += weight * np.outer(slopes, slopes)
         b += weight * distance(pose) * np.array(slopes)
         information += weight * np.outer(normal, normal)
@@ -215,25 +230,26 @@ def rough_room(seed):
     return ROOM + roughness[:, None] * rng.normal(size=ROOM.shape)
 
 
-def test_one_round_is_the_weighted_least_squares_step_of_the_definition():
+def test_one_round_is_the_weighted_least_squares_step_of_the_definition(monkeypatch):
+    monkeypatch.setattr(module, "ITERATIONS", 1)
     hits, start = rough_room(1), TRUE_POSE + [0.02, -0.015, 0.008]
     points_b = seen_from(TRUE_POSE, ROOM)[::5]
     points_b[::4] += 0.04  # beams that disagree: how little they count depends on rho
-    moments = HitMoments.empty(SPEC).add(hits)
+    moments = moments_of(hits)
     expected, shares = slow_round(hits, points_b, start)
-    one = polish(moments, points_b, start, start, replace(CONFIG, iterations=1))
+    one = align_to_lines(moments, points_b, start, start, CONFIG)
     assert (np.abs(one.pose - start) < 0.9 * MAX_STEP).all()  # a step that was not held back
     np.testing.assert_allclose(one.pose - start, expected - start, rtol=1e-5, atol=1e-9)
     # The least share of the normals decides whether a direction is silent.
     for share, silent in ((shares[0] * (1 - 1e-6), False), (shares[0] * (1 + 1e-6), True)):
-        config = replace(CONFIG, iterations=1, degenerate_below=float(share))
-        found = polish(moments, points_b, start, start, config)
+        monkeypatch.setattr(module, "DEGENERATE_BELOW", float(share))
+        found = align_to_lines(moments, points_b, start, start, CONFIG)
         assert (found.free_direction is not None) == silent
 
 
 def test_polish_across_pi():
     pose = np.array([0.1, 0.2, np.pi - 0.004])
-    found = polished(ROOM, np.array([0.12, 0.19, -np.pi + 0.006]), points_b=seen_from(pose, ROOM))
+    found = aligned(ROOM, np.array([0.12, 0.19, -np.pi + 0.006]), points_b=seen_from(pose, ROOM))
     assert (np.abs([*(found.pose - pose)[:2], wrap_angle(found.pose[2] - pose[2])]) <= 10 * STOP).all()
     assert -np.pi < found.pose[2] <= np.pi
 
@@ -241,7 +257,7 @@ def test_polish_across_pi():
 @pytest.mark.parametrize("hits", [np.zeros((0, 2)), [[5.5, 5.5], [5.0, -5.0]]])
 def test_without_lines_the_pose_is_left_alone(hits):
     start = TRUE_POSE + [0.02, 0.01, 0.01]
-    found = polished(
+    found = aligned(
         np.reshape(hits, (-1, 2)), start, odometry=np.zeros(3), points_b=seen_from(TRUE_POSE, ROOM)
     )
     np.testing.assert_array_equal(found.pose, start)
@@ -255,7 +271,7 @@ def test_length_of_a_bare_corridor_is_silent_and_taken_from_the_odometry(world):
     across = np.array([-along[1], along[0]])
     start = TRUE_POSE + [*(0.03 * across + 0.08 * along), 0.01]
     odometry = TRUE_POSE + [*(-0.05 * across + 0.02 * along), 0.0]
-    found = polished(hits, start, odometry)
+    found = aligned(hits, start, odometry)
     assert abs(found.free_direction @ along) == pytest.approx(1.0, abs=1e-6)
     moved = found.pose[:2] - TRUE_POSE[:2]
     assert moved @ along == pytest.approx(0.02, abs=1e-6)
@@ -265,8 +281,8 @@ def test_length_of_a_bare_corridor_is_silent_and_taken_from_the_odometry(world):
 
 def test_end_wall_with_a_twentieth_of_the_beams_gives_the_corridor_its_length():
     hits = np.vstack([CORRIDOR, line(4.6, -0.4, 4.6, 0.4)])
-    assert 80 / len(hits) > CONFIG.degenerate_below
-    found = polished(hits, TRUE_POSE + [0.02, 0.0, 0.0], odometry=np.zeros(3))
+    assert 80 / len(hits) > DEGENERATE_BELOW
+    found = aligned(hits, TRUE_POSE + [0.02, 0.0, 0.0], odometry=np.zeros(3))
     assert found.free_direction is None
     assert (np.abs(found.pose - TRUE_POSE) <= 10 * STOP).all()
 
@@ -274,13 +290,13 @@ def test_end_wall_with_a_twentieth_of_the_beams_gives_the_corridor_its_length():
 # Lines weighed against odometry
 # ------------------------------------------------------------------------------------------------
 
-WEIGHED = replace(CONFIG, independent_beams=150.0, iterations=50)
+WEIGHED = replace(CONFIG, independent_beams=150.0)
 VARIANCE = np.array([0.02, 0.01]) ** 2
 
 
-def weighed_polish(hits, start, odometry, variance=VARIANCE):
-    moments = HitMoments.empty(SPEC).add(hits)
-    return polish(moments, seen_from(TRUE_POSE, hits), start, np.array(odometry), WEIGHED, variance)
+def weighed(hits, start, odometry, variance=VARIANCE):
+    moments = moments_of(hits)
+    return align_to_lines(moments, seen_from(TRUE_POSE, hits), start, np.array(odometry), WEIGHED, variance)
 
 
 def test_one_weighed_step_minimises_the_sum_of_both_costs():
@@ -300,20 +316,20 @@ def test_one_weighed_step_minimises_the_sum_of_both_costs():
         A, b = np.array(rows)[:, :3], np.array(rows)[:, 3]
         expected = np.linalg.lstsq(A, b, rcond=None)[0]
         assert (np.abs(expected) < MAX_STEP).all()
-        found = weighed_step(residual, jacobian, weight, departure, VARIANCE, config)
+        found = step_with_prior(residual, jacobian, weight, departure, VARIANCE, config)
         np.testing.assert_allclose(found, expected, atol=1e-10)
 
 
 def test_along_a_corridor_odometry_has_the_say_and_across_it_the_walls():
     ahead = np.array([0.3, -0.2, 0.0])
-    moments = HitMoments.empty(SPEC).add(CORRIDOR)
+    moments = moments_of(CORRIDOR)
     points_b = seen_from(ahead, CORRIDOR)
-    found = polish(moments, points_b, ahead, ahead + [0.05, 0.02, 0.0], WEIGHED, VARIANCE)
+    found = align_to_lines(moments, points_b, ahead, ahead + [0.05, 0.02, 0.0], WEIGHED, VARIANCE)
     np.testing.assert_allclose(found.pose, ahead + [0.05, 0.0, 0.0], atol=2e-3)
     assert abs(found.free_direction[0]) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_walls_all_round_outvote_odometry_unless_that_is_sure():
     wrong = TRUE_POSE + [0.02, -0.02, 0.01]
-    np.testing.assert_allclose(weighed_polish(ROOM, wrong, wrong).pose, TRUE_POSE, atol=2e-3)
-    np.testing.assert_allclose(weighed_polish(ROOM, wrong, wrong, np.zeros(2)).pose, wrong, atol=1e-6)
+    np.testing.assert_allclose(weighed(ROOM, wrong, wrong).pose, TRUE_POSE, atol=2e-3)
+    np.testing.assert_allclose(weighed(ROOM, wrong, wrong, np.zeros(2)).pose, wrong, atol=1e-6)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import pfslam
-from pfslam.config import SlamConfig
 from pfslam.evaluation.trajectory import relations_error, trajectory_error
 from pfslam.io.course import load_course
 from pfslam.io.formats import read_relations
@@ -19,11 +18,11 @@ from pfslam.refined.health import (
     distrust,
     in_doubt,
     lost,
-    misled,
     score_deviation,
+    was_dragged,
 )
 from pfslam.run import run_slam
-from pfslam.slam import StepInfo
+from pfslam.slam import SlamConfig, Step
 from pfslam.study.disturbances import first_seconds, kidnap
 
 CONFIG = replace(SlamConfig.refined(), particles=10)
@@ -33,7 +32,7 @@ def infos(scores, matched=True, drawn=True):
     """A run with these scores, ten a second."""
     flags = np.broadcast_to(matched, len(scores)), np.broadcast_to(drawn, len(scores))
     return [
-        StepInfo(0.1 * k, np.zeros(3), None, 1.0, 500, 0, matched=bool(m), drawn=bool(d), score=float(score))
+        Step(0.1 * k, np.zeros(3), None, 1.0, 500, 0, matched=bool(m), drawn=bool(d), score=float(score))
         for k, (score, m, d) in enumerate(zip(scores, *flags, strict=True))
     ]
 
@@ -109,7 +108,7 @@ def steady(count=400, **what):
     changes = [{name: values[k] for name, values in what.items()} for k in range(count)]
     ordinary_step = {"matched": True, "drawn": True, "score": 0.95}
     return [
-        StepInfo(k / 8, np.array([0.1 * k, 0.0, 0.0]), None, 1.0, 500, 0, **(ordinary_step | change))
+        Step(k / 8, np.array([0.1 * k, 0.0, 0.0]), None, 1.0, 500, 0, **(ordinary_step | change))
         for k, change in enumerate(changes)
     ]
 
@@ -241,7 +240,7 @@ def test_sparse_real_scans_raise_no_alarm(real_data):
     assert relations_error(result.trajectory, known.t1, known.t2, known.poses)[0].mean() < 0.03
     assert len(alarms(result.infos)) == 0
     assert result.distrust == []
-    assert result.config.care is None, "a second look is in doubt for longer, so the first one stands"
+    assert result.config.outliers is None, "a second look is in doubt for longer, so the first one stands"
 
 
 @pytest.mark.slow
@@ -262,7 +261,7 @@ def test_in_noise_a_second_look_still_sees_that_the_robot_was_carried_off(carrie
     noisy = replace(taken, lidar=replace(scans, ranges=np.maximum(scans.ranges + noise, 0.0)))
     result = run_slam(noisy, CONFIG, keep_particles=False)
     first = result.distrust[0]
-    assert result.config.care is not None
+    assert result.config.outliers is not None
     assert 0.0 <= first["from"] - (taken.encoders.t[0] + 50.0) <= 3.0
     assert first["to"] is None
 
@@ -298,16 +297,16 @@ def test_a_robot_that_was_carried_off_before_is_not_misled():
     """Scans that contradict odometry after an alarm are right."""
     pulling = pulled(0.02, 0.05)
     scores = np.full(400, 0.9) + 0.01 * np.sin(np.arange(400))
-    assert misled(steady(**pulling, score=scores))
+    assert was_dragged(steady(**pulling, score=scores))
     first = int(np.argmax(pulling["unexplained"] > 0.0))
     scores[first - 5] = 0.1
     infos = steady(**pulling, score=scores)
     assert len(alarms(infos)) == 1
-    assert not misled(infos)
+    assert not was_dragged(infos)
 
 
 def test_only_scans_that_drag_mislead_a_run():
-    assert misled(steady(**pulled(0.02, 0.05)))
-    assert not misled(steady(**pulled(0.02, 0.0)))
-    assert not misled(steady())
-    assert not misled([])
+    assert was_dragged(steady(**pulled(0.02, 0.05)))
+    assert not was_dragged(steady(**pulled(0.02, 0.0)))
+    assert not was_dragged(steady())
+    assert not was_dragged([])

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pfslam import slam
-from pfslam.config import SlamConfig
+from pfslam import map, slam
 from pfslam.evaluation.cloud import covariance_consistency
 from pfslam.grid import GridSpec
 from pfslam.io.datasets import load
@@ -14,17 +13,16 @@ from pfslam.poses import between, compose
 from pfslam.recording import LidarScans
 from pfslam.refined import covariance
 from pfslam.refined.covariance import (
-    NOTHING_DRAWN,
     line_information,
     predicted_covariance,
     shared_error,
     transported,
     wall_covariance,
-    with_drawn,
     with_silent_direction,
 )
 from pfslam.refined.lines import HitMoments, LineFit
 from pfslam.run import run_slam
+from pfslam.slam import SlamConfig
 
 ROOT = np.array([[0.02, 0.0, 0.0], [0.01, 0.03, 0.0], [0.004, -0.003, 0.008]])
 SPREAD = ROOT @ ROOT.T
@@ -47,11 +45,11 @@ def test_walls_carry_the_mean_error_of_the_scans_that_hit_them_first():
     """Two scans at different places drew the walls of a fit, one of them three quarters of it by weight."""
     spec, places = GridSpec((-5.0, -5.0), 0.05, (200, 200)), np.array([[1.0, -2.0, 0.3], [-3.0, 0.5, 2.0]])
     covariances = [SPREAD, np.diag([1e-4, 4e-4, 1e-6])]
-    drawn, moments = NOTHING_DRAWN, HitMoments.empty(spec)
+    drawn, moments = [], HitMoments(spec)
     points = np.array([[0.02, 0.02], [1.02, 0.02], [4.02, 4.02]])  # nothing was drawn at the last
     for k in range(2):
-        moments = moments.add(points[[k]], k)
-        drawn = with_drawn(drawn, places[k], covariances[k])
+        moments.add(points[[k]], k)
+        drawn.append(transported(covariances[k], -places[k][:2]))
     fit = LineFit(np.zeros(3), np.zeros((3, 3)), np.array([3.0, 1.0, 9.0]), points)
     pose = np.array([2.0, 3.0, 1.0])
     moved = [transported(P, pose[:2] - place[:2]) for P, place in zip(covariances, places, strict=True)]
@@ -153,7 +151,7 @@ def test_it_holds_the_truth_about_as_often_as_it_says(hall, result):
 
 
 def test_it_changes_no_estimate(hall, result, monkeypatch):
-    monkeypatch.setattr(slam, "aligned_covariance", lambda state, aligned, variance: 7.0 * np.eye(3))
+    monkeypatch.setattr(map, "aligned_covariance", lambda *_: 7.0 * np.eye(3))
     again = run_slam(hall, FEW)
     assert again.covariances[-1, 0, 0] == 7.0
     np.testing.assert_array_equal(again.trajectory.poses, result.trajectory.poses)
@@ -175,4 +173,4 @@ def test_blind_the_robot_knows_less_and_less_until_it_sees_again(hall, result):
 def test_without_a_polish_there_is_none(hall):
     config = replace(SlamConfig.report(), particles=2, every=200)
     assert run_slam(hall, config).covariances is None
-    assert slam.SlamState.start(config).covariance is None
+    assert slam.Belief.start(config).covariance is None
