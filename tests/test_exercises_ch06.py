@@ -5,7 +5,7 @@ import pytest
 from pfslam_book import ch06
 
 from pfslam.sensors import RgbdModel
-from pfslam.texture.floor import back_project, depth_from_disparity, to_world
+from pfslam.texture import back_project, depth_from_disparity, to_world
 
 FOCAL, U0, V0 = 585.051, 315.838, 242.941
 

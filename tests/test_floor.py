@@ -6,21 +6,20 @@ import cv2
 import numpy as np
 import pytest
 from floor_oracle import camera_axes, disparity_image
+from pfslam_book.show.texture_error import depth_step, nearest_floor
 
-from pfslam.sensors import RgbdModel, RobotModel
-from pfslam.texture.floor import (
+from pfslam.sensors import RgbdModel
+from pfslam.texture import (
     associate_rgb,
     back_project,
     depth_for_step,
     depth_from_disparity,
     depth_mask,
-    depth_step,
     disparity_from_depth,
     disparity_from_depth_image,
     fit_floor_plane,
     floor_mask,
     level_camera,
-    nearest_floor,
     to_world,
 )
 
@@ -200,7 +199,7 @@ def test_a_tilted_plane_is_recovered_among_walls(pitch_deg, height):
 def test_a_plane_between_two_bins_of_the_vote_beats_a_smaller_one_within_a_bin():
     rng = np.random.default_rng(6)
     x, height = rng.uniform(0.6, 3.0, 1000), np.where(np.arange(1000) < 600, 0.01, 0.08)
-    plane = fit_floor_plane(np.column_stack([x, 0 * x, height + rng.normal(0, 0.002, 1000)]), tolerance=0.02)
+    plane = fit_floor_plane(np.column_stack([x, 0 * x, height + rng.normal(0, 0.002, 1000)]))
     assert plane.height == pytest.approx(0.01, abs=0.002)
 
 
@@ -227,10 +226,10 @@ def test_no_points_are_no_plane():
 
 
 def test_the_fitted_plane_corrects_the_pitch_and_height_of_the_camera():
-    sheet = replace(RobotModel.data_sheet().camera, yaw=0.0, position_b=(0.16766, 0.0, 0.36))
+    sheet = replace(CAMERA, pitch=0.36, position_b=(0.16766, 0.0, 0.36))
     plane = fit_floor_plane(floor_points_from(CAMERA.K, sheet)[::50])
     assert plane.pitch_error == pytest.approx(CAMERA.pitch - sheet.pitch, abs=1e-3)
-    levelled = level_camera(sheet, plane)
+    levelled = level_camera(sheet, plane.pitch_error, plane.height)
     assert levelled.pitch == pytest.approx(CAMERA.pitch, abs=1e-3)
     assert levelled.position_b[2] == pytest.approx(CAMERA.position_b[2], abs=2e-3)
     assert floor_mask(floor_points_from(CAMERA.K, levelled), 0.006).all()

@@ -10,7 +10,7 @@ from hero import encode_animation, growing_map, make_scene, moments_of
 
 from pfslam.run import run_slam
 from pfslam.slam import SlamConfig
-from pfslam.texture.mapping import FloorTexture
+from pfslam.texture import FloorTexture
 
 
 @pytest.fixture(scope="module")

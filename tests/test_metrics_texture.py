@@ -5,12 +5,11 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from pfslam_book.show.texture_error import pattern_shifts, texture_error, visible_floor
+from pfslam_book.show.texture_error import nearest_floor, pattern_shifts, texture_error, visible_floor
 
 from pfslam.errors import DataError
 from pfslam.grid import GridSpec
 from pfslam.sensors import RgbdModel
-from pfslam.texture.floor import nearest_floor
 
 SPEC = GridSpec((-2.0, -3.0), 0.05, (120, 160))
 ALL = np.ones(SPEC.shape, dtype=bool)

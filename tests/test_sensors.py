@@ -16,7 +16,7 @@ from pfslam.sensors import (
     scan_points,
     scan_points_3d,
 )
-from pfslam.texture.floor import associate_rgb, depth_from_disparity
+from pfslam.texture import associate_rgb, depth_from_disparity
 
 FIVE = LidarModel(angle_min=-np.pi / 2, angle_max=np.pi / 2, beams=5, position_b=(0.2, 0.1, 0.5))
 ROOT_HALF = np.sqrt(0.5)

@@ -21,8 +21,7 @@ from pfslam.settings import Range, Settings, changed, plain
 from pfslam.simulator import HALL, RAMP, simulate
 from pfslam.simulator.drive import MAX_HOURS
 from pfslam.slam import PRESETS, SlamConfig
-from pfslam.texture.config import TextureConfig
-from pfslam.texture.mapping import map_texture
+from pfslam.texture import TextureConfig, map_texture
 
 CASES = int(os.environ.get("PFSLAM_CASES", "60"))
 CONFIGURATIONS = [

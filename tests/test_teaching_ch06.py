@@ -6,10 +6,11 @@ from pfslam_book import ch06
 from pfslam_book.ch06.geometry import SUBPIXEL, TAPE
 from pfslam_book.ch06.pairs import EVERY
 from pfslam_book.show.tables import Shown
+from pfslam_book.show.texture_error import nearest_floor
 
 from pfslam.recording import image_pairs
 from pfslam.sensors import RgbdModel
-from pfslam.texture.floor import associate_rgb, disparity_from_depth, nearest_floor
+from pfslam.texture import associate_rgb, disparity_from_depth
 
 CAMERA = RgbdModel()
 

@@ -11,16 +11,19 @@ from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording, RgbdStream
 from pfslam.sensors import RgbdModel, RobotModel
-from pfslam.texture.mapping import (
+from pfslam.texture import (
     EMPTY,
+    PixelRays,
     TextureConfig,
+    camera_from_floor,
     colour_code,
+    floor_pixels,
     map_texture,
     paint,
+    posed_pairs,
     project_floor,
     view_code,
 )
-from pfslam.texture.views import PixelRays, camera_from_floor, floor_pixels, posed_pairs
 
 REPORT = TextureConfig.report()
 REFINED = TextureConfig.refined()

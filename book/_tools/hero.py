@@ -28,7 +28,7 @@ from pfslam.recording import LidarScans, Recording, nearest_stamp
 from pfslam.run import SlamResult, run_slam
 from pfslam.sensors import LidarModel, scan_points
 from pfslam.slam import Step
-from pfslam.texture.mapping import FloorTexture, map_texture
+from pfslam.texture import FloorTexture, map_texture
 
 PIXELS_PER_CELL = 2
 MARGIN = 0.6  # m of paper around the building

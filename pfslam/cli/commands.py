@@ -44,7 +44,7 @@ from pfslam.simulator.cache import cached_simulation
 from pfslam.slam import PRESETS
 from pfslam.study import read_study, run_study
 from pfslam.study.table import read_table
-from pfslam.texture.mapping import FloorTexture, map_texture
+from pfslam.texture import FloorTexture, map_texture
 
 if TYPE_CHECKING:
     from pfslam.beyond.loops.closing import Revision

@@ -16,7 +16,7 @@ from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.refined.health import Distrust, alarms
 from pfslam.run import SlamResult
-from pfslam.texture.mapping import FloorTexture
+from pfslam.texture import FloorTexture
 
 if TYPE_CHECKING:
     from pfslam.beyond.loops.closing import Revision

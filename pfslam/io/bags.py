@@ -26,7 +26,7 @@ from pfslam.poses import Trajectory, chain_transforms, quaternion_to_rotation, r
 from pfslam.recording import Imu, LidarScans, Recording, RgbdStream
 from pfslam.refined.tilt import upright
 from pfslam.sensors import MAX_BEAMS, STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel, nearest_ranges
-from pfslam.texture.floor import disparity_from_depth_image
+from pfslam.texture import disparity_from_depth_image
 
 IMAGE, TF, OLD_TF = "sensor_msgs/msg/Image", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 INDEX = "metadata.yaml"

@@ -37,7 +37,7 @@ from pfslam.simulator import DEFAULT_SEED, HALL
 from pfslam.simulator.ground import rotations
 from pfslam.simulator.lidar import Sensor, cast
 from pfslam.simulator.world import make_world
-from pfslam.texture.floor import NO_READING, associate_rgb, back_project, depth_from_disparity, to_world
+from pfslam.texture import NO_READING, associate_rgb, back_project, depth_from_disparity, to_world
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("laboratories")]
 

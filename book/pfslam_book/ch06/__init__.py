@@ -1,6 +1,5 @@
 """What the notebook of chapter 06 calls."""
 
-from pfslam.texture.floor import nearest_floor
 from pfslam_book.ch06.explorers import PIXELS, floor_picture
 from pfslam_book.ch06.geometry import (
     calibration_picture,
@@ -46,6 +45,7 @@ from pfslam_book.exercises.ch06 import (
 )
 from pfslam_book.show.faults import swapped_centre
 from pfslam_book.show.source import show_source
+from pfslam_book.show.texture_error import nearest_floor
 
 __all__ = [
     "PIXELS",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from pfslam.texture.floor import nearest_floor
 from pfslam_book.ch06.pairs import (
     Shot,
     chosen_as_floor,
@@ -16,6 +15,7 @@ from pfslam_book.ch06.pairs import (
 )
 from pfslam_book.show.pictures import Picture
 from pfslam_book.show.style import COLOURS, new_figure
+from pfslam_book.show.texture_error import nearest_floor
 
 FARTHEST = 10.0  # m
 PIXELS = {

@@ -8,10 +8,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from pfslam.sensors import RgbdModel
-from pfslam.texture.floor import disparity_from_depth, fit_floor_plane, nearest_floor
+from pfslam.texture import disparity_from_depth, fit_floor_plane
 from pfslam_book.ch06.pairs import Shot, points_of
 from pfslam_book.show.pictures import Picture, steady
 from pfslam_book.show.style import COLOURS, INK, new_figure
+from pfslam_book.show.texture_error import nearest_floor
 from pfslam_book.show.widgets import Explorer, Slider
 
 TAPE = (0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)

@@ -16,18 +16,25 @@ from pfslam.sensors import RgbdModel
 from pfslam.simulator import Simulation
 from pfslam.simulator.cache import cached_simulation
 from pfslam.slam import SlamConfig
-from pfslam.texture.floor import (
+from pfslam.texture import (
+    FloorTexture,
+    PixelRays,
+    TextureConfig,
     associate_rgb,
     back_project,
     depth_from_disparity,
     depth_mask,
     fit_floor_plane,
     floor_mask,
+    floor_pixels,
     level_camera,
+    map_texture,
+    posed_pairs,
+    project_floor,
+    read_disparity,
+    read_rgb,
     to_world,
 )
-from pfslam.texture.mapping import FloorTexture, TextureConfig, map_texture, project_floor
-from pfslam.texture.views import PixelRays, floor_pixels, posed_pairs, read_disparity, read_rgb
 from pfslam_book.show.tables import Shown
 from pfslam_book.show.texture_error import TextureError, texture_error, visible_floor
 
@@ -326,4 +333,5 @@ def fitted_camera(shot: Shot, camera: RgbdModel) -> RgbdModel:
     """Correct pitch and height of the camera by the floor that this one shot shows."""
     points = points_of(shot, camera)
     near = np.isfinite(points.depth) & (points.depth < 4.0)
-    return level_camera(camera, fit_floor_plane(points.points_b[near]))
+    plane = fit_floor_plane(points.points_b[near])
+    return level_camera(camera, plane.pitch_error, plane.height)

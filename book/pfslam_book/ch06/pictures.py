@@ -7,8 +7,7 @@ from matplotlib.axes import Axes
 
 from pfslam.grid import GridSpec
 from pfslam.sensors import RgbdModel
-from pfslam.texture.floor import depth_step, nearest_floor
-from pfslam.texture.mapping import FloorTexture
+from pfslam.texture import FloorTexture
 from pfslam_book.ch06.pairs import (
     RUNGS,
     CellViews,
@@ -22,7 +21,7 @@ from pfslam_book.ch06.pairs import (
 )
 from pfslam_book.show.pictures import Picture
 from pfslam_book.show.style import COLOURS, metric_axes, new_figure
-from pfslam_book.show.texture_error import TextureError
+from pfslam_book.show.texture_error import TextureError, depth_step, nearest_floor
 
 REFINED = tuple(RUNGS)[-1]
 WORD_WINDOW = (10.4, 20.4, -2.7, 0.9)  # m: the second word of the hall

@@ -8,7 +8,7 @@ import numpy as np
 from pfslam_book.show.checks import Check, compare
 
 from pfslam.sensors import RgbdModel
-from pfslam.texture.floor import back_project, depth_from_disparity
+from pfslam.texture import back_project, depth_from_disparity
 
 CAMERA = RgbdModel()
 

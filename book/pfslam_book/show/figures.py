@@ -20,7 +20,7 @@ from pfslam.recording import Recording
 from pfslam.run import SlamResult, run_slam
 from pfslam.sensors import scan_points
 from pfslam.slam import SlamConfig
-from pfslam.texture.mapping import FloorTexture, TextureConfig, map_texture
+from pfslam.texture import FloorTexture, TextureConfig, map_texture
 from pfslam_book.show.style import COLOURS, LINE_STYLES, metric_axes, new_figure
 
 PREDICTION_PARTICLES = 5

@@ -12,8 +12,7 @@ from pfslam.grid import GridSpec
 from pfslam.poses import apply_transform, invert_transform, pose_to_transform
 from pfslam.refined.search.lattice import parabola_peak
 from pfslam.sensors import RgbdModel
-from pfslam.texture.floor import associate_rgb, disparity_from_depth
-from pfslam.texture.mapping import FloorTexture
+from pfslam.texture import FloorTexture, associate_rgb, disparity_from_depth
 
 
 @dataclass(frozen=True)
@@ -168,3 +167,18 @@ def _clear_line(spec: GridSpec, eye, points_w, blocked: np.ndarray) -> np.ndarra
     hit = np.zeros(inside.shape, dtype=bool)
     hit[inside] = blocked[cells[inside][:, 1], cells[inside][:, 0]]
     return np.logical_not(hit.any(axis=0))
+
+
+def nearest_floor(camera: RgbdModel) -> float:
+    """Compute how far ahead of the camera (m) the floor enters the image.
+
+    The lowest row looks down by the pitch plus half the field of view; the floor is at height / tan(angle). A robot
+    that turns on the spot sees no floor within this distance plus that of the camera from the turning point.
+    """
+    angle = camera.pitch + np.arctan((camera.height - 0.5 - camera.centre_v) / camera.focal_v)
+    return float(camera.position_b[2] / np.tan(angle))
+
+
+def depth_step(depth, camera: RgbdModel) -> np.ndarray:
+    """Compute by how many metres the depth changes for one step of disparity: it grows as depth squared."""
+    return np.asarray(depth) ** 2 * abs(camera.disparity_slope) / camera.depth_scale

@@ -1,1 +1,0 @@
-"""Texture mapping: from image pairs to a picture of the floor (Eq. 4, 16 to 18)."""
