@@ -597,8 +597,8 @@ def _texture_spec(
     if resolution == grid.spec.resolution:
         return grid.spec
     ratio = grid.spec.resolution / resolution
-    shape = tuple(int(np.ceil(n * ratio - 1e-9)) for n in grid.spec.shape)
-    return replace(grid.spec, resolution=resolution, shape=shape)
+    height, width = (int(np.ceil(n * ratio - 1e-9)) for n in grid.spec.shape)
+    return replace(grid.spec, resolution=resolution, shape=(height, width))
 
 
 def _crop(canvas: np.ndarray, spec: GridSpec, grid: OccupancyGrid) -> int:

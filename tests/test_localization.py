@@ -12,10 +12,11 @@ from scipy.stats import chi2
 import pfslam
 from pfslam.__main__ import main
 from pfslam.beyond.localization import (
+    BIN,
     KnownMap,
     LocalizationConfig,
     LocalizationState,
-    describe,
+    densest,
     enough,
     injected_share,
     kld_bound,
@@ -112,19 +113,17 @@ def test_so_many_draws_keep_the_promise_of_the_bound():
 
 
 def test_particles_are_counted_until_they_suffice():
-    config = LocalizationConfig(least=10)
-    rng = np.random.default_rng(1)
+    least, rng = 10, np.random.default_rng(1)
     poses = rng.uniform([0.0, 0.0, -3.0], [20.0, 20.0, 3.0], (20_000, 3))
-    size = [config.bin_metres, config.bin_metres, config.bin_radians]
     seen, n = set(), 0
     for pose in poses:  # Fox's loop, one particle at a time
-        seen.add(tuple(np.floor(pose / size).astype(int)))
+        seen.add(tuple(np.floor(pose / BIN).astype(int)))
         n += 1
-        if n >= max(kld_bound(len(seen), config.epsilon, config.delta), config.least):
+        if n >= max(kld_bound(len(seen)), least):
             break
-    assert n == enough(poses, config)
-    assert enough(np.tile(poses[0], (500, 1)), config) == 10
-    assert enough(poses[:50], config) == 50
+    assert n == enough(poses, least)
+    assert enough(np.tile(poses[0], (500, 1)), least) == 10
+    assert enough(poses[:50], least) == 50
 
 
 def test_the_number_follows_the_extent_of_the_cloud():
@@ -318,10 +317,10 @@ def test_the_share_injected_is_what_the_fast_average_lacks():
 def test_the_estimate_is_one_cloud_and_never_between_two():
     rng = np.random.default_rng(9)
     poses = np.vstack([rng.normal([0, 0, 3.1], 0.1, (600, 3)), rng.normal([10, 0, 0], 0.1, (400, 3))])
-    info = describe(0.0, Particles(poses, np.zeros(1000)), LocalizationConfig())
-    np.testing.assert_allclose(info.estimate[:2], [0, 0], atol=0.05)
-    assert abs(wrap_angle(info.estimate[2] - 3.1)) < 0.05
-    assert info.share == pytest.approx(0.6, abs=0.02)
+    estimate, share = densest(Particles(poses, np.zeros(1000)))
+    np.testing.assert_allclose(estimate[:2], [0, 0], atol=0.05)
+    assert abs(wrap_angle(estimate[2] - 3.1)) < 0.05
+    assert share == pytest.approx(0.6, abs=0.02)
 
 
 # ---- bad input
@@ -338,7 +337,7 @@ def test_maps_without_walls_or_floor_are_refused():
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("particles", 0), ("epsilon", 0.0), ("sigma", -1.0), ("random", 0.0), ("found", 1.5), ("least", 20_000)],
+    [("particles", 0), ("sigma", -1.0), ("random", 0.0), ("found", 1.5), ("least", 20_000)],
 )
 def test_settings_out_of_range_are_refused(key, value):
     with pytest.raises(DataError, match=key):

@@ -7,7 +7,7 @@ that finds a robot which was carried away (augmented MCL, "Probabilistic Robotic
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import Annotated
@@ -18,59 +18,53 @@ import numpy as np
 from pfslam.errors import DataError
 from pfslam.events import Drive, ScanEvent
 from pfslam.grid import OccupancyGrid
-from pfslam.particles import MAX_PARTICLES, MotionNoise, Particles, effective_sample_size, reweight
+from pfslam.particles import MAX_PARTICLES, MotionNoise, Particles, _pick, effective_sample_size, reweight
 from pfslam.poses import Trajectory, average_pose, compose, transform_points, wrap_angle
 from pfslam.recording import Recording
 from pfslam.settings import Range, Settings
 from pfslam.slam import MAX_EVERY
 
+EPSILON, DELTA = 0.05, 0.01
+"""Largest Kullback-Leibler distance from the cloud to what it stands for, and the probability of exceeding it."""
+BIN = (0.5, 0.5, np.deg2rad(10.0))
+"""Size (m, m, rad) of the bins that the cloud's extent is counted in: Fox's own."""
+BEAMS = 60
+"""About how many beams of a scan are scored: more say little that is new."""
+SLOW, FAST, EXPECTED = 0.01, 0.2, 0.9
+"""Rates of the two averages of the fit, and the fit of a right pose.
+
+The slow average starts at that, so that particles keep coming until one explains the scan.
+"""
+RESAMPLE_BELOW = 0.5
+"""Resample when N_eff is at most this share of N, or when particles are to be injected."""
+STEP_METRES, STEP_RADIANS = 0.1, 0.1
+"""A scan is used after moving or turning by at least this much: scans from one place say the same."""
 NEAR_METRES, NEAR_RADIANS = 1.0, 0.5
 """A particle counts for the estimate if it lies no farther from it than this."""
 AT_ONCE = 10_000
 """Particles that are scored together; more would only take memory."""
-Share = Annotated[float, Range(0.0, 1.0)]
-Metres = Annotated[float, Range(1e-3, 1e3)]
-Radians = Annotated[float, Range(1e-3, np.pi)]
+Count = Annotated[int, Range(1, MAX_PARTICLES)]
 
 
 @dataclass(frozen=True)
 class LocalizationConfig(Settings):
-    """Collect all settings of a search for the pose in a known map."""
+    """The settings of a search for the pose in a known map."""
 
     first: Annotated[int, Range(1, 10 * MAX_PARTICLES)] = 100_000
     """Particles for the first scan, spread over the map: every place that may be right needs a few from the start."""
-    particles: Annotated[int, Range(1, MAX_PARTICLES)] = 10_000
+    particles: Count = 10_000
     """The most there will be afterwards."""
-    least: Annotated[int, Range(1, MAX_PARTICLES)] = 500
+    least: Count = 500
     """The fewest particles that adaptive resampling leaves."""
-    epsilon: Annotated[float, Range(1e-4, 10.0)] = 0.05
-    """Greatest Kullback-Leibler distance from the cloud to what it stands for ..."""
-    delta: Annotated[float, Range(1e-9, 0.5)] = 0.01
-    """... which may be exceeded with this probability."""
-    bin_metres: Metres = 0.5
-    bin_radians: Radians = float(np.deg2rad(10.0))
-    """Size of the bins that the cloud's extent is counted in."""
-    sigma: Metres = 0.2
+    sigma: Annotated[float, Range(1e-3, 1e3)] = 0.2
     """Distance (m) from a wall at which an end point's likelihood has fallen to exp(-1/2)."""
     random: Annotated[float, Range(1e-6, 1.0)] = 0.1
     """Likelihood of an end point that no wall explains; 1 on a wall."""
-    beams: Annotated[int, Range(1, 20_000)] = 60
-    """About how many beams of a scan are scored."""
     effective_beams: Annotated[float, Range(1e-3, 1e4)] = 5.0
     """How many independent beams a scan is worth: neighbours see the same wall, so their errors are shared."""
     inject: bool = True
     """Whether some particles are drawn anew from the whole map where scans fit worse than they should."""
-    slow: Share = 0.01
-    fast: Share = 0.2
-    """Rates of the two averages of the fit; the injected share is what the fast one lacks of the slow one."""
-    expected: Share = 0.9
-    """Fit of a right pose. The slow average starts there, so that particles keep coming until one explains the scan."""
-    resample_below: Share = 0.5
-    """Resample when N_eff is at most this share of N, or when particles are to be injected."""
-    step_metres: Metres = 0.1
-    step_radians: Radians = 0.1
-    """A scan is used after moving or turning by at least so much: scans from one place say the same."""
-    found: Share = 0.95
+    found: Annotated[float, Range(0.0, 1.0)] = 0.95
     """The pose counts as found when this share of the weight lies near the estimate."""
     noise: MotionNoise = field(default_factory=MotionNoise)
     every: Annotated[int, Range(1, MAX_EVERY)] | None = None
@@ -83,10 +77,10 @@ class LocalizationConfig(Settings):
             raise DataError("LocalizationConfig", "least", self.least, expected)
 
 
-def kld_bound(bins, epsilon: float, delta: float):
+def kld_bound(bins, epsilon: float = EPSILON, delta: float = DELTA):
     """Return how many particles a cloud over ``bins`` bins needs, by Fox's bound ("Adapting the sample size", 2003).
 
-    So many draws keep the Kullback-Leibler distance to the true distribution below ``epsilon`` with probability
+    That many draws keep the Kullback-Leibler distance to the true distribution below ``epsilon`` with probability
     1 - ``delta``: the chi-square quantile with bins - 1 degrees of freedom, divided by 2 epsilon, with that quantile
     by Wilson and Hilferty's cube. ``bins`` is a number or an array; one bin needs one particle.
 
@@ -117,12 +111,9 @@ def likelihood_field(grid: OccupancyGrid, config: LocalizationConfig) -> np.ndar
     that does not know where it is, and with a floor, so that no single beam can rule a pose out.
     """
     if not grid.occupied.any():
-        expected = "a map with walls, or no scan says anything"
-        raise DataError("map", "occupied cells", "none", expected)
-    no_wall = (~grid.occupied).astype(np.uint8)
-    away = cv2.distanceTransform(no_wall, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    # Squared distances are whole numbers of cells: rounded to them, every run has the
-    # same field to the last bit.
+        raise DataError("map", "occupied cells", "none", "a map with walls, or no scan says anything")
+    away = cv2.distanceTransform((~grid.occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    # Squared distances are whole numbers (cells squared): rounded to them, every run has the same field.
     scale = grid.spec.resolution / config.sigma
     reach = int(np.ceil(6.0 / scale))
     squared = np.rint(np.square(np.minimum(away, reach))).astype(np.int32)
@@ -146,10 +137,10 @@ class KnownMap:
     def log_likelihood(self, poses: np.ndarray, points_b: np.ndarray) -> np.ndarray:
         """Compute the log-likelihood ``(N,)`` of a scan with end points ``(M, 2)`` from each of the poses ``(N, 3)``.
 
-        The mean over about ``beams`` end points times ``effective_beams``. End points outside the map are unexplained,
+        The mean over about ``BEAMS`` end points times ``effective_beams``. End points outside the map are unexplained,
         and so are all of them for a robot that would stand on a cell which is not free.
         """
-        points = points_b[:: max(len(points_b) // self.config.beams, 1)]
+        points = points_b[:: max(len(points_b) // BEAMS, 1)]
         parts = np.array_split(poses, -(-len(poses) // AT_ONCE))
         mean = np.concatenate([self._at(transform_points(part, points)).mean(axis=1) for part in parts])
         cells = self.grid.spec.world_to_cell(poses[:, :2])
@@ -198,32 +189,25 @@ class LocalizationInfo:
 
 
 def localization_step(
-    state: LocalizationState,
-    event: ScanEvent,
-    known: KnownMap,
-    rng: np.random.Generator,
+    state: LocalizationState, event: ScanEvent, known: KnownMap, rng: np.random.Generator
 ) -> tuple[LocalizationState, LocalizationInfo]:
     """Process one scan: predict, reweight, estimate, and resample as many particles as the cloud's extent asks for."""
     config, before, pending = known.config, state.particles, state.pending
     motion = event.motion if pending is None else compose(pending, event.motion)
-    metres, radians = float(np.hypot(*motion[:2])), abs(float(motion[2]))
-    moved = metres >= config.step_metres or radians >= config.step_radians
+    moved = np.hypot(*motion[:2]) >= STEP_METRES or abs(motion[2]) >= STEP_RADIANS
     if len(event.points_b) == 0 or not (moved or pending is None):
         ahead = Particles(compose(before.poses, motion), before.log_weights)
-        return replace(state, pending=motion), describe(event.t, ahead, config, used=False)
-    sigma_xy, sigma_yaw = config.noise.sigmas(metres, radians)
-    noise = [sigma_xy, sigma_xy, sigma_yaw] * rng.standard_normal((len(before), 3))
-    particles = Particles(compose(before.poses, motion + noise), before.log_weights)
-    log_likelihood = known.log_likelihood(particles.poses, event.points_b)
-    particles, evidence = reweight(particles, log_likelihood)
+        info = LocalizationInfo(event.t, *densest(ahead), ahead, len(ahead), used=False)
+        return replace(state, pending=motion), info
+    particles, _ = config.noise.predict(before, replace(event, motion=motion), rng)
+    particles, evidence = reweight(particles, known.log_likelihood(particles.poses, event.points_b))
     fit = float(np.exp(evidence / config.effective_beams))
-    slow, fast = state.slow, state.fast
-    slow = config.expected if slow is None else slow + config.slow * (fit - slow)
-    fast = fit if fast is None else fast + config.fast * (fit - fast)
+    slow = EXPECTED if state.slow is None else state.slow + SLOW * (fit - state.slow)
+    fast = fit if state.fast is None else state.fast + FAST * (fit - state.fast)
     share = injected_share(slow, fast) if config.inject else 0.0
-    info = describe(event.t, particles, config, fit=fit, injected=share)
+    info = LocalizationInfo(event.t, *densest(particles), particles, len(particles), True, fit, share)
     n_eff = effective_sample_size(particles.weights)
-    if share or n_eff <= config.resample_below * len(particles):
+    if share or n_eff <= RESAMPLE_BELOW * len(particles):
         particles = resample_adaptively(particles, share, known.grid, config, rng)
     return LocalizationState(particles, slow, fast, np.zeros(3)), info
 
@@ -242,39 +226,35 @@ def resample_adaptively(
 ) -> Particles:
     """Resample as many particles as Fox's bound asks for; a ``share`` of them is spread over the whole map."""
     trial = rng.permutation(_drawn(particles, share, config.particles, grid, rng))
-    n = enough(trial, config)
+    n = enough(trial, config.least)
     return Particles(_drawn(particles, share, n, grid, rng), np.zeros(n))
 
 
-def enough(poses: np.ndarray, config: LocalizationConfig) -> int:
+def enough(poses: np.ndarray, least: int) -> int:
     """Count how many of the poses ``(N, 3)``, taken in order, meet Fox's bound for the bins that they lie in."""
-    first = np.unique(_bins(poses, config), return_index=True)[1]
+    first = np.unique(_bins(poses), return_index=True)[1]
     occupied = np.cumsum(np.bincount(first, minlength=len(poses)))
-    number = np.arange(1, len(poses) + 1)
-    needed = np.maximum(kld_bound(occupied, config.epsilon, config.delta), config.least)
-    return int(np.argmax(number >= needed)) + 1 if (number >= needed).any() else len(poses)
+    reached = np.arange(1, len(poses) + 1) >= np.maximum(kld_bound(occupied), least)
+    return int(np.argmax(reached)) + 1 if reached.any() else len(poses)
 
 
 def _drawn(particles: Particles, share: float, n: int, grid: OccupancyGrid, rng) -> np.ndarray:
-    """Draw ``n`` poses: a share from the whole map, the others by weight at equal strides (systematically)."""
+    """Draw ``n`` poses: a share from the whole map, the others by weight, systematically."""
     fresh = int(rng.binomial(n, share))
-    edges = np.cumsum(particles.weights)
-    positions = edges[-1] * (np.arange(n - fresh) + rng.random()) / max(n - fresh, 1)
-    kept = np.minimum(np.searchsorted(edges, positions, side="right"), len(particles) - 1)
+    kept = _pick(particles.weights, (np.arange(n - fresh) + rng.random()) / max(n - fresh, 1))
     return np.concatenate([particles.poses[kept], spread(grid, fresh, rng)])
 
 
-def _bins(poses: np.ndarray, config: LocalizationConfig) -> np.ndarray:
+def _bins(poses: np.ndarray) -> np.ndarray:
     """Number the bins ``(N,)`` that poses ``(N, 3)`` lie in."""
-    size = [config.bin_metres, config.bin_metres, config.bin_radians]
-    cells = np.floor(poses / size).astype(np.int64)
+    cells = np.floor(poses / BIN).astype(np.int64)
     cells -= cells.min(axis=0)
     return np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1))
 
 
-def describe(t: float, particles: Particles, config: LocalizationConfig, **what) -> LocalizationInfo:
-    """Say where the cloud is: the mean of what lies near its heaviest bin, and the share of the weight that does."""
-    _, place = np.unique(_bins(particles.poses, config), return_inverse=True)
+def densest(particles: Particles) -> tuple[np.ndarray, float]:
+    """Find the pose ``(3,)`` around which the cloud is densest, and the share of the weight that lies near it."""
+    _, place = np.unique(_bins(particles.poses), return_inverse=True)
     weights = particles.weights
     heaviest = place == np.argmax(np.bincount(place, weights))
     centre = average_pose(particles.poses[heaviest], weights[heaviest])
@@ -283,7 +263,7 @@ def describe(t: float, particles: Particles, config: LocalizationConfig, **what)
         near = np.hypot(*offset[:, :2].T) <= NEAR_METRES
         near &= np.abs(wrap_angle(offset[:, 2])) <= NEAR_RADIANS
         centre = average_pose(particles.poses[near], weights[near]) if near.any() else centre
-    return LocalizationInfo(t, centre, float(weights[near].sum()), particles, len(particles), **what)
+    return centre, float(weights[near].sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,7 +277,7 @@ class LocalizationResult:
 
     @property
     def located(self) -> np.ndarray:
-        """Tell at which scans ``(K,)`` the pose counts as found: enough of the weight lies near the estimate."""
+        """At which scans ``(K,)`` the pose counts as found: enough of the weight lies near the estimate."""
         return np.array([info.share >= self.config.found for info in self.infos])
 
     @property
@@ -324,19 +304,13 @@ def locate(
     config = LocalizationConfig() if config is None else config
     rng = np.random.default_rng(0) if rng is None else rng
     drive = Drive.of(recording, config.every)
-    steps = _steps(drive, KnownMap.of(grid, config), rng, start)
-    steps = progress(steps, total=len(drive)) if progress else steps
-    infos = tuple(info if keep_particles else replace(info, particles=None) for info in steps)
-    t, poses = zip(*((info.t, info.estimate) for info in infos), strict=True)
-    return LocalizationResult(Trajectory(np.array(t), np.array(poses)), infos, config, drive.dropped)
-
-
-def _steps(
-    drive: Drive, known: KnownMap, rng: np.random.Generator, start: Particles | None
-) -> Iterator[LocalizationInfo]:
-    n = known.config.first
-    everywhere = Particles(spread(known.grid, n, rng), np.zeros(n)) if start is None else start
-    state = LocalizationState(everywhere)
-    for event in drive.events():
+    known = KnownMap.of(grid, config)
+    if start is None:
+        start = Particles(spread(grid, config.first, rng), np.zeros(config.first))
+    state, infos = LocalizationState(start), []
+    for event in progress(drive.events(), total=len(drive)) if progress else drive.events():
         state, info = localization_step(state, event, known, rng)
-        yield info
+        infos.append(info if keep_particles else replace(info, particles=None))
+    t, poses = zip(*((info.t, info.estimate) for info in infos), strict=True)
+    trajectory = Trajectory(np.array(t), np.array(poses))
+    return LocalizationResult(trajectory, tuple(infos), config, drive.dropped)

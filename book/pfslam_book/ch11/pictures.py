@@ -6,7 +6,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pfslam.beyond.localization import KnownMap, LocalizationConfig, LocalizationInfo, LocalizationResult
+from pfslam.beyond.localization import (
+    BEAMS,
+    KnownMap,
+    LocalizationConfig,
+    LocalizationInfo,
+    LocalizationResult,
+)
 from pfslam.grid import OccupancyGrid
 from pfslam.poses import compose, transform_points
 from pfslam.recording import Recording
@@ -106,7 +112,7 @@ def cast_ranges(
 def ray_log_likelihood(known: KnownMap, pose: np.ndarray, ranges: np.ndarray, lidar) -> float:
     """Compare measured ranges with those that the map predicts along the same rays, with the field's own numbers."""
     valid = np.flatnonzero(lidar.valid(ranges))
-    chosen = valid[:: max(len(valid) // known.config.beams, 1)]
+    chosen = valid[:: max(len(valid) // BEAMS, 1)]
     sensor = transform_points(pose, np.array([lidar.position_b[:2]]))[0]
     at = np.array([*sensor, pose[2]])
     apart = ranges[chosen] - cast_ranges(known.grid, at, lidar.angles[chosen])
