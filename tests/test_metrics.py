@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from evo.core import metrics as evo_metrics
 from evo.core.trajectory import PoseTrajectory3D
+from pfslam_book.ch09.judging import relative_rmse
 from rooms import LIDAR, ROOM, SQUARE, box, drive, scan, sensor_position
 
 from pfslam.errors import DataError
@@ -14,7 +15,6 @@ from pfslam.evaluation.trajectory import (
     map_agreement,
     predicted_ranges,
     relations_error,
-    relative_error,
     slam_cost,
     trajectory_error,
 )
@@ -104,26 +104,12 @@ def test_absolute_error_agrees_with_evo():
 
 @pytest.mark.parametrize("delta", [1, 7])
 def test_relative_error_agrees_with_evo(delta):
-    ours = relative_error(ESTIMATE, TRUTH, delta)
-    for value, relation in (
-        (ours.rmse_m, evo_metrics.PoseRelation.translation_part),
-        (ours.rmse_deg, evo_metrics.PoseRelation.rotation_angle_deg),
-    ):
-        metric = evo_metrics.RPE(relation, delta=delta, delta_unit=evo_metrics.Unit.frames, all_pairs=True)
-        metric.process_data((evo_trajectory(TRUTH), evo_trajectory(ESTIMATE)))
-        assert value == pytest.approx(metric.get_statistic(evo_metrics.StatisticsType.rmse))
-        assert ours.pairs == len(metric.error)
-
-
-def test_relative_error_by_hand():
-    # Truth advances one metre a pose; the estimate 1.1 m in its own heading, whatever that is.
-    truth = Trajectory(np.arange(4.0), [[k, 0, 0] for k in range(4)])
-    estimate = Trajectory(np.arange(4.0), [[5, 1.1 * k, np.pi / 2] for k in range(4)])
-    assert relative_error(estimate, truth).rmse_m == pytest.approx(0.1)
-    assert relative_error(estimate, truth, delta=3).rmse_m == pytest.approx(0.3)
-    for delta in (0, 4):
-        with pytest.raises(DataError, match="delta"):
-            relative_error(estimate, truth, delta)
+    relation = evo_metrics.PoseRelation.translation_part
+    metric = evo_metrics.RPE(relation, delta=delta, delta_unit=evo_metrics.Unit.frames, all_pairs=True)
+    metric.process_data((evo_trajectory(TRUTH), evo_trajectory(ESTIMATE)))
+    assert relative_rmse(ESTIMATE, TRUTH, delta) == pytest.approx(
+        metric.get_statistic(evo_metrics.StatisticsType.rmse)
+    )
 
 
 def test_relations_error_by_hand():
@@ -208,7 +194,6 @@ def test_cost_of_the_odometrys_own_trajectory_is_all_observation():
     assert cost.motion == pytest.approx(0.0, abs=1e-20)
     z, h = recording.lidar.ranges, [predicted_ranges(GRID, pose, LIDAR) for pose in own.poses]
     assert cost.observation == pytest.approx(np.sum((z - h) ** 2))
-    assert cost.total == cost.observation + cost.motion
     assert (cost.scans, cost.beams) == (41, 41 * 361)
 
 
@@ -221,7 +206,6 @@ def test_motion_cost_by_hand():
     bent = Trajectory(t, [[0, 0, 0], second, compose(second, [0.24, 0, 0])])
     cost = slam_cost(bent, GRID, recording)
     assert cost.motion == pytest.approx(0.06**2 + 0.1**2)
-    assert cost.total == cost.observation + cost.motion > cost.observation
 
 
 def test_motion_cost_takes_headings_on_the_circle():

@@ -20,11 +20,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from pfslam_book.show.pictures import encode, to_rgb
 from pfslam_book.show.style import COLOURS, metric_axes, new_figure
+from scipy.stats import chi2
 
 import pfslam
 from pfslam.evaluation.cloud import (
     CloudConsistency,
-    chi_square_quantile,
     cloud_consistency,
     covariance_consistency,
 )
@@ -118,7 +118,7 @@ def picture() -> Figure:
 def _ellipse(axes: Axes, pose: np.ndarray, true_pose: np.ndarray, covariance: np.ndarray) -> None:
     """Draw the ellipse of the position and the truth's place in it, both enlarged."""
     variance, direction = np.linalg.eigh(covariance[:2, :2])
-    size = 2 * ENLARGED * np.sqrt(chi_square_quantile(0.9, 2) * np.maximum(variance, 0.0))
+    size = 2 * ENLARGED * np.sqrt(chi2.ppf(0.9, 2) * np.maximum(variance, 0.0))
     angle = np.rad2deg(np.arctan2(direction[1, 1], direction[0, 1]))
     colour = COLOURS["estimate"]
     axes.add_patch(Ellipse(tuple(pose[:2]), size[1], size[0], angle=angle, fill=False, edgecolor=colour))

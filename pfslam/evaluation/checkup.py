@@ -7,6 +7,7 @@ look.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -61,26 +62,21 @@ def check_up(recording: Recording) -> list[Finding]:
 
 def check_overlap(recording: Recording) -> Finding:
     """Check how much of the time all streams cover: the shortest common time over the longest stream."""
-    question, expected = "Do the streams overlap?", "90 % or more"
-    spans = np.array([[t[0], t[-1]] for t in _stamps(recording).values()])
-    common = max(spans[:, 1].min() - spans[:, 0].max(), 0.0)
-    share = common / max(float((spans[:, 1] - spans[:, 0]).max()), 1e-9)
-    return Finding(question, bool(share >= 0.9), f"{100 * share:.0f} %", expected)
+    begin, end = np.array([t[[0, -1]] for t in _stamps(recording).values()]).T
+    share = max(end.min() - begin.max(), 0.0) / max(float((end - begin).max()), 1e-9)
+    return Finding("Do the streams overlap?", bool(share >= 0.9), f"{100 * share:.0f} %", "90 % or more")
 
 
 def check_gaps(recording: Recording) -> Finding:
     """Check the longest time without a reading of encoders, gyro or LiDAR."""
+    stamps = {name: np.diff(t) for name, t in _stamps(recording).items()}
+    usual = max((float(np.median(gaps)) for gaps in stamps.values() if len(gaps)), default=0.0)
+    limit = max(LONGEST_GAP, 3.0 * usual)
     longest, name = max(
-        (float(np.diff(t).max(initial=0.0)), name)
-        for name, t in _stamps(recording).items()
-        if name != "camera"
-    )
-    limit = max(
-        LONGEST_GAP,
-        3.0 * max((np.median(np.diff(t)) for t in _stamps(recording).values() if len(t) > 1), default=0.0),
+        (float(gaps.max(initial=0.0)), name) for name, gaps in stamps.items() if name != "camera"
     )
     found = f"{longest:.2f} s ({name})"
-    return Finding("How long is the longest gap?", bool(longest <= limit), found, f"below {limit:.1f} s")
+    return Finding("How long is the longest gap?", longest <= limit, found, f"below {limit:.1f} s")
 
 
 def check_speed(recording: Recording) -> Finding:
@@ -96,9 +92,10 @@ def check_speed(recording: Recording) -> Finding:
 
 def check_rest(recording: Recording) -> Finding:
     """Check what the gyro shows while the robot stands."""
-    question, expected = "What does the gyro show at rest?", f"within {LARGEST_REST_RATE:.2f} rad/s of 0"
+    answer = partial(Finding, "What does the gyro show at rest?")
+    expected = f"within {LARGEST_REST_RATE:.2f} rad/s of 0"
     if recording.imu is None or (recording.encoders is None and recording.odometry is None):
-        return Finding(question, None, "no gyro", expected)
+        return answer(None, "no gyro", expected)
     if recording.odometry is None:
         bias, error, seconds = gyro_bias(recording)
         known = np.isfinite(error)
@@ -106,39 +103,38 @@ def check_rest(recording: Recording) -> Finding:
         turns = compare_turns(recording.odometry, recording.imu, recording.robot.imu.yaw_axis)
         bias, seconds, known = turns.bias, turns.still, turns.still >= LEAST_SECONDS
     if not known:
-        return Finding(question, None, f"only {seconds:.0f} s at rest", expected)
-    return Finding(
-        question, abs(bias) <= LARGEST_REST_RATE, f"{bias:+.4f} rad/s in {seconds:.0f} s", expected
-    )
+        return answer(None, f"only {seconds:.0f} s at rest", expected)
+    return answer(abs(bias) <= LARGEST_REST_RATE, f"{bias:+.4f} rad/s in {seconds:.0f} s", expected)
 
 
 def check_track(recording: Recording) -> Finding:
     """Check whether wheels and gyro measure the same turns: left and right with some effective track, or odometry."""
-    question, expected = "Do wheels and gyro turn the same way?", "a track of 0.2 to 2 m"
+    answer = partial(Finding, "Do wheels and gyro turn the same way?")
+    track, factor = "a track of 0.2 to 2 m", "a factor of 0.8 to 1.2"
     if recording.imu is None or (recording.encoders is None and recording.odometry is None):
-        return Finding(question, None, "no gyro", expected)
-    if recording.odometry is not None:
-        expected = "a factor of 0.8 to 1.2"
-        turns = compare_turns(recording.odometry, recording.imu, recording.robot.imu.yaw_axis)
-        if not turns.enough:
-            return Finding(question, None, "too few turns", expected)
-        if np.abs(turns.by_odometry - turns.by_gyro).max() < SAME_TURN:
-            return Finding(question, None, "the odometry turns by the gyro", expected)
-        return Finding(question, 0.8 <= turns.factor <= 1.2, f"factor {turns.factor:+.2f}", expected)
-    track = effective_track(recording)
-    if track is None:
-        return Finding(question, None, "too few turns", expected)
-    return Finding(question, bool(0.2 <= track <= 2.0), f"effective track {track:.2f} m", expected)
+        return answer(None, "no gyro", track)
+    if recording.odometry is None:
+        metres = effective_track(recording)
+        if metres is None:
+            return answer(None, "too few turns", track)
+        return answer(0.2 <= metres <= 2.0, f"effective track {metres:.2f} m", track)
+    turns = compare_turns(recording.odometry, recording.imu, recording.robot.imu.yaw_axis)
+    if not turns.enough:
+        return answer(None, "too few turns", factor)
+    if np.abs(turns.by_odometry - turns.by_gyro).max() < SAME_TURN:
+        return answer(None, "the odometry turns by the gyro", factor)
+    return answer(0.8 <= turns.factor <= 1.2, f"factor {turns.factor:+.2f}", factor)
 
 
 def check_beams(recording: Recording) -> Finding:
     """Check the share of beams that measured something, and count scans in which hardly any did."""
-    question, expected = "How many beams return?", "half or more"
+    answer = partial(Finding, "How many beams return?")
     if recording.lidar is None:
-        return Finding(question, None, "no LiDAR", expected)
+        return answer(None, "no LiDAR", "half or more")
     valid = recording.robot.lidar.valid(recording.lidar.ranges).mean(axis=1)
+    ok = bool(valid.mean() >= 0.5 and (valid < 0.1).mean() < 0.01)
     found = f"{100 * valid.mean():.0f} %, {np.count_nonzero(valid < 0.1)} empty scans"
-    return Finding(question, bool(valid.mean() >= 0.5 and (valid < 0.1).mean() < 0.01), found, expected)
+    return answer(ok, found, "half or more")
 
 
 def check_scans(recording: Recording) -> list[Finding]:
@@ -146,29 +142,30 @@ def check_scans(recording: Recording) -> list[Finding]:
 
     An upside-down LiDAR or a flipped gyro gives a factor of -1. Late is by how much the turns agree best.
     """
-    other = "gyro" if recording.odometry is None else "odometry"
-    turn = f"Do scans turn as the {other} does?", "a factor of 0.8 to 1.2"
-    clock = f"Do scans and {other} share a clock?", "within 0.03 s"
-    fit = scan_turn_fit(recording)
+    other, fit = "gyro" if recording.odometry is None else "odometry", scan_turn_fit(recording)
     if fit is None:
-        return [
-            Finding(question, None, "no scans in turns", expected) for question, expected in (turn, clock)
-        ]
-    factor, late = fit
-    shared = Finding(clock[0], bool(abs(late) <= 0.03), f"scans {1000 * late:+.0f} ms late", clock[1])
-    if not np.isfinite(late):
-        shared = Finding(clock[0], None, "turns too even to tell", clock[1])
-    return [Finding(turn[0], bool(0.8 <= factor <= 1.2), f"factor {factor:+.2f}", turn[1]), shared]
+        turn = clock = None
+        found = ["no scans in turns"] * 2
+    else:
+        factor, late = fit
+        even = not np.isfinite(late)
+        turn, clock = 0.8 <= factor <= 1.2, None if even else abs(late) <= 0.03
+        lateness = "turns too even to tell" if even else f"scans {1000 * late:+.0f} ms late"
+        found = [f"factor {factor:+.2f}", lateness]
+    return [
+        Finding(f"Do scans turn as the {other} does?", turn, found[0], "a factor of 0.8 to 1.2"),
+        Finding(f"Do scans and {other} share a clock?", clock, found[1], "within 0.03 s"),
+    ]
 
 
 def check_images(recording: Recording) -> Finding:
     """Check how many colour images have a depth image within a tenth of a second."""
-    question, expected = "Do images have partners?", "95 % or more"
+    answer = partial(Finding, "Do images have partners?")
     if recording.camera is None or not len(recording.camera.rgb_index):
-        return Finding(question, None, "no images", expected)
+        return answer(None, "no images", "95 % or more")
     pairs = image_pairs(recording.camera)
     share = len(pairs.rgb) / max(len(pairs.rgb) + pairs.unpaired, 1)
-    return Finding(question, bool(share >= 0.95), f"{100 * share:.0f} % of {len(pairs.rgb)}", expected)
+    return answer(share >= 0.95, f"{100 * share:.0f} % of {len(pairs.rgb)}", "95 % or more")
 
 
 def effective_track(recording: Recording) -> float | None:
@@ -263,10 +260,11 @@ def _scan_pairs(inputs: Controls, scans: LidarScans) -> tuple[np.ndarray, np.nda
 
 def _stamps(recording: Recording) -> dict[str, np.ndarray]:
     """Collect the stamps of every stream that is there."""
-    streams = {"encoders": recording.encoders, "gyro": recording.imu, "odometry": recording.odometry}
+    streams = {
+        "encoders": recording.encoders,
+        "gyro": recording.imu,
+        "odometry": recording.odometry,
+        "lidar": recording.lidar,
+    }
     found = {name: stream.t for name, stream in streams.items() if stream is not None}
-    if recording.lidar is not None:
-        found["lidar"] = recording.lidar.t
-    if recording.camera is not None:
-        found["camera"] = recording.camera.rgb_t
-    return found
+    return found if recording.camera is None else found | {"camera": recording.camera.rgb_t}

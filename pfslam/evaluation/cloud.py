@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import erf, exp, log, pi, sqrt
 
 import numpy as np
 
@@ -45,36 +44,6 @@ class CloudConsistency:
     actual_deg: float
     certain: int
 
-    @property
-    def ratio(self) -> float:
-        """Claimed over actual spread of the position: 1 is consistent, less is overconfident, more is too cautious."""
-        return self.claimed_m / self.actual_m if self.actual_m > 0 else float("inf")
-
-
-def chi_square(x: float, dof: int) -> float:
-    """Return the probability that a sum of 2 or 3 squared standard normals is at most ``x``."""
-    if x <= 0.0:
-        return 0.0
-    below = 1.0 - exp(-0.5 * x)
-    return below if dof == 2 else erf(sqrt(0.5 * x)) - sqrt(2.0 * x / pi) * exp(-0.5 * x)
-
-
-def chi_square_quantile(share: float, dof: int) -> float:
-    """Find the value that a sum of 2 or 3 squared standard normals stays below with probability ``share``.
-
-    >>> round(chi_square_quantile(0.9, 3), 3)
-    6.251
-    """
-    if dof not in (2, 3):
-        raise DataError("chi_square_quantile", "dof", dof, "2 (position) or 3 (position and heading)")
-    if not 0.0 <= share < 1.0:
-        raise DataError("chi_square_quantile", "share", share, "a probability from 0 to below 1")
-    low, high = 0.0, -2.0 * log(1.0 - share) + 30.0
-    for _ in range(100):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if chi_square(middle, dof) < share else (low, middle)
-    return 0.5 * (low + high)
-
 
 def cloud_moments(particles: Particles) -> tuple[np.ndarray, np.ndarray]:
     """Return mean pose ``(3,)`` and covariance ``(3, 3)`` (m, m, rad) of a weighted cloud, headings on the circle."""
@@ -96,38 +65,38 @@ def cloud_consistency(infos: Iterable[Step], truth: Trajectory, dof: int = 3) ->
     The run is moved as a whole so that its first estimate is true, as for the trajectory error; that first cloud,
     which knows its place by definition, is not counted. Clouds count as they gave the estimate, before resampling.
     """
-    known = [(info, info.particles) for info in infos if info.particles is not None and truth.covers(info.t)]
-    if len(known) < 2:
-        raise DataError("cloud_consistency", "infos", f"{len(known)} clouds with known truth", "2 or more")
-    moments = [cloud_moments(particles) for _, particles in known[1:]]
-    means, covariances = (np.array(part) for part in zip(*moments, strict=True))
-    return _consistency([info for info, _ in known], means, covariances, truth, dof)
+    known = _known(infos, truth, "particles")
+    return _consistency(known, [cloud_moments(info.particles) for info in known[1:]], truth, dof)
 
 
 def covariance_consistency(infos: Iterable[Step], truth: Trajectory, dof: int = 3) -> CloudConsistency:
     """Compare the estimates of a run and their covariances with the truth, as ``cloud_consistency`` does its clouds."""
-    known = [info for info in infos if info.covariance is not None and truth.covers(info.t)]
+    known = _known(infos, truth, "covariance")
+    return _consistency(known, [(info.estimate, info.covariance) for info in known[1:]], truth, dof)
+
+
+def _known(infos: Iterable[Step], truth: Trajectory, what: str) -> list:
+    """Keep the infos of a run that hold ``what`` is compared, within the truth's time."""
+    known = [info for info in infos if getattr(info, what) is not None and truth.covers(info.t)]
     if len(known) < 2:
-        found = f"{len(known)} covariances with known truth"
-        raise DataError("covariance_consistency", "infos", found, "2 or more, from a run with a polish")
-    means, covariances = ([getattr(info, name) for info in known[1:]] for name in ("estimate", "covariance"))
-    return _consistency(known, np.array(means), np.array(covariances), truth, dof)
+        raise DataError("consistency", what, f"{len(known)} with known truth", "2 or more")
+    return known
 
 
-def _consistency(
-    infos: list[Step], means: np.ndarray, covariances: np.ndarray, truth: Trajectory, dof: int
-) -> CloudConsistency:
-    """Compare the means and covariances of all infos but the first with the truth, moved to the first estimate."""
+def _consistency(infos: list[Step], moments: list[tuple], truth: Trajectory, dof: int) -> CloudConsistency:
+    """Compare means and covariances of all infos but the first with the truth, moved to the first estimate."""
+    from scipy.special import chdtri  # takes longer to import than all the rest
+
     first = compose(infos[0].estimate, invert(truth.at(infos[0].t)))
     true_poses = compose(first, truth.at(np.array([info.t for info in infos[1:]])))
-    error = _difference(true_poses, means)
+    means, covariances = (np.array(part) for part in zip(*moments, strict=True))
+    error, variance = _difference(true_poses, means), np.diagonal(covariances, axis1=1, axis2=2)
     nees = np.array(
         [squared_mahalanobis(e[:dof], P[:dof, :dof]) for e, P in zip(error, covariances, strict=True)]
     )
-    variance = np.diagonal(covariances, axis1=1, axis2=2)
     return CloudConsistency(
         nees=nees,
-        inside={share: float(np.mean(nees <= chi_square_quantile(share, dof))) for share in CLAIMS},
+        inside={share: float(np.mean(nees <= chdtri(dof, 1.0 - share))) for share in CLAIMS},
         claimed_m=rms(np.sqrt(variance[:, 0] + variance[:, 1])),
         actual_m=rms(np.hypot(error[:, 0], error[:, 1])),
         claimed_deg=float(np.rad2deg(rms(np.sqrt(variance[:, 2])))),

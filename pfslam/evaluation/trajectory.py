@@ -1,4 +1,4 @@
-"""How good is a result: trajectory error, relative error, relations, map agreement, and the cost of Eq. 2."""
+"""How good a result is: trajectory error, relations, map agreement, and the cost of Eq. 2."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pfslam.recording import Recording, nearest_stamp
 from pfslam.sensors import LidarModel
 
 SAME_TIME = 1e-3
-"""A scan belongs to a pose if their stamps differ by at most so much (s); files keep microseconds."""
+"""A scan belongs to a pose if their stamps differ by at most this (s); files keep microseconds."""
 
 
 @dataclass(frozen=True)
@@ -44,16 +44,13 @@ def trajectory_error(estimate: Trajectory, truth: Trajectory) -> TrajectoryError
     poses, true_poses = aligned_at_first(estimate, truth)
     distance = np.hypot(*(poses - true_poses)[:, :2].T)
     heading = wrap_angle(poses[:, 2] - true_poses[:, 2])
-    return TrajectoryError(rms(distance), float(distance.max()), _degrees(rms(heading)), len(poses))
+    degrees = float(np.rad2deg(rms(heading)))
+    return TrajectoryError(rms(distance), float(distance.max()), degrees, len(poses))
 
 
 def rms(values: np.ndarray) -> float:
     """Return the root mean square of ``values``."""
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _degrees(angle: float) -> float:
-    return float(np.rad2deg(angle))
 
 
 def relations_error(
@@ -62,29 +59,6 @@ def relations_error(
     """Return errors ``(R,)`` in metres and radians over known poses ``(R, 3)`` at ``t2`` seen from ``t1``."""
     error = between(relative, between(estimate.at(t1), estimate.at(t2)))
     return np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])
-
-
-@dataclass(frozen=True)
-class RelativeError:
-    """Relative pose error: root mean square of the drift over ``delta`` poses, in metres and degrees."""
-
-    rmse_m: float
-    rmse_deg: float
-    pairs: int
-
-
-def relative_error(estimate: Trajectory, truth: Trajectory, delta: int = 1) -> RelativeError:
-    """Measure how far the motion from pose i to i + delta is off, over all i (evo's RPE, all pairs, in frames).
-
-    It does not depend on where either trajectory starts. Only times that the truth covers count.
-    """
-    known = truth.covers(estimate.t)
-    last = np.count_nonzero(known) - 1
-    if not 1 <= delta <= last:
-        raise DataError("relative_error", "delta", delta, f"1 to {last} (the truth covers {last + 1} poses)")
-    poses, true_poses = estimate.poses[known], truth.at(estimate.t[known])
-    error = between(between(true_poses[:-delta], true_poses[delta:]), between(poses[:-delta], poses[delta:]))
-    return RelativeError(rms(np.hypot(*error[:, :2].T)), _degrees(rms(error[:, 2])), len(error))
 
 
 @dataclass(frozen=True)
@@ -149,7 +123,7 @@ def predicted_ranges(
 
 @dataclass(frozen=True)
 class SlamCost:
-    """The two sums of Eq. 2: ``observation`` in m^2, ``motion`` in m^2 + rad^2, and their ``total``.
+    """The two sums of Eq. 2: ``observation`` in m^2 and ``motion`` in m^2 + rad^2.
 
     ``scans`` and ``beams`` count what went into the first sum: compare only costs of the same scans.
     """
@@ -158,10 +132,6 @@ class SlamCost:
     motion: float
     scans: int
     beams: int
-
-    @property
-    def total(self) -> float:
-        return self.observation + self.motion
 
 
 def slam_cost(
