@@ -103,7 +103,7 @@ def _side_by_side(*columns: np.ndarray) -> np.ndarray:
 
 def rotation_matrix(roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> np.ndarray:
     """Rotation ``Rz(yaw) Ry(pitch) Rx(roll)``, shape ``(3, 3)``; positive pitch turns x (forward) down."""
-    cr, sr, cp, sp, cy, sy = *_cos_sin(roll), *_cos_sin(pitch), *_cos_sin(yaw)
+    cr, sr, cp, sp, cy, sy = (float(f(angle)) for angle in (roll, pitch, yaw) for f in (np.cos, np.sin))
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
@@ -180,10 +180,6 @@ def apply_transform(T_ab: np.ndarray, points_b) -> np.ndarray:
     [[3.0, 0.0, 0.5]]
     """
     return np.asarray(points_b) @ T_ab[:3, :3].T + T_ab[:3, 3]
-
-
-def _cos_sin(angle: float) -> tuple[float, float]:
-    return float(np.cos(angle)), float(np.sin(angle))
 
 
 @dataclass(frozen=True, eq=False)

@@ -129,11 +129,6 @@ def test_limits_of_a_scanner_are_in_order(change):
         replace(LidarModel(), **change)
 
 
-def test_the_dropouts_of_a_drive_are_in_order():
-    with pytest.raises(DataError, match=r"dropouts: found \(\(5.0, 4.0\),\), expected pairs"):
-        replace(HALL, dropouts=((5.0, 4.0),))
-
-
 CHOICES = {
     (type(part), name): hint
     for top in CONFIGURATIONS
@@ -185,8 +180,8 @@ def test_what_no_type_takes_is_one_line(make, message):
 
 def test_lists_become_tuples_and_whole_numbers_floats():
     assert SearchConfig(cells=[1, 2]).cells == (1, 2)
-    changed_drive = replace(HALL, dropouts=[[1, 2]], path_length=30)
-    assert changed_drive.dropouts == ((1.0, 2.0),)
+    changed_drive = replace(HALL, timing=replace(HALL.timing, imu=[1, 2]), path_length=30)
+    assert changed_drive.timing.imu == (1.0, 2.0)
     assert isinstance(changed_drive.path_length, float)
 
 

@@ -4,33 +4,33 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drives import simulated
 from rooms import distance_to_walls
 
 from pfslam.grid import GridSpec
 from pfslam.poses import rotation_matrix, transform_points
 from pfslam.sensors import RgbdModel
-from pfslam.simulator import HALL, RAMP, simulate
-from pfslam.simulator.camera import NO_READING
+from pfslam.simulator import HALL
+from pfslam.simulator.camera import FARTHEST, NEAREST, NO_READING, depth_pinhole, rgb_pinhole
 from pfslam.simulator.clocks import START_OF_TIME
 from pfslam.simulator.ground import height
-from pfslam.simulator.pinhole import depth_pinhole, rgb_pinhole
 
 U, V = np.meshgrid(np.arange(640.0), np.arange(480.0))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def hall():
-    return simulate("hall", seed=3)
+    return simulated("hall")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def exact_hall():
-    return simulate(HALL.without_errors(), seed=3)
+    return simulated("hall", exact=True)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def exact_ramp():
-    return simulate(RAMP.without_errors(), seed=3)
+    return simulated("ramp", exact=True)
 
 
 def points_w(simulation, k, depth):
@@ -87,7 +87,7 @@ def test_disparity_is_depth_rounded_to_whole_counts(exact_hall):
 def test_no_reading_where_it_is_too_near_or_too_far(exact_hall):
     for k in (300, 900, 1500):
         depth, disparity = exact_hall.renderer.true_depth(k), exact_hall.recording.camera.read_disparity(k)
-        outside = (depth < HALL.depth_limits[0]) | (depth > HALL.depth_limits[1])
+        outside = (depth < NEAREST) | (depth > FARTHEST)
         np.testing.assert_array_equal(disparity == NO_READING, outside)
         assert disparity[~outside].max() < 1089
 
@@ -107,7 +107,7 @@ def test_disparity_noise_and_holes_have_their_size(hall, exact_hall):
 # --- geometry: one building for camera and LiDAR ----------------------------------------------------
 
 
-@pytest.mark.parametrize("k", [200, 700, 1200, 1900])
+@pytest.mark.parametrize("k", [200, 1200])
 def test_back_projected_pixels_lie_on_floor_or_walls(exact_hall, k):
     points = points_w(exact_hall, k, exact_hall.renderer.true_depth(k))
     near = exact_hall.renderer.true_depth(k) < 6.0
@@ -150,18 +150,20 @@ def test_camera_and_lidar_see_the_same_wall(exact_hall):
     seen_b = transform_points([0.0, 0.0, -pose[2]], seen_b) - [lidar.position_b[0], 0.0]
     beam = np.rint((np.arctan2(seen_b[:, 1], seen_b[:, 0]) - lidar.angle_min) / lidar.increment).astype(int)
     difference = np.hypot(*seen_b.T) - exact_hall.recording.lidar.ranges[scan, beam]
-    assert np.median(np.abs(difference)) < 0.03  # up to 12 ms and an eighth of a degree apart
+    assert np.median(np.abs(difference)) < 0.05  # up to 12 ms and 0.4 degrees apart
 
 
 # --- colour -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("k", [60, 700, 1300])
+@pytest.mark.parametrize("k", [60, 1300])
 def test_floor_pixels_carry_the_floors_colour(exact_hall, k):
     """By Eq. 16 from a disparity pixel to its colour, by Eq. 17 and 18 to the floor: the same paint."""
     camera = exact_hall.recording.camera
     j = int(np.argmin(np.abs(camera.rgb_t - camera.disparity_t[k])))
-    moved = replace_rgb_time(exact_hall, j, camera.disparity_t[k] - START_OF_TIME)
+    rgb_t = exact_hall.renderer.rgb_t.copy()
+    rgb_t[j] = camera.disparity_t[k] - START_OF_TIME  # so that both images show one moment
+    moved = replace(exact_hall.renderer, rgb_t=rgb_t)
     depth = exact_hall.renderer.true_depth(k)
     points = points_w(exact_hall, k, depth)
     u = np.rint((526.37 * U - 4.5 * 1750.46 * 1.03 / depth + 19276.0) / 585.051).astype(int)
@@ -178,31 +180,16 @@ def test_floor_pixels_carry_the_floors_colour(exact_hall, k):
     assert np.corrcoef(shown.ravel(), painted.ravel())[0, 1] > 0.95
 
 
-def replace_rgb_time(simulation, j, t):
-    """The renderer with the j-th colour image taken at time ``t``, so that both images show one moment."""
-    rgb_t = simulation.renderer.rgb_t.copy()
-    rgb_t[j] = t
-    return replace(simulation.renderer, rgb_t=rgb_t)
-
-
-def test_images_are_colour_and_have_contrast(hall):
-    for j in (10, 800, 2000):
-        image = hall.recording.camera.read_rgb(j)
-        assert image.dtype == np.uint8
-        assert image.shape == (480, 640, 3)
-        assert image.std(axis=(0, 1)).min() > 15.0
-
-
 def test_the_rooms_have_floors_of_their_own(hall):
     spec = hall.world.spec(0.05)
     picture, plan = hall.floor_image(spec).astype(float), hall.world.plan
-    means = {}
+    means = []
     for kind in ("room", "corridor", "lobby", "hall"):
         x0, y0, x1, y1 = plan.areas[plan.kinds.index(kind)]
         middle = transform_points(hall.world.pose_wp, [[0.5 * (x0 + x1), 0.5 * (y0 + y1)]])
         ix, iy = spec.world_to_cell(middle)[0]
-        means[kind] = picture[iy - 10 : iy + 10, ix - 10 : ix + 10].mean(axis=(0, 1))
-    colours = np.array(list(means.values()))
+        means.append(picture[iy - 10 : iy + 10, ix - 10 : ix + 10].mean(axis=(0, 1)))
+    colours = np.array(means)
     apart = np.linalg.norm(colours[:, None] - colours, axis=-1)[np.triu_indices(4, 1)]
     assert apart.min() > 20.0
 
@@ -216,7 +203,7 @@ def test_an_image_is_the_same_whenever_it_is_read(hall):
     camera.read_disparity(3)
     camera.read_rgb(1000)
     np.testing.assert_array_equal(first, camera.read_disparity(1000))
-    again = simulate("hall", seed=3, ranges=hall.recording.lidar.ranges).recording.camera
+    again = simulated.__wrapped__("hall").recording.camera
     np.testing.assert_array_equal(again.read_disparity(1000), first)
     assert not np.array_equal(first, camera.read_disparity(1001))
 

@@ -5,11 +5,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from drives import simulated
 from pfslam_book.show.texture_error import TextureError, texture_error, visible_floor
 
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.recording import image_pairs
-from pfslam.simulator import simulate
 from pfslam.texture import TextureConfig, map_texture
 
 EVERY = 60
@@ -19,7 +19,7 @@ PRESETS = {"report": TextureConfig.report(), "refined": TextureConfig.refined()}
 @cache
 def drive(name):
     """The drive, and on one grid: the true floor, its colours, what the images can show, and a perfect map."""
-    simulation = simulate(name)
+    simulation = simulated(name, None)
     camera = simulation.recording.camera
     read_once = {"read_disparity": cache(camera.read_disparity), "read_rgb": cache(camera.read_rgb)}
     recording = replace(simulation.recording, camera=replace(camera, **read_once))
@@ -50,11 +50,6 @@ def test_the_refined_texture_lies_in_its_place(name):
 
 
 @pytest.mark.slow
-def test_the_refined_texture_covers_the_floor_that_the_camera_could_have_seen():
-    assert error("hall", "refined").coverage >= 0.9
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hall", "ramp"])
 def test_the_refined_texture_is_better_than_the_reports_in_every_figure(name):
     report, refined = error(name, "report"), error(name, "refined")
@@ -62,10 +57,6 @@ def test_the_refined_texture_is_better_than_the_reports_in_every_figure(name):
     assert refined.position_p95_cells < report.position_p95_cells
     assert refined.colour_mean < report.colour_mean
     assert refined.beyond_floor <= report.beyond_floor
-    # On level ground the report misses nothing; on slopes the floor leaves z = 0.
-    assert refined.coverage > report.coverage - 0.01
-
-
-@pytest.mark.slow
-def test_on_slopes_the_report_loses_floor_that_the_fitted_plane_keeps():
-    assert error("ramp", "refined").coverage > error("ramp", "report").coverage + 0.05
+    # On level ground the report misses nothing; on slopes the floor leaves z = 0, where the fitted plane keeps it.
+    assert refined.coverage > report.coverage + {"hall": -0.01, "ramp": 0.05}[name]
+    assert refined.coverage >= {"hall": 0.9, "ramp": 0.0}[name]

@@ -28,7 +28,6 @@ from pfslam.simulator.config import (
     RING,
     GyroModel,
     Hazards,
-    RingPlan,
     SimulatorConfig,
     SlipModel,
     Timing,
@@ -49,7 +48,6 @@ __all__ = [
     "Drive",
     "GyroModel",
     "Hazards",
-    "RingPlan",
     "Simulation",
     "SimulatorConfig",
     "SlipModel",
@@ -116,7 +114,8 @@ def simulate(
     drive_rng, wheels, imu, scan_clock, scans, _, bumps, slips, *life = map(np.random.default_rng, streams)
     drive = drive_path(world.path, world.slopes, config, drive_rng, bumps)
     world = add_hazards(world, drive, config, *life[:3])
-    stamps = unix(_scan_times(config, drive, scan_clock), config.quantised)
+    ticks = ticks_and_stamps(LIDAR_CLOCK, 0.0087, drive.duration, scan_clock, config.timing.jitter)
+    stamps = unix(ticks[1], config.quantised)
     ranges = _cast(config, world, drive, stamps, scans, life[3], progress) if ranges is None else ranges
     poses, z, pitch, roll = _truth(config, drive, stamps)
     renderer = _camera(config, world, drive, streams[5])
@@ -193,11 +192,3 @@ def _stream(renderer: CameraRenderer, config: SimulatorConfig) -> RgbdStream:
     t, t_rgb = (unix(stamps, config.quantised) for stamps in (renderer.disparity_t, renderer.rgb_t))
     every = (np.arange(len(t)), np.arange(len(t_rgb)))
     return RgbdStream(t, t_rgb, renderer.read_disparity, renderer.read_rgb, *every)
-
-
-def _scan_times(config: SimulatorConfig, drive: Drive, rng: np.random.Generator) -> np.ndarray:
-    """When scans are stamped (s from the first encoder stamp), those lost in a dropout left out."""
-    t = ticks_and_stamps(LIDAR_CLOCK, 0.0087, drive.duration, rng, config.timing.jitter)[1]
-    for begin, end in config.dropouts:
-        t = t[(t < begin) | (t > end)]
-    return t

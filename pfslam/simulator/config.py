@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import radians
 from typing import Annotated, Literal
 
-from pfslam.errors import DataError
 from pfslam.sensors import EncoderModel, LidarModel, RobotModel
 from pfslam.settings import Range, Settings
 
@@ -16,7 +15,6 @@ Offsets = tuple[Offset, Offset, Offset]
 Spread = Annotated[float, Range(0.0, 10.0)]
 End = Annotated[float, Range(-5.0, 5.0)]
 Ends = tuple[End, End]
-Depth = Annotated[float, Range(0.0, 1000.0)]
 
 
 @dataclass(frozen=True)
@@ -85,31 +83,17 @@ class Hazards(Settings):
 
 
 @dataclass(frozen=True)
-class RingPlan(Settings):
-    """Measures of the layout "ring"."""
-
-    length: Annotated[float, Range(10.0, 500.0)] = 60.0
-    """From outer wall to outer wall (m)."""
-    width: Annotated[float, Range(10.0, 500.0)] = 40.0
-    corridor: Annotated[float, Range(1.6, 4.0)] = 2.0
-    """Width of the four corridors (m)."""
-    framed: Annotated[int, Range(0, 4)] = 3
-    """How many corridors have door frames, no more than 20 cm deep; the rest are bare."""
-
-
-@dataclass(frozen=True)
 class SimulatorConfig(Settings):
     """One simulated drive.
 
     ``layout``: "arms" (two corridors at a right angle and a cluttered room), "loop" (a small ring of corridors),
-    "symmetric" (one that looks the same after half a turn), "ring" (a large one with shallow door frames,
-    measured by ``ring``), "corridor" (20 m along a bare corridor whose ends are out of range).
+    "symmetric" (one that looks the same after half a turn), "ring" (60 m by 40 m, with shallow door
+    frames), "corridor" (20 m along a bare corridor whose ends are out of range).
     """
 
     name: str = "hall"
     number: Annotated[int, Range(0, 10**9)] = 20
     layout: Literal["arms", "loop", "symmetric", "ring", "corridor"] = "arms"
-    ring: RingPlan = field(default_factory=RingPlan)
     laps: Annotated[int, Range(1, 1000)] = 1
     """How often the route is driven, one lap after the other (not for "corridor")."""
     path_length: Annotated[float, Range(1.0, 1e5)] = 95.2
@@ -127,43 +111,11 @@ class SimulatorConfig(Settings):
     """Standard deviation of a range (m)."""
     invalid_share: Share = 0.004
     """Share of the beams that return nothing."""
-    random_share: Share = 0.0
-    """Share of the beams that return any range between 0.1 m and the scanner's largest."""
-    dropouts: tuple[tuple[float, float], ...] = ()
-    """Intervals (from, to), seconds after the first stamp, in which no scan arrives."""
     hazards: Hazards = field(default_factory=Hazards)
     disparity_noise: Annotated[float, Range(0.0, 1000.0)] = 0.5
     """Standard deviation of a disparity before rounding (counts)."""
-    depth_limits: tuple[Depth, Depth] = (0.5, 9.0)
-    """Nearest and farthest distance (m) at which the depth camera gives a reading."""
     missing_disparity: Share = 0.01
-    """Share of pixels without a reading within those limits."""
-
-    def __post_init__(self):
-        super().__post_init__()
-        if not all(begin <= end for begin, end in self.dropouts):
-            raise DataError(
-                "SimulatorConfig", "dropouts", self.dropouts, "pairs (from, to), from no later than to"
-            )
-
-    def without_errors(self) -> SimulatorConfig:
-        """The same drive with perfect instruments and clocks: what is left is geometry alone."""
-        perfect = replace(self.robot, encoders=replace(self.robot.encoders, track=self.slip.effective_track))
-        still = GyroModel((0.0, 0.0, 0.0), 0.0, 1.0, 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0)
-        return replace(
-            self,
-            robot=perfect,
-            timing=replace(self.timing, jitter=0.0, imu=(0.0, 0.0)),
-            slip=SlipModel(self.robot.encoders.metres_per_count, self.slip.effective_track, 0.0, 0.0, 0.0),
-            gyro=still,
-            quantised=False,
-            range_noise=0.0,
-            invalid_share=0.0,
-            random_share=0.0,
-            disparity_noise=0.0,
-            missing_disparity=0.0,
-            hazards=replace(self.hazards, slip=0),
-        )
+    """Share of the pixels near enough for a reading that have none."""
 
 
 HALL = SimulatorConfig()

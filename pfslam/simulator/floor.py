@@ -18,7 +18,8 @@ from pfslam.simulator.plan import FloorPlan
 PIXEL = 0.01  # m
 COARSE = 4  # a second, smaller picture serves the distant floor, which would flicker otherwise
 WORDS = ("PARTICLE FILTER", "TEXTURE MAP", "PARTICLE FILTER", "TEXTURE MAP")
-LETTER_HEIGHT = 0.78  # m
+LETTER_HEIGHT, ROSE = 0.78, 0.86  # letters, and the radius of the compass rose (m)
+STRIP = 4096  # rows at a time: OpenCV looks up no more than 32767
 LIGHT, JOINT = np.array([222, 213, 196]), np.array([172, 162, 146])
 BANDS = np.array([[44, 92, 140], [196, 110, 42], [52, 124, 92], [142, 62, 92]])
 INK = np.array([52, 48, 58])
@@ -51,17 +52,12 @@ class Floor:
         fold = max(int(np.ceil(spec.resolution / PIXEL)), 1)
         h, w = spec.shape
         step = spec.resolution / fold
-        y, x = np.meshgrid(
-            (np.arange(h * fold) + 0.5) * step, (np.arange(w * fold) + 0.5) * step, indexing="ij"
-        )
+        y, x = np.meshgrid(*((np.arange(n * fold) + 0.5) * step for n in (h, w)), indexing="ij")
         points = transform_points(pose_pw, np.column_stack([x.ravel(), y.ravel()]) + spec.origin)
         px, py = (points[:, axis].reshape(h * fold, w * fold).astype(np.float32) for axis in (0, 1))
-        colours = np.vstack([self.colours(px[rows], py[rows]) for rows in _strips(h * fold)])
+        strips = range(0, h * fold, STRIP)
+        colours = np.vstack([self.colours(px[i : i + STRIP], py[i : i + STRIP]) for i in strips])
         return colours.reshape(h, fold, w, fold, 3).mean(axis=(1, 3)).round().astype(np.uint8)
-
-
-def _strips(rows: int, size: int = 4096) -> list[slice]:
-    return [slice(first, min(first + size, rows)) for first in range(0, rows, size)]
 
 
 def paint_floor(plan: FloorPlan, rng: np.random.Generator) -> Floor:
@@ -70,17 +66,19 @@ def paint_floor(plan: FloorPlan, rng: np.random.Generator) -> Floor:
     width, height = np.ceil((high - low) / PIXEL / COARSE).astype(int) * COARSE
     picture = np.empty((height, width, 3), dtype=np.float32)
     picture[:] = JOINT
-    canvas = _Canvas(picture, low)
     corridor = 0
     for area, kind in zip(plan.areas, plan.kinds, strict=True):
+        patch, x, y = _window(picture, low, area)
         if kind == "corridor":
-            canvas.fill(area, lambda x, y, area=area, band=BANDS[corridor % 4]: _corridor(x, y, area, band))
-            canvas.word(area, WORDS[corridor % 4], BANDS[corridor % 4])
+            patch[:] = _corridor(x, y, area, BANDS[corridor % 4])
+            _inlay(picture, low, area, WORDS[corridor % 4], BANDS[corridor % 4])
             corridor += 1
         else:
-            canvas.fill(area, {"room": _parquet, "lobby": _diamonds, "hall": _fans}.get(kind, _mat))
+            patch[:] = {"room": _parquet, "lobby": _diamonds, "hall": _fans}.get(kind, _mat)(x, y)
     if "lobby" in plan.kinds:
-        canvas.star(np.zeros(2), 0.86)
+        patch, x, y = _window(picture, low, ROSE * np.array([-1.0, -1.0, 1.0, 1.0]))
+        colours, inside = _rose(x, y, ROSE)
+        patch[inside] = colours[inside]
     cv2.GaussianBlur(picture, (0, 0), 0.7, dst=picture)  # no jagged edges
     picture *= _terrazzo(picture.shape, rng)
     fine = np.clip(picture, 0, 255).astype(np.uint8)
@@ -88,44 +86,26 @@ def paint_floor(plan: FloorPlan, rng: np.random.Generator) -> Floor:
     return Floor(fine, coarse, low)
 
 
-@dataclass(frozen=True, eq=False)
-class _Canvas:
-    """A float picture of the plan with its corner ``origin``."""
+def _window(picture: np.ndarray, origin, area) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cut a rectangle ``(4,)`` of the plan out of a picture with corner ``origin``; also its pixels' x and y (m)."""
+    c0, r0, c1, r1 = np.round((area - np.tile(origin, 2)) / PIXEL).astype(int)
+    x, y = (origin[k] + (np.arange(*ends) + 0.5) * PIXEL for k, ends in enumerate(((c0, c1), (r0, r1))))
+    return picture[r0:r1, c0:c1], x[None, :], y[:, None]
 
-    picture: np.ndarray
-    origin: np.ndarray
 
-    def fill(self, area: np.ndarray, pattern) -> None:
-        """Fill a rectangle ``(4,)`` with a pattern(x, y) -> colours."""
-        c0, r0, c1, r1 = np.round((area - np.tile(self.origin, 2)) / PIXEL).astype(int)
-        x = self.origin[0] + (np.arange(c0, c1) + 0.5) * PIXEL
-        y = self.origin[1] + (np.arange(r0, r1) + 0.5) * PIXEL
-        self.picture[r0:r1, c0:c1] = pattern(x[None, :], y[:, None])
-
-    def word(self, area: np.ndarray, text: str, colour: np.ndarray) -> None:
-        """Inlay a word along the middle of a corridor, so that it reads along the corridor's direction."""
-        size = area[2:] - area[:2]
-        upright = size[1] > size[0]
-        mask = _lettering(text)
-        if upright:
-            mask = np.rot90(mask)  # reads from the bottom to the top
-        mask = np.flipud(mask)  # row 0 of the picture is y_min
-        middle = area[:2] + size * (0.5, 0.58) if upright else area[:2] + size * (0.56, 0.5)
-        c0, r0 = np.round((middle - self.origin) / PIXEL).astype(int) - np.array(mask.shape[::-1]) // 2
-        if min(size) < LETTER_HEIGHT or mask.shape[0] * PIXEL > size[1] or mask.shape[1] * PIXEL > size[0]:
-            return
-        patch = self.picture[r0 : r0 + mask.shape[0], c0 : c0 + mask.shape[1]]
-        patch += mask[..., None] * (0.35 * colour + 0.65 * INK - patch)
-
-    def star(self, centre: np.ndarray, radius: float) -> None:
-        """A compass rose."""
-        area = np.concatenate([centre - radius, centre + radius])
-        c0, r0, c1, r1 = np.round((area - np.tile(self.origin, 2)) / PIXEL).astype(int)
-        x = self.origin[0] + (np.arange(c0, c1) + 0.5) * PIXEL - centre[0]
-        y = self.origin[1] + (np.arange(r0, r1) + 0.5) * PIXEL - centre[1]
-        patch = self.picture[r0:r1, c0:c1]
-        colours, inside = _rose(x[None, :], y[:, None], radius)
-        patch[inside] = colours[inside]
+def _inlay(picture: np.ndarray, origin: np.ndarray, area: np.ndarray, text: str, colour: np.ndarray) -> None:
+    """Inlay a word along the middle of a corridor, so that it reads along the corridor's direction."""
+    size, mask = area[2:] - area[:2], _lettering(text)
+    upright = size[1] > size[0]
+    if upright:
+        mask = np.rot90(mask)  # reads from the bottom to the top
+    mask = np.flipud(mask)  # row 0 of the picture is y_min
+    middle = area[:2] + size * (0.5, 0.58) if upright else area[:2] + size * (0.56, 0.5)
+    c0, r0 = np.round((middle - origin) / PIXEL).astype(int) - np.array(mask.shape[::-1]) // 2
+    if min(size) < LETTER_HEIGHT or mask.shape[0] * PIXEL > size[1] or mask.shape[1] * PIXEL > size[0]:
+        return
+    patch = picture[r0 : r0 + mask.shape[0], c0 : c0 + mask.shape[1]]
+    patch += mask[..., None] * (0.35 * colour + 0.65 * INK - patch)
 
 
 def _lettering(text: str) -> np.ndarray:

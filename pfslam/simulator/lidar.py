@@ -8,7 +8,7 @@ robot is at that beam's own time.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,17 +26,12 @@ PART_BEAMS, PART_TIME = 47, 0.004
 STRAY = float(np.deg2rad(2.0))  # in which the bearing of a wall changes by less than this
 
 
-@dataclass(frozen=True, eq=False)
-class Sensor:
+class Sensor(NamedTuple):
     """A scanner at S moments: times ``t (S,)``, ``origin (S, 3)`` and ``rotation (S, 3, 3)`` from sensor to plan."""
 
     t: np.ndarray
     origin: np.ndarray
     rotation: np.ndarray
-
-    def rows(self, part: slice) -> Sensor:
-        """Select some of the moments."""
-        return Sensor(self.t[part], self.origin[part], self.rotation[part])
 
 
 def sensor_at(world: World, drive: Drive, t: np.ndarray, position_b) -> Sensor:
@@ -55,7 +50,7 @@ def cast(
     beams = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
     for first in (progress or iter)(range(0, len(sensor.t), CHUNK)):
         part = slice(first, first + CHUNK)
-        here = sensor.rows(part)
+        here = Sensor(*(values[part] for values in sensor))
         _meet_walls(ranges[part], world, here, angles)
         if not only_walls:
             direction = np.swapaxes(here.rotation @ beams, 1, 2)
@@ -195,15 +190,12 @@ def seen_through(ranges: np.ndarray, glass, range_max: float, rng: np.random.Gen
 
 
 def measured(ranges: np.ndarray, config: SimulatorConfig, rng: np.random.Generator) -> np.ndarray:
-    """Add noise and wrong and missing returns: ranges ``(S, beams)`` float32 in whole millimetres."""
+    """Add noise and missing returns: ranges ``(S, beams)`` float32 in whole millimetres."""
     noisy = ranges + config.range_noise * rng.standard_normal(ranges.shape, dtype=np.float32)
     noisy[~(noisy < TOO_FAR)] = TOO_FAR
     random = rng.random(ranges.shape, dtype=np.float32)
-    at = np.nonzero(random < config.random_share)
-    noisy[at] = rng.uniform(0.1, config.robot.lidar.range_max, len(at[0]))
-    at = np.nonzero(random > 1.0 - config.invalid_share) if config.invalid_share else ()
-    if at:
-        noisy[at] = np.where(rng.random(len(at[0])) < 0.9, 0.001, TOO_FAR)
+    missing = random > 1.0 - config.invalid_share
+    noisy[missing] = np.where(rng.random(np.count_nonzero(missing)) < 0.9, 0.001, TOO_FAR)
     if config.quantised:
         noisy = np.round(noisy * 1000.0) / 1000.0
     return noisy.astype(np.float32)

@@ -6,6 +6,7 @@ Everything here is in the plan frame p, whose axes run along the walls. Metres.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from pfslam.simulator.ground import Slope
 WALL = 0.25  # thickness between a room and the corridor beside it (m)
 LANE = 0.3  # the robot keeps to the right of the corridor's middle (m)
 DEEP = 0.2  # share of the door recesses that are half a metre deep or more
+RING_SIZE = (1.0, 58.0, 38.0)  # of the large ring: half a corridor's width, and from middle to middle (m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +54,7 @@ def make_plan(config: SimulatorConfig, rng: np.random.Generator, turn_at: float 
 
 def _arms(config: SimulatorConfig, rng: np.random.Generator, turn_at: float) -> FloorPlan:
     """A cluttered room (west), two arms from one junction (north and east), a lobby and a hall (north end)."""
-    sizes = _ArmSizes.drawn(rng)
+    sizes = _arm_sizes(rng)
     areas = _arm_areas(sizes, rng)
     start = np.array([sizes.room_e - rng.uniform(3.6, 4.2), sizes.door_y + rng.uniform(-0.5, 0.1)])
     turn = float(np.clip(turn_at, 8.0, sizes.east - 1.0))
@@ -61,49 +63,26 @@ def _arms(config: SimulatorConfig, rng: np.random.Generator, turn_at: float) -> 
     return _plan(areas, np.vstack([[start], *(legs * config.laps)]), slopes, sizes.mirror)
 
 
-@dataclass(frozen=True)
-class _ArmSizes:
-    """Where the parts of the "arms" layout end (m); ``half`` is half the width of its corridors."""
+def _arm_sizes(rng: np.random.Generator) -> SimpleNamespace:
+    """Draw where the parts of the "arms" layout end (m).
 
-    half: float
-    mirror: bool
-    parked: float
-    """Heading of the robot at the start (rad)."""
-    north: float
-    east: float
-    room_w: float
-    room_s: float
-    room_n: float
-    door_y: float
-    lobby_n: float
-    lobby_w: float
-    lobby_e: float
-    hall_x: float
-    hall_n: float
-
-    @property
-    def room_e(self) -> float:
-        return -self.half - WALL
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator) -> _ArmSizes:
-        """Draw one building."""
-        half = 0.5 * rng.uniform(1.85, 2.0)
-        mirror, parked = rng.random() < 0.5, np.deg2rad(rng.choice([-1, 1]) * rng.uniform(2.0, 5.0))
-        north, east = rng.uniform(14.5, 16.0), rng.uniform(18.5, 20.0)
-        room_w, room_s, room_n = rng.uniform(5.8, 6.4), rng.uniform(-3.0, -2.5), rng.uniform(2.8, 3.4)
-        door_y = rng.uniform(0.0, 0.5)
-        lobby_n = north + rng.uniform(2.6, 3.2)
-        lobby_w, lobby_e = -half - rng.uniform(0.3, 1.2), rng.uniform(3.4, 4.4)
-        hall_x = rng.uniform(1.6, 2.2)
-        hall_n = lobby_n + rng.uniform(4.5, 5.5)
-        room = (-half - WALL - room_w, room_s, room_n)
-        return cls(
-            half, mirror, parked, north, east, *room, door_y, lobby_n, lobby_w, lobby_e, hall_x, hall_n
-        )
+    ``half`` is half the width of its corridors, and ``parked`` the heading of the robot at the start (rad).
+    """
+    half = 0.5 * rng.uniform(1.85, 2.0)
+    mirror, parked = rng.random() < 0.5, np.deg2rad(rng.choice([-1, 1]) * rng.uniform(2.0, 5.0))
+    sizes = SimpleNamespace(half=half, mirror=mirror, parked=parked, room_e=-half - WALL)
+    sizes.north, sizes.east = rng.uniform(14.5, 16.0), rng.uniform(18.5, 20.0)
+    sizes.room_w = sizes.room_e - rng.uniform(5.8, 6.4)
+    sizes.room_s, sizes.room_n = rng.uniform(-3.0, -2.5), rng.uniform(2.8, 3.4)
+    sizes.door_y = rng.uniform(0.0, 0.5)
+    sizes.lobby_n = sizes.north + rng.uniform(2.6, 3.2)
+    sizes.lobby_w, sizes.lobby_e = -half - rng.uniform(0.3, 1.2), rng.uniform(3.4, 4.4)
+    sizes.hall_x = rng.uniform(1.6, 2.2)
+    sizes.hall_n = sizes.lobby_n + rng.uniform(4.5, 5.5)
+    return sizes
 
 
-def _arm_areas(sizes: _ArmSizes, rng: np.random.Generator) -> dict[str, list[tuple]]:
+def _arm_areas(sizes: SimpleNamespace, rng: np.random.Generator) -> dict[str, list[tuple]]:
     """The free rectangles by kind."""
     half, north, east = sizes.half, sizes.north, sizes.east
     return {
@@ -121,7 +100,7 @@ def _arm_areas(sizes: _ArmSizes, rng: np.random.Generator) -> dict[str, list[tup
     }
 
 
-def _arm_legs(sizes: _ArmSizes, rng: np.random.Generator, start: np.ndarray, turn: float) -> list:
+def _arm_legs(sizes: SimpleNamespace, rng: np.random.Generator, start: np.ndarray, turn: float) -> list:
     """Waypoints of one lap, leg by leg: out of the room, up north and back, out east and back, into the room."""
     north, lobby_n, door = sizes.north, sizes.lobby_n, (sizes.room_e - 0.7, sizes.door_y)
     ahead = start + 1.3 * np.array([np.cos(sizes.parked), np.sin(sizes.parked)])
@@ -141,7 +120,7 @@ def _arm_legs(sizes: _ArmSizes, rng: np.random.Generator, start: np.ndarray, tur
     ]
 
 
-def _arm_slopes(sizes: _ArmSizes, rng: np.random.Generator) -> tuple[Slope, ...]:
+def _arm_slopes(sizes: SimpleNamespace, rng: np.random.Generator) -> tuple[Slope, ...]:
     """A hump in each arm."""
     y, x = rng.uniform(5.0, 6.0), rng.uniform(5.0, 6.5)
     sides = (-sizes.half - 0.85, sizes.half + 0.85)  # the alcoves beside a hump rise with it
@@ -152,41 +131,36 @@ def _arm_slopes(sizes: _ArmSizes, rng: np.random.Generator) -> tuple[Slope, ...]
 
 
 def _ring(config: SimulatorConfig, rng: np.random.Generator) -> FloorPlan:
-    """A rectangular ring of corridors; with side alcoves at random, or point-symmetric if "symmetric"."""
-    half, length, width = _ring_size(config, rng)
+    """A rectangular ring of corridors: large with shallow door frames, or small with side alcoves.
+
+    Along all but one of the large ring's corridors stand frames; the "symmetric" one looks the same from both ends.
+    """
+    large, symmetric = config.layout == "ring", config.layout == "symmetric"
+    half, length, width = RING_SIZE
+    if not large:
+        half, length, width = 0.5 * rng.uniform(1.95, 2.15), rng.uniform(17.0, 20.0), rng.uniform(11.0, 14.0)
     corridors = [
         (-half, -half, length + half, half),
         (length - half, -half, length + half, width + half),
         (-half, width - half, length + half, width + half),
         (-half, -half, half, width + half),
     ]
-    deep = 0.0 if config.layout == "ring" else DEEP
     sides = [("x", -half, -1, length), ("y", length + half, 1, width)]
-    if config.layout != "symmetric":
-        sides += [("x", width + half, 1, length), ("y", -half, -1, width)]
-    framed = sides[: config.ring.framed] if config.layout == "ring" else sides
+    sides += [] if symmetric else [("x", width + half, 1, length), ("y", -half, -1, width)]
     alcoves = []
-    for axis, wall, side, end in framed:
-        alcoves += _alcoves(rng, axis, wall, side, 1.5, end - 1.0, deep)
-    if config.layout == "symmetric":
+    for axis, wall, side, end in sides[: 3 if large else 4]:
+        alcoves += _alcoves(rng, axis, wall, side, 1.5, end - 1.0, 0.0 if large else DEEP)
+    if symmetric:
         alcoves += [(length - x1, width - y1, length - x0, width - y0) for x0, y0, x1, y1 in alcoves]
-    lap = [
-        _weave(rng, (2.0, -LANE), (length - 1.5, -LANE)),
-        _weave(rng, (length + LANE, 1.5), (length + LANE, width - 1.5)),
-        _weave(rng, (length - 1.5, width + LANE), (1.5, width + LANE)),
-        _weave(rng, (-LANE, width - 1.5), (-LANE, 1.5)),
+    ends = [
+        ((2.0, -LANE), (length - 1.5, -LANE)),
+        ((length + LANE, 1.5), (length + LANE, width - 1.5)),
+        ((length - 1.5, width + LANE), (1.5, width + LANE)),
+        ((-LANE, width - 1.5), (-LANE, 1.5)),
     ]
-    last = [np.array([(1.0, -LANE), (2.0, -LANE)])]
+    lap = [_weave(rng, *leg) for leg in ends]
     areas = {"corridor": corridors, "alcove": alcoves}
-    return _plan(areas, np.vstack(lap * config.laps + last))
-
-
-def _ring_size(config: SimulatorConfig, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Half the corridors' width, and the ring's length and width between their middles (m)."""
-    if config.layout == "ring":
-        ring = config.ring
-        return 0.5 * ring.corridor, ring.length - ring.corridor, ring.width - ring.corridor
-    return 0.5 * rng.uniform(1.95, 2.15), rng.uniform(17.0, 20.0), rng.uniform(11.0, 14.0)
+    return _plan(areas, np.vstack([*(lap * config.laps), [(1.0, -LANE), (2.0, -LANE)]]))
 
 
 def _corridor(rng: np.random.Generator) -> FloorPlan:

@@ -175,14 +175,11 @@ def _place_clutter(plan: FloorPlan, path: np.ndarray, rng: np.random.Generator) 
             centre = rng.uniform(area[:2] + reach, area[2:] - reach)
             off_path = np.hypot(*(path - centre).T).min() > reach + CLEARANCE
             apart = all(np.hypot(*(centre - other)) > reach + size + 0.1 for other, size in placed)
-            if off_path and apart and _count_in(placed, area) < wanted[kind]:
+            inside = sum(bool((at > area[:2]).all() and (at < area[2:]).all()) for at, _ in placed)
+            if off_path and apart and inside < wanted[kind]:
                 placed.append((centre, reach))
                 shapes.append(centre + shape)
     return tuple(shapes)
-
-
-def _count_in(placed: list, area: np.ndarray) -> int:
-    return sum(bool((centre > area[:2]).all() and (centre < area[2:]).all()) for centre, _ in placed)
 
 
 def _box(rng: np.random.Generator) -> np.ndarray:
