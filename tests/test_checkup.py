@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from box_recording import TURN_RATE, box_recording, room_ranges
+from drives import simulated
 from pfslam_book.ch13.robot import FAULTS, HEALTHY
 
 import pfslam
@@ -16,7 +17,7 @@ from pfslam.study.disturbances import first_seconds
 
 @pytest.fixture(scope="module")
 def drive():
-    return first_seconds(pfslam.load("hall"), 60.0)
+    return first_seconds(simulated("hall", None).recording, 60.0)
 
 
 def complaints(recording):
@@ -25,7 +26,7 @@ def complaints(recording):
 
 @pytest.mark.parametrize("name", ["hall", "ramp"])
 def test_good_drives_give_nothing_to_complain_about(name):
-    findings = check_up(pfslam.load(name))
+    findings = check_up(simulated(name, None).recording)
     assert [finding.ok for finding in findings] == [True] * len(findings)
 
 

@@ -164,13 +164,6 @@ def test_floor_mask_and_its_growing_tolerance():
     assert floor_mask(points, 0.01, 0.01, distance=points[:, 0]).tolist() == [True, True, True, False]
 
 
-def test_nothing_past_a_quarter_metre_passes_with_the_pitch_of_the_data_sheet():
-    sheet = replace(CAMERA, pitch=0.36)
-    points = floor_points_from(CAMERA.K, sheet)
-    passed = points[floor_mask(points, 0.01)]
-    assert len(passed) == 0 or (passed[:, 0] - CAMERA.position_b[0]).max() < 0.25
-
-
 def test_the_blind_ring_begins_45_cm_ahead_of_the_camera():
     assert nearest_floor(CAMERA) == pytest.approx(0.45, abs=0.005)
     in_the_image = floor_points_from(CAMERA.K)[:, 0].min() - CAMERA.position_b[0]
@@ -219,10 +212,6 @@ def test_three_points_are_enough_for_a_plane_and_two_are_not():
     assert np.tan(fit_floor_plane(points).pitch_error) == pytest.approx(0.034, abs=1e-12)
     voted = np.tan(fit_floor_plane(points[:2]).pitch_error)
     assert voted == pytest.approx(round(voted, 2), abs=1e-12)
-
-
-def test_no_points_are_no_plane():
-    assert fit_floor_plane(np.zeros((0, 3))).inliers.shape == (0,)
 
 
 def test_the_fitted_plane_corrects_the_pitch_and_height_of_the_camera():

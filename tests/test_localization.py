@@ -18,7 +18,6 @@ from pfslam.beyond.localization import (
     LocalizationState,
     densest,
     enough,
-    injected_share,
     kld_bound,
     likelihood_field,
     localization_step,
@@ -30,9 +29,9 @@ from pfslam.cli.search import closing_words_of_search
 from pfslam.errors import DataError
 from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec, OccupancyGrid
-from pfslam.io.formats import read_known_map, read_tum, write_map
+from pfslam.io.formats import read_tum, write_map
 from pfslam.particles import MotionNoise, Particles
-from pfslam.poses import Trajectory, between, compose, transform_points, wrap_angle
+from pfslam.poses import Trajectory, between, compose, wrap_angle
 from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import LidarModel, RobotModel, scan_points
 
@@ -207,6 +206,7 @@ def total_variation(p, q):
     return 0.5 * np.abs(p - q).sum()
 
 
+@pytest.mark.slow
 def test_the_cloud_agrees_with_a_histogram_filter():
     """The exact recursion on a grid of 15 x 10 places and 24 headings, with the model's own densities."""
     noise = MotionNoise(xy=0.15, xy_per_metre=0.0, yaw=0.2, yaw_per_radian=0.0, yaw_per_metre=0.0)
@@ -258,14 +258,10 @@ def test_a_robot_is_found_in_a_room_and_its_path_followed():
     assert errors(result, recording)[-1] < 0.1
     assert result.infos[0].number == 100_000
     assert result.infos[-1].number == 500
+    # Scans from one place say the same: a step of 5 cm is too short to use the next one.
+    assert [info.used for info in result.infos[:4]] == [True, False, True, False]
     again = locate(known_map(ROOM), recording, LocalizationConfig(every=1))
     np.testing.assert_array_equal(result.trajectory.poses, again.trajectory.poses)
-
-
-def test_scans_from_one_place_count_once():
-    recording = recorded(ROOM, np.tile([0.0, 0.0, 0.5], (20, 1)))
-    result = locate(known_map(ROOM), recording, LocalizationConfig(every=1, first=2000))
-    assert [info.used for info in result.infos] == [True] + 19 * [False]
 
 
 CORRIDOR = np.vstack([box(-9.0, -1.5, 9.0, 1.5), box(1.0, 1.0, 1.6, 1.5), box(-1.6, -1.5, -1.0, -1.0)])
@@ -273,7 +269,10 @@ MARK = box(7.0, -1.5, 7.5, -0.9)
 """Half a turn about the origin leaves the corridor as it was; the mark is on one end only."""
 
 
-@pytest.mark.parametrize("seed", range(3))
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(1, 10))]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_two_clouds_live_until_the_mark_decides(seed):
     near_sighted = LidarModel(beams=91, range_max=4.0, position_b=(0.0, 0.0, 0.5))
     walls = np.vstack([CORRIDOR, MARK])
@@ -293,7 +292,7 @@ def test_two_clouds_live_until_the_mark_decides(seed):
     assert result.located[-1]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_kidnapped_robot_is_found_again_only_with_injection(seed):
     first, then = straight((-1.5, -0.8, 0.0), 3.0), straight((3.5, 2.0, -2.4), 3.5)
     recording = recorded(ROOM, first, then)
@@ -307,11 +306,6 @@ def test_a_kidnapped_robot_is_found_again_only_with_injection(seed):
         assert (max(info.injected for info in result.infos) > 0.1) == inject
     assert ends[True] < 0.2
     assert ends[False] > 0.5
-
-
-def test_the_share_injected_is_what_the_fast_average_lacks():
-    assert injected_share(0.8, 0.6) == pytest.approx(0.25)
-    assert injected_share(0.6, 0.8) == injected_share(0.8, 0.8) == injected_share(0.0, 0.0) == 0.0
 
 
 def test_the_estimate_is_one_cloud_and_never_between_two():
@@ -333,15 +327,6 @@ def test_maps_without_walls_or_floor_are_refused():
         grid = OccupancyGrid(spec, np.full(spec.shape, value, dtype=np.float32))
         with pytest.raises(DataError, match=words):
             locate(grid, recording)
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("particles", 0), ("sigma", -1.0), ("random", 0.0), ("found", 1.5), ("least", 20_000)],
-)
-def test_settings_out_of_range_are_refused(key, value):
-    with pytest.raises(DataError, match=key):
-        LocalizationConfig(**{key: value})
 
 
 # ---- the command line
@@ -424,17 +409,3 @@ def test_a_map_without_floor_or_file_is_one_clear_line(files, capsys):
     for name, words in (("room.yaml", "no free cell"), ("nowhere.yaml", "nowhere.yaml")):
         assert main(["locate", str(files / name), str(files / "drive.npz")]) == 2
         assert words in capsys.readouterr().err
-
-
-def test_a_map_is_read_as_it_was_written(files):
-    grid = read_known_map(files / "room.yaml")
-    assert grid.spec == known_map(ROOM).spec
-    np.testing.assert_array_equal(np.sign(grid.log_odds), np.sign(known_map(ROOM).log_odds))
-
-
-def test_transform_of_a_found_scan_lies_on_the_walls():
-    path = straight((-1.5, -0.8, 0.0), 3.0)
-    recording = recorded(ROOM, path)
-    result = locate(known_map(ROOM), recording, LocalizationConfig(every=1))
-    points = transform_points(result.trajectory.poses[-1], scan_points(scan(ROOM, path[-1], LIDAR), LIDAR))
-    assert np.median(distance_to_walls(points)) < 0.06

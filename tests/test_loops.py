@@ -1,10 +1,10 @@
 """Closing loops: the graph against finite differences and a dense oracle, false edges, and whole drives."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
+from drives import simulated
 from scipy.optimize import least_squares
 
 from pfslam.beyond.loops import graph
@@ -180,29 +180,25 @@ def test_the_search_finds_the_pose_and_names_the_twin_of_a_place_that_repeats():
     assert abs((twin - best)[0]) > 0.3 > abs((twin - best)[1])
 
 
-@cache
-def hall() -> tuple[SlamResult, Revision]:
-    recording = cached_simulation("hall").recording
-    result = run_slam(recording, replace(SlamConfig.matching(), every=20), keep_particles=False)
-    return result, close_loops(recording, result)
+def closed(recording, every=20) -> tuple[SlamResult, Revision, np.ndarray]:
+    """A run of scan matching, its revision, and the squared error of each loop in units of its own deviation."""
+    result = run_slam(recording, replace(SlamConfig.matching(), every=every), keep_particles=False)
+    revision = close_loops(recording, result)
+    loops, t = revision.loops, np.clip(result.trajectory.t, *recording.truth.t[[0, -1]])
+    truth = recording.truth.at(t)[revision.keys]
+    error = between(between(truth[loops.i], truth[loops.j]), loops.pose)
+    return result, revision, np.einsum("ei,eij,ej->e", error, loops.information, error)
 
 
 @pytest.mark.slow
-def test_no_false_loop_in_the_hall_and_the_path_stays_as_good():
-    recording = cached_simulation("hall").recording
-    result, revision = hall()
-    loops, truth = revision.loops, recording.truth.at(result.trajectory.t)[revision.keys]
-    error = between(between(truth[loops.i], truth[loops.j]), loops.pose)
-    assert len(loops) >= 10
-    assert np.einsum("ei,eij,ej->e", error, loops.information, error).max() < 16.0
+def test_no_false_loop_in_the_hall_and_the_path_stays_as_good_and_the_same_each_time():
+    recording = simulated("hall", None).recording
+    result, revision, chi2 = closed(recording)
+    assert len(revision.loops) >= 10
+    assert chi2.max() < 16.0
     assert trajectory_error(revision.trajectory, recording.truth).ate_rmse_m < 0.02
     assert np.abs(revision.trajectory.poses - result.trajectory.poses)[:, :2].max() < 0.03
-
-
-@pytest.mark.slow
-def test_the_same_run_is_revised_the_same_way():
-    result, revision = hall()
-    again = close_loops(cached_simulation("hall").recording, result)
+    again = close_loops(recording, result)
     assert np.array_equal(again.trajectory.poses, revision.trajectory.poses)
     assert np.array_equal(again.grid.log_odds, revision.grid.log_odds)
 
@@ -210,8 +206,7 @@ def test_the_same_run_is_revised_the_same_way():
 @pytest.mark.slow
 def test_a_long_ring_with_wrong_wheels_is_mended():
     recording = cached_simulation("ring").recording
-    result = run_slam(recording, SlamConfig.matching(), keep_particles=False)
-    revision = close_loops(recording, result)
+    result, revision, _ = closed(recording, every=5)
     before, after = (trajectory_error(r.trajectory, recording.truth) for r in (result, revision))
     assert before.ate_rmse_m > 0.4
     assert after.ate_rmse_m < 0.15
@@ -219,11 +214,8 @@ def test_a_long_ring_with_wrong_wheels_is_mended():
 
 @pytest.mark.slow
 def test_a_building_that_looks_the_same_after_half_a_turn_gives_no_false_loop():
-    recording = simulate(replace(HALL, layout="symmetric", laps=2), 1).recording
-    result = run_slam(recording, replace(SlamConfig.matching(), every=20), keep_particles=False)
-    loops, keys = (revision := close_loops(recording, result)).loops, revision.keys
-    truth = recording.truth.at(np.clip(result.trajectory.t, *recording.truth.t[[0, -1]]))[keys]
-    error = between(between(truth[loops.i], truth[loops.j]), loops.pose)
-    chi2 = np.einsum("ei,eij,ej->e", error, loops.information, error)
-    assert len(loops) > 10
+    robot = simulated("hall", None).config.robot
+    recording = simulate(replace(HALL, layout="symmetric", laps=2, robot=robot), 1).recording
+    _, revision, chi2 = closed(recording)
+    assert len(revision.loops) > 10
     assert (chi2 < 25.0).all()

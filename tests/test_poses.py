@@ -87,11 +87,6 @@ def test_composed_headings_stay_wrapped(a, b):
         assert -np.pi < result[2] <= np.pi
 
 
-def test_compose_by_hand():
-    # Stand at (1, 2) facing +y; two ahead and one to the left is (0, 4); a quarter turn more faces -x.
-    np.testing.assert_allclose(P.compose([1, 2, np.pi / 2], [2, 1, np.pi / 2]), [0, 4, np.pi], atol=1e-15)
-
-
 def test_compose_broadcasts_over_poses():
     rng = np.random.default_rng(0)
     many, one = rng.normal(size=(5, 3)), rng.normal(size=3)
@@ -191,10 +186,6 @@ def test_trajectory_interpolates_and_takes_the_short_way_round():
     # From 3.0 to -3.0 the short way is 2 pi - 6 forward, through pi.
     np.testing.assert_allclose(TURN.at(0.25), [0.25, 0.5, 3.0 + 0.25 * (2 * np.pi - 6)])
     np.testing.assert_allclose(TURN.at(2.0), [2.0, 2.0, -2.5])
-
-
-def test_trajectory_returns_its_own_poses_at_its_own_times():
-    np.testing.assert_allclose(TURN.at(TURN.t), TURN.poses, atol=1e-15)
 
 
 @given(st.floats(0.0, 3.0))

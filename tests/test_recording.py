@@ -93,11 +93,6 @@ def test_bad_input_is_one_line_that_names_the_field(build, says):
     assert "\n" not in str(caught.value)
 
 
-def test_invalid_readings_are_kept_as_they_are():
-    ranges = np.array([[np.nan, np.inf, 0.0]])
-    assert LidarScans(np.array([0.0]), ranges).ranges is ranges
-
-
 def test_a_log_of_poses_needs_no_encoders():
     log = Recording("log", RobotModel(lidar=LidarModel(beams=9)), odometry=Trajectory(T, np.zeros((3, 3))))
     assert log.encoders is None

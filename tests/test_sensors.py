@@ -21,12 +21,6 @@ FIVE = LidarModel(angle_min=-np.pi / 2, angle_max=np.pi / 2, beams=5, position_b
 ROOT_HALF = np.sqrt(0.5)
 
 
-def test_report_lidar_has_1081_beams_a_quarter_of_a_degree_apart():
-    lidar = LidarModel()
-    np.testing.assert_allclose(np.rad2deg(lidar.angles), np.arange(-135, 135.001, 0.25))
-    assert lidar.increment == pytest.approx(np.deg2rad(0.25))
-
-
 def test_beam_points_by_hand():
     # Right, half right, ahead, half left, left; every point two metres from the LiDAR at (0.2, 0.1). Eq. 7.
     expected = np.array(
@@ -39,10 +33,6 @@ def test_readings_that_are_none_give_no_point():
     ranges = np.array([np.nan, 0.0999, 3.0, np.inf, 30.0001])
     np.testing.assert_array_equal(FIVE.valid(ranges), [False, False, True, False, False])
     np.testing.assert_allclose(scan_points(ranges, FIVE), [[3.2, 0.1]])
-
-
-def test_scan_without_any_reading_has_no_points():
-    assert scan_points(np.full(5, np.inf), FIVE).shape == (0, 2)
 
 
 def test_pitched_down_scan_meets_the_floor_where_the_plane_does():

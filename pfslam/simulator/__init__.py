@@ -108,7 +108,6 @@ def simulate(
     """
     config = _configuration(what, hazards)
     seed = DEFAULT_SEED if seed is None else _whole(seed)
-    # The building depends on the seed alone: hall and ramp of one seed are drives through the same building.
     world = make_world(config, np.random.SeedSequence(seed))
     streams = np.random.SeedSequence([seed, config.number]).spawn(12)
     drive_rng, wheels, imu, scan_clock, scans, _, bumps, slips, *life = map(np.random.default_rng, streams)

@@ -131,7 +131,10 @@ class World:
 
 
 def make_world(config: SimulatorConfig, seed: np.random.SeedSequence) -> World:
-    """Build the building of a configuration and a seed, and choose the robot's path through it."""
+    """Build the building of a configuration and a seed, and choose the robot's path through it.
+
+    The building depends on the seed alone: hall and ramp of one seed are drives through the same building.
+    """
     plan_seed, clutter_seed = seed.spawn(2)
     turn = 15.0
     plan = make_plan(config, np.random.default_rng(plan_seed), turn)
