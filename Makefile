@@ -15,7 +15,7 @@ PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test quick weekly lint types unit notebooks studies check-book check-lab lab notebook-outputs strip
-.PHONY: classroom redraw hard consistency copies student solutions wheel release lock clean
+.PHONY: bench classroom redraw hard consistency copies student solutions wheel release lock clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-18s %s\n", $$1, $$2 }' Makefile
@@ -58,6 +58,9 @@ hard: $(STAMP)  # The filter on drives that are not clean, and whether it says s
 consistency: $(STAMP)  # How often cloud and covariance hold the truth: the second table on that page
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/consistency.py $(DATA) --out book/tables/consistency.csv
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/consistency.py $(DATA) --picture book/_static/covariance.webp
+
+bench: $(STAMP)  ## Speed and memory of whole runs on this machine
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/bench.py
 
 lint: $(STAMP)
 	"$(BIN)/ruff" check .

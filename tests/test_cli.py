@@ -18,7 +18,7 @@ from evo.tools import file_interface
 
 from pfslam import simulator
 from pfslam.__main__ import main
-from pfslam.cli import commands
+from pfslam.cli import commands, words
 from pfslam.io import files
 from pfslam.io.course import load_course, save_course
 from pfslam.io.formats import read_covariances, read_map, read_tum, write_tum
@@ -179,15 +179,15 @@ def test_a_run_that_is_not_to_be_trusted_says_so_in_one_sentence():
         {"from": begin + 40.0, "to": begin + 44.6, "reason": "no scan"},
     ]
     sentence = "do not trust path and map from 25 s on: scans dragged it; 1 more in summary.json"
-    closing = commands.closing_words(recording, {"distrust": stretches}, "here")
+    closing = words.closing_words(recording, {"distrust": stretches}, "here")
     assert closing.splitlines() == [sentence, "results are in here"]
-    closing = commands.closing_words(recording, {"distrust": stretches[1:]}, "here")
+    closing = words.closing_words(recording, {"distrust": stretches[1:]}, "here")
     assert closing.splitlines() == [
         "do not trust path and map from 40 s to 45 s: no scan",
         "results are in here",
     ]
-    assert commands.closing_words(recording, {"distrust": []}, "here") == "results are in here"
-    again = commands.closing_words(recording, {"second_look": True, "distrust": []}, "here")
+    assert words.closing_words(recording, {"distrust": []}, "here") == "results are in here"
+    again = words.closing_words(recording, {"second_look": True, "distrust": []}, "here")
     assert "the run was done again with care\nresults" in again
 
 
@@ -293,30 +293,21 @@ def test_a_hazard_out_of_range_is_named_as_it_was_typed(option, value, expected,
     assert not (tmp_path / "d").exists()
 
 
-def test_report_saves_the_figures_it_is_given(tmp_path, data, monkeypatch):
-    pyplot = pytest.importorskip("matplotlib.figure")
-    asked = {}
-
-    def report_figures(recording, *, seed=0, progress=None):
-        asked["lidar"] = recording.lidar is not None
-        return {name: pyplot.Figure() for name in commands.FIGURES[:5]}
-
-    module = type(sys)("pfslam_book.show.figures")
-    module.report_figures = report_figures
-    monkeypatch.setitem(sys.modules, "pfslam_book.show.figures", module)
+def test_report_draws_its_six_figures_without_the_book(tmp_path, data, monkeypatch):
+    pytest.importorskip("matplotlib")
+    monkeypatch.setitem(sys.modules, "pfslam_book", None)
     assert main(["report", "7", "--data", str(data), "--out", str(tmp_path)]) == 0
-    assert asked == {"lidar": True}
-    assert sorted(p.name for p in tmp_path.iterdir()) == [
-        "dead_reckoning_map.png",
-        "dead_reckoning_trajectory.png",
-        "prediction_only.png",
-        "slam_map.png",
-        "slam_trajectory.png",
-    ]
+    names = (
+        "dead_reckoning_trajectory prediction_only dead_reckoning_map slam_map slam_trajectory texture_map"
+    )
+    assert sorted(p.stem for p in tmp_path.glob("*.png")) == sorted(names.split())
+    for path in tmp_path.iterdir():
+        pixels = cv2.imread(str(path))
+        assert pixels.shape == (930, 1020, 3)
+        assert (pixels < 128).any(axis=2).mean() > 0.005, path.name
 
 
 def test_report_without_matplotlib_is_one_line(tmp_path, data, monkeypatch, capsys):
-    monkeypatch.delitem(sys.modules, "pfslam_book.show.figures", raising=False)
     for name in ["matplotlib", *(name for name in sys.modules if name.startswith("matplotlib."))]:
         monkeypatch.setitem(sys.modules, name, None)
     assert main(["report", "7", "--data", str(data), "--out", str(tmp_path)]) == 2
@@ -413,7 +404,7 @@ def test_a_fault_of_ours_and_too_little_memory_are_one_line_too(data, monkeypatc
     def broken(_):
         raise fault
 
-    monkeypatch.setitem(commands.COMMANDS, "run", broken)
+    monkeypatch.setattr(commands, "run_command", broken)
     assert main(["run", "8", "--data", str(data)]) == code
     assert len(capsys.readouterr().err.splitlines()) == 1
 
@@ -422,7 +413,7 @@ def test_a_fault_of_ours_shows_where_it_is_to_who_asks(data, monkeypatch):
     def broken(_):
         raise ZeroDivisionError("two")
 
-    monkeypatch.setitem(commands.COMMANDS, "run", broken)
+    monkeypatch.setattr(commands, "run_command", broken)
     monkeypatch.setenv("PFSLAM_DEBUG", "1")
     with pytest.raises(ZeroDivisionError):
         main(["run", "8", "--data", str(data)])

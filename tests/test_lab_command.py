@@ -1,8 +1,9 @@
 """``pfslam lab``: the chapters beside the reader's work, which is never written over."""
 
-import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -68,8 +69,11 @@ def test_an_unknown_chapter_is_one_line(number, tmp_path, opened, capsys):
     assert not (tmp_path / "mine").exists()
 
 
+def only_the_book(name):
+    return find_spec(name) if name == "pfslam_book" else None
+
+
 def test_the_exit_code_is_that_of_jupyterlab(tmp_path, monkeypatch):
-    monkeypatch.setattr(lab.importlib.util, "find_spec", lambda name: object())
     monkeypatch.setattr(lab.sys, "executable", str(tmp_path / "python"))
     (tmp_path / "python").write_text("#!/bin/sh\nexit 7\n")
     (tmp_path / "python").chmod(0o755)
@@ -77,19 +81,16 @@ def test_the_exit_code_is_that_of_jupyterlab(tmp_path, monkeypatch):
 
 
 def test_without_jupyterlab_it_says_what_to_install(tmp_path, opened, monkeypatch, capsys):
-    monkeypatch.setattr(lab.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(lab.importlib.util, "find_spec", only_the_book)
     assert main(["lab", "00", "--folder", str(tmp_path)]) == 2
     assert "pip install" in capsys.readouterr().err
     assert opened == []
 
 
-def test_without_chapters_it_says_where_they_should_be(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(lab, "SHELVES", (tmp_path / "nothing",))
+@pytest.mark.parametrize("found", [True, False])
+def test_without_the_book_it_says_where_chapters_come_from(found, tmp_path, monkeypatch, capsys):
+    book = SimpleNamespace(submodule_search_locations=[str(tmp_path / "a" / "pfslam_book")])
+    monkeypatch.setattr(lab.importlib.util, "find_spec", lambda name: book if found else None)
     assert main(["lab", "00", "--folder", str(tmp_path / "mine")]) == 2
-    assert "notebooks in" in capsys.readouterr().err
-
-
-def test_help_names_the_folder():
-    said = subprocess.run([sys.executable, "-m", "pfslam", "lab", "--help"], capture_output=True, text=True)
-    assert said.returncode == 0
-    assert "pfslam-chapters" in said.stdout
+    said = capsys.readouterr().err
+    assert ("notebooks in" if found else "package: found no pfslam_book") in said

@@ -25,7 +25,7 @@ from pfslam.beyond.localization import (
     resample_adaptively,
     spread,
 )
-from pfslam.cli.search import closing_words_of_search
+from pfslam.cli.words import closing_words_of_search
 from pfslam.errors import DataError
 from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec, OccupancyGrid

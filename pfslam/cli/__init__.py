@@ -1,1 +1,1 @@
-"""The command line: what each command does, and the summary of a run."""
+"""The command line: its options, what each command does, and what it says and draws."""

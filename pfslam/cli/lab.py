@@ -11,10 +11,6 @@ from pathlib import Path
 from pfslam.errors import DataError
 from pfslam.io.files import atomic_write
 
-BOOK = Path(importlib.util.find_spec("pfslam_book").submodule_search_locations[0])
-SHELVES = (BOOK / "chapters", BOOK.parents[1] / "notebooks")
-"""Where chapters lie: in an installed wheel as copies for students, in a checkout as they are written."""
-
 
 def lab_command(arguments: argparse.Namespace) -> int:
     """Copy the chapters that are not there yet into a folder and open one of them, or all, in JupyterLab.
@@ -41,13 +37,21 @@ def lab_command(arguments: argparse.Namespace) -> int:
 
 
 def available_chapters() -> list[Path]:
-    """Find the notebooks that came with this package, in their order."""
-    for shelf in SHELVES:
+    """Find the notebooks that came with the book, in their order: copies in a released wheel, or those of a checkout.
+
+    The book is found and not imported: the package does not depend on it.
+    """
+    spec = importlib.util.find_spec("pfslam_book")
+    if spec is None or not spec.submodule_search_locations:
+        raise DataError(
+            "pfslam lab", "package", "no pfslam_book", "the book, which comes with a released wheel"
+        )
+    book = Path(spec.submodule_search_locations[0])
+    for shelf in (book / "chapters", book.parents[1] / "notebooks"):
         if chapters := sorted(shelf.glob("[0-9][0-9]_*.ipynb")):
             return chapters
-    raise DataError(
-        "pfslam lab", "chapters", "none", f"notebooks in {SHELVES[0]}, as a released wheel has them"
-    )
+    expected = f"notebooks in {book / 'chapters'}, as a released wheel has them"
+    raise DataError("pfslam lab", "chapters", "none", expected)
 
 
 def chosen_chapter(chapters: list[Path], number: str | None) -> Path | None:

@@ -1,0 +1,209 @@
+"""The options of every command, and what becomes of errors: one line and an exit code.
+
+Nothing else is imported before a command is known, so that ``--help`` and mistyped options are answered at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from pfslam.errors import DataError
+
+BAD_INPUT, INTERRUPTED, FAULT = 2, 130, 1
+CODES = (
+    "Exit codes: 0 all is well, 1 a check failed (or a fault in pfslam itself), 2 bad input, 130 interrupted."
+)
+CHECK_CODES = "Exit codes: 0 no check failed, 1 at least one did, 2 the data set cannot be read."
+LONGEST_LINE = 600
+"""Characters of a complaint; an argument can have any length."""
+METHODS = ("report", "refined", "per-particle", "matching")
+TOPICS = {
+    "scan": "LaserScan",
+    "odom": "Odometry",
+    "imu": "Imu",
+    "rgb": "colour Image",
+    "depth": "depth Image",
+}
+HAZARDS = {
+    "doors": (4, "four doors open or close while the robot does not see them"),
+    "glass": (0.1, "a tenth of the walls is glass"),
+    "bumps": (8, "the floor tilts the robot by up to 3 degrees, eight times"),
+    "slip": (3, "the wheels lock or spin three times"),
+}
+"""Options of ``simulate`` without a value: the amount that each stands for, and its help."""
+
+
+class UsageError(Exception):
+    """Arguments that the command line does not know."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose complaints are one line."""
+
+    def error(self, message: str):
+        raise UsageError(f"{message} (see {self.prog} --help)")
+
+
+def whole(lowest: int, highest: int):
+    """Make a converter for whole numbers within limits."""
+
+    def convert(text: str) -> int:
+        if not (text.isascii() and text.isdigit() and len(text) < 20 and lowest <= int(text) <= highest):
+            expected = f"a whole number from {lowest} to {highest}"
+            raise argparse.ArgumentTypeError(f"{text[:40]!r} is not {expected}")
+        return int(text)
+
+    return convert
+
+
+def number(text: str) -> int | float:
+    """Convert text to a number; whether it is in range is for the settings to say."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a number")
+
+
+def coordinate(text: str) -> float:
+    """Convert a finite number of metres or radians."""
+    value = float(number(text))
+    if not abs(value) < 1000.0:
+        raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a number below 1000")
+    return value
+
+
+SEED = whole(0, 2**63 - 1)
+YES_OR_NO = argparse.BooleanOptionalAction
+
+
+def build_parser() -> Parser:
+    """Build the parser of all commands and their options."""
+    about = "Particle-filter SLAM and floor texture mapping."
+    parser = Parser(prog="pfslam", description=about, epilog=CODES, allow_abbrev=False)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    dataset, out = _dataset(), Parser(add_help=False)
+    out.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default out/DATASET)")
+
+    def command(name: str, what: str, *parents: Parser, epilog: str | None = None):
+        about = what[0].upper() + what[1:] + "."
+        return commands.add_parser(
+            name, help=what, description=about, parents=parents, epilog=epilog, allow_abbrev=False
+        ).add_argument
+
+    _add_simulate(command("simulate", "write a simulated data set in the course format, with its truth"))
+    command("info", "what a data set holds, and what a run would use", dataset)
+    command("check", "nine questions to ask of a data set before a run", dataset, epilog=CHECK_CODES)
+    _add_run(command("run", "trajectory, map and floor texture of a data set", dataset, out))
+    known = Parser(add_help=False)
+    known.add_argument(
+        "map", type=Path, metavar="MAP.yaml", help="a ROS map: the .yaml file beside its image"
+    )
+    _add_locate(command("locate", "where a robot is in a known map, from its drive", known, dataset))
+    command("report", "the report's figures for a data set", dataset, out)
+    add = command("convert", "write a data set into one .npz file, which loads without ROS", dataset)
+    add("out", type=Path, metavar="OUT", help="the file to write, NAME.npz")
+    add("--images", action=YES_OR_NO, default=True, help="keep the images (default: all that there are)")
+    add = command("study", "many runs over parameters, seeds and data sets")
+    add("file", type=Path, metavar="FILE", help="what to run, in TOML")
+    add("--out", type=Path, metavar="DIR", help="folder to write to (default out/NAME)")
+    add(
+        "--jobs", type=whole(1, 10_000), default=-1, metavar="N", help="processes (default: one on each core)"
+    )
+    _add_lab(command("lab", "the book's chapters as notebooks, in JupyterLab"))
+    return parser
+
+
+def _dataset() -> Parser:
+    """Describe how a data set is named."""
+    parser = Parser(add_help=False)
+    what = "hall, ramp, ring, a set's number, or the path of a ROS bag, an .npz recording, or a CARMEN log"
+    parser.add_argument("dataset", metavar="DATASET", help=what)
+    folder = "folder of numbered sets (default $PFSLAM_DATA or data)"
+    parser.add_argument("--data", type=Path, metavar="DIR", help=folder)
+    bags = parser.add_argument_group("for ROS bags", "Topics are found by their type if they are not named.")
+    for name, kind in TOPICS.items():
+        bags.add_argument(f"--{name}", metavar="TOPIC", help=f"the topic of {kind} to use")
+    place, axes = "place of the LiDAR in the robot's frame, m and rad (default: from /tf_static)", "X Y YAW"
+    bags.add_argument("--lidar-at", type=coordinate, nargs=3, metavar=tuple(axes.split()), help=place)
+    return parser
+
+
+def _add_simulate(add) -> None:
+    which = "hall is flat, ramp has slopes, ring has long corridors"
+    add("name", choices=("hall", "ramp", "ring"), help=which)
+    add("--out", type=Path, required=True, metavar="DIR", help="folder to write to")
+    add("--seed", type=SEED, metavar="S", help="another building for each seed")
+    add("--images", type=whole(1, 10**6), metavar="N", help="write every N-th image pair (default none)")
+    add(
+        "--people",
+        type=number,
+        metavar="N",
+        help="people who walk ahead of the robot, across its way and past it",
+    )
+    sweep = "seconds from the first beam of a scan to the last, such as 0.025"
+    add("--sweep", type=number, metavar="S", help=sweep)
+    for name, (amount, what) in HAZARDS.items():
+        add(f"--{name}", action="store_const", const=amount, help=what)
+
+
+def _add_run(add) -> None:
+    add("--method", choices=METHODS, default="refined", help="which filter (default refined)")
+    add("--particles", type=number, metavar="N", help="default 200; 30 with a map for each, 1 for matching")
+    add("--every", type=number, metavar="K", help="use every K-th scan (default: about eight scans a second)")
+    add("--seed", type=SEED, default=0, metavar="S", help="of the filter's random numbers (default 0)")
+    loops = "revise the path where places are seen again; writes trajectory_revised.tum, map_revised.yaml"
+    add("--loops", action="store_true", help=loops)
+    add("--texture", action=YES_OR_NO, help="map the floor's texture (default: if there are images)")
+
+
+def _add_locate(add) -> None:
+    add("--out", type=Path, metavar="DIR", help="folder to write to (default out/DATASET-located)")
+    particles = "the most after the first scan, which has ten times as many (default 10000)"
+    add("--particles", type=number, metavar="N", help=particles)
+    add("--seed", type=SEED, default=0, metavar="S", help="of the filter's random numbers (default 0)")
+
+
+def _add_lab(add) -> None:
+    add("chapter", nargs="?", metavar="NN", help="the chapter to open, such as 05")
+    folder = "where the chapters are copied to, unless they are there already (default pfslam-chapters)"
+    add("--folder", type=Path, default=Path("pfslam-chapters"), metavar="DIR", help=folder)
+    add("--copy-only", action="store_true", help="copy the chapters, and open nothing")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code.
+
+    0 if all is well, 1 if ``check`` found something; after one line, 2 for bad input, 130 for Ctrl-C, 1 for a fault.
+    """
+    try:
+        arguments = build_parser().parse_args(argv)
+        from pfslam.cli import commands
+
+        code = getattr(commands, f"{arguments.command}_command")(arguments)
+        sys.stdout.flush()
+    except (DataError, UsageError) as error:
+        return _complain(str(error), BAD_INPUT)
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+    except BrokenPipeError:  # the reader of our output has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return INTERRUPTED
+    except (OSError, MemoryError) as error:
+        return _complain(f"the system refused: {str(error) or type(error).__name__}", BAD_INPUT)
+    except Exception as error:
+        if os.environ.get("PFSLAM_DEBUG"):
+            raise
+        message = f"a fault in pfslam itself ({type(error).__name__}: {error}); PFSLAM_DEBUG=1 shows where"
+        return _complain(message, FAULT)
+    return code or 0
+
+
+def _complain(message: str, code: int) -> int:
+    line = " ".join(message.removeprefix("pfslam: ").split())
+    print("pfslam: " + (line if len(line) <= LONGEST_LINE else line[:LONGEST_LINE] + " ..."), file=sys.stderr)
+    return code

@@ -1,0 +1,234 @@
+"""What the commands say: tables, closing words, and the figures of a run for ``summary.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pfslam.beyond.localization import LocalizationResult
+from pfslam.evaluation.calibration import calibrate
+from pfslam.evaluation.checkup import Finding, check_up
+from pfslam.evaluation.cloud import covariance_consistency
+from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.io.bags import TF, Topic
+from pfslam.poses import Trajectory
+from pfslam.recording import Recording
+from pfslam.refined.health import alarms
+from pfslam.run import SlamResult
+from pfslam.texture import FloorTexture
+
+if TYPE_CHECKING:
+    from pfslam.beyond.loops.closing import Revision
+
+VERDICTS = {True: "ok", False: "FAILED", None: "-"}
+RATES = ("seconds", "per second", "longest gap")
+
+# Tables: what a data set holds, and whether its instruments agree
+
+
+def text_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Set a table in columns of text."""
+    table = [headings, *rows]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = ([word.ljust(width) for word, width in zip(row, widths, strict=True)] for row in table)
+    return "\n".join("  ".join(line).rstrip() for line in lines)
+
+
+def check_table(findings: Iterable[Finding]) -> str:
+    """Set the answers of a check-up as a table."""
+    rows = ((VERDICTS[f.ok], f.question, f.found, f.expected) for f in findings)
+    return text_table(("verdict", "question", "found", "expected"), rows)
+
+
+def topic_table(topics: Mapping[str, Topic], chosen: Iterable[str]) -> str:
+    """Set the topics of a bag as a table, by when their messages reached the bag."""
+    used = {*chosen, *(name for name, topic in topics.items() if topic.kind == TF)}
+    rows = (
+        (name, topic.kind.replace("/msg/", "/"), *_rates(topic.t), "yes" if name in used else "no")
+        for name, topic in topics.items()
+    )
+    return text_table(("topic", "type", "messages", *RATES, "used"), rows)
+
+
+def _rates(t: np.ndarray) -> tuple[str, str, str, str]:
+    """Put stamps ``(K,)`` into words: how many, over which time, how often, and the longest gap."""
+    if len(t) < 2:
+        return str(len(t)), "-", "-", "-"
+    span = float(t[-1] - t[0])
+    often = f"{(len(t) - 1) / span:.1f}" if span > 0 else "-"
+    return str(len(t)), f"{span:.1f}", often, f"{np.diff(t).max():.2f} s"
+
+
+def describe(recording: Recording) -> str:
+    """Say what a recording holds: its streams, its LiDAR, what was left out and what its loader had to say."""
+    names = ("encoders", "imu", "odometry", "lidar", "truth")
+    stamps = {name: part.t for name in names if (part := getattr(recording, name)) is not None}
+    if recording.camera is not None:
+        stamps |= {"depth images": recording.camera.disparity_t, "colour images": recording.camera.rgb_t}
+    begin, end = min(t[0] for t in stamps.values()), max(t[-1] for t in stamps.values())
+    source = "encoders and gyro" if recording.odometry is None else "the odometry's poses"
+    lines = [
+        text_table(("stream", "readings", *RATES), ((name, *_rates(t)) for name, t in stamps.items())),
+        f"time: {begin:.6f} to {end:.6f} s",
+        f"motion: from {source}",
+        *_lidar(recording),
+    ]
+    return "\n".join(lines + said_by_the_loader(recording))
+
+
+def _lidar(recording: Recording) -> list[str]:
+    if recording.lidar is None:
+        return ["lidar: none, so there is dead reckoning only"]
+    lidar = recording.robot.lidar
+    low, high = np.degrees([lidar.angle_min, lidar.angle_max])
+    x, y, z = lidar.position_b
+    return [
+        f"lidar: {lidar.beams} beams from {low:.1f} to {high:.1f} deg, {lidar.range_min:g} to {lidar.range_max:g} m",
+        f"place of the lidar: x {x:.3f}, y {y:.3f}, z {z:.3f} m",
+        f"sweep: {lidar.sweep:g} s from first beam to last" if lidar.sweep else "sweep: all beams at once",
+        f"scans that a run uses: one in {recording.default_every}",
+    ]
+
+
+# Summaries: the figures of a run
+
+
+def summarise(
+    recording: Recording,
+    odometry: Trajectory,
+    result: SlamResult | None,
+    texture: FloorTexture | None,
+    revision: Revision | None = None,
+) -> dict[str, Any]:
+    """Collect the figures of a run: counts, what was dropped and why, and the errors where the truth is known."""
+    dropped = recording.dropped | (result.dropped if result else {}) | (texture.dropped if texture else {})
+    summary: dict[str, Any] = {
+        "scans_recorded": 0 if recording.lidar is None else len(recording.lidar.t),
+        "scans": len(result.trajectory) if result else 0,
+        "updates": result.updates if result else 0,
+        "resamplings": result.resamplings if result else 0,
+        "lost": len(alarms(result.infos)) if result else 0,
+        "second_look": bool(result and result.config.outliers),
+        "distrust": result.distrust if result else [],
+        "covariance": _covariance(result, recording.truth) if result else None,
+        "dropped": dropped,
+        "notes": list(recording.notes),
+        "checks_failed": [asdict(finding) for finding in check_up(recording) if finding.ok is False],
+    }
+    if recording.encoders is not None and recording.imu is not None:
+        summary["calibration"] = {"applied": False} | asdict(calibrate(recording, result))
+    if texture is not None:
+        summary["image_pairs"] = texture.pairs
+    estimates = {"odometry": odometry} | ({"slam": result.trajectory} if result else {})
+    if revision is not None and result is not None:
+        summary["loops"] = _loops(revision, result.trajectory)
+        estimates["revised"] = revision.trajectory
+    if (truth := recording.truth) is not None:
+        known = truth.covers(odometry.t)
+        if not known.all():
+            dropped["poses outside the truth's time, not compared"] = int(np.count_nonzero(~known))
+        if known.any():
+            summary |= {name: asdict(trajectory_error(path, truth)) for name, path in estimates.items()}
+    return summary
+
+
+def _covariance(result: SlamResult, truth: Trajectory | None) -> dict[str, float] | None:
+    """Say how well the run knows its poses (m, deg), and with truth whether it is right about that."""
+    covariances = result.covariances
+    if covariances is None:
+        return None
+    position = np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
+    heading = np.rad2deg(np.sqrt(covariances[:, 2, 2]))
+    found = {
+        "sigma_end_m": float(position[-1]),
+        "sigma_max_m": float(position.max()),
+        "heading_sigma_end_deg": float(heading[-1]),
+        "heading_sigma_max_deg": float(heading.max()),
+    }
+    if truth is not None and np.count_nonzero(truth.covers(result.trajectory.t)) > 1:
+        against = covariance_consistency(result.infos, truth)
+        found |= {"nees": float(against.nees.mean()), "truth_within_90": against.inside[0.9]}
+    return found
+
+
+def _loops(revision: Revision, before: Trajectory) -> dict[str, Any]:
+    """Say how many places were compared and found to be the same, and how far the path was moved (m)."""
+    moved = np.hypot(*(revision.trajectory.poses - before.poses)[:, :2].T)
+    counts = {
+        "key_scans": len(revision.keys),
+        "candidates": revision.candidates,
+        "accepted": len(revision.loops),
+    }
+    return counts | {"largest_move_m": float(moved.max())}
+
+
+def summarise_search(recording: Recording, result: LocalizationResult) -> dict[str, Any]:
+    """Collect the figures of a search: when the pose was found, for how long, and with how many particles."""
+    numbers, found = [info.number for info in result.infos], result.found_at
+    return {
+        "scans": len(result.infos),
+        "updates": sum(info.used for info in result.infos),
+        "found_at": found,
+        "seconds_to_find": None if found is None else found - float(result.trajectory.t[0]),
+        "located_share": float(result.located.mean()),
+        "located_at_end": bool(result.located[-1]),
+        "particles": {"most": max(numbers), "fewest": min(numbers), "mean": float(np.mean(numbers))},
+        "dropped": recording.dropped | result.dropped,
+        "notes": list(recording.notes),
+    }
+
+
+# Closing words: how it went, and where the results are
+
+
+def said_by_the_loader(recording: Recording) -> list[str]:
+    """List what the loader of a recording decided, and what it left out."""
+    lines = [f"note: {note}" for note in recording.notes]
+    return lines + [f"left out: {count} {reason}" for reason, count in recording.dropped.items()]
+
+
+def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> str:
+    """Write a few lines for the user: what the loader said, and how the run ended."""
+    lines = said_by_the_loader(recording)
+    if recording.lidar is None:
+        lines.append("no LiDAR in this data set: dead reckoning only")
+    if summary.get("second_look"):
+        lines.append("people, glass or noise misled the scans: the run was done again with care")
+    for check in summary.get("checks_failed", ()):
+        lines.append(f"check failed: {check['question']} {check['found']}, expected {check['expected']}")
+    if stretches := summary["distrust"]:
+        lines.append(_warning(stretches, recording.scans().t[0]))
+    estimates = [name for name in ("odometry", "slam", "revised") if name in summary]
+    errors = ", ".join(f"{name} {summary[name]['ate_rmse_m']:.3f} m" for name in estimates)
+    found = f" ({errors} from the truth, root mean square)" if errors else ""
+    return "\n".join([*lines, f"results are in {out}{found}"])
+
+
+def _warning(stretches: list, begin: float) -> str:
+    """Say in one sentence when and why not to trust the run, in seconds after the first scan."""
+    first = stretches[0]
+    since, to = first["from"] - begin, first["to"]
+    when = f"from {since:.0f} s on" if to is None else f"from {since:.0f} s to {to - begin:.0f} s"
+    others = f"; {len(stretches) - 1} more in summary.json" if len(stretches) > 1 else ""
+    return f"do not trust path and map {when}: {first['reason']}{others}"
+
+
+def closing_words_of_search(recording: Recording, result: LocalizationResult, out: Path) -> str:
+    """Write a few lines for the user: what the loader said, when and where the robot was found, and where files are."""
+    lines = said_by_the_loader(recording)
+    if result.found_at is None:
+        lines.append("not found: at no scan did the cloud agree on one place")
+    else:
+        seconds = result.found_at - result.trajectory.t[0]
+        x, y, theta = result.trajectory.poses[-1]
+        place = f"({x:.2f} m, {y:.2f} m, {np.degrees(theta):.0f} deg)"
+        if result.located[-1]:
+            lines.append(f"found after {seconds:.1f} s; now at {place}")
+        else:
+            lines.append(f"not sure at the end: seemed found after {seconds:.1f} s; last guess {place}")
+            lines.append("is it the map of this building?")
+    return "\n".join([*lines, f"results are in {out}"])
