@@ -1,5 +1,10 @@
 """The one error that bad input raises."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class DataError(ValueError):
     """Report input that cannot be used.
@@ -11,6 +16,15 @@ class DataError(ValueError):
     def __init__(self, source: object, field: str, found: object, expected: str):
         self.source, self.field, self.found, self.expected = str(source), field, _short(found), expected
         super().__init__(" ".join(f"{self.source}: {field}: found {self.found}, expected {expected}".split()))
+
+
+@contextmanager
+def naming(source: object, prefix: str = "") -> Iterator[None]:
+    """Let a ``DataError`` raised inside name this source, and the place ``prefix`` before its own field."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(source, prefix + error.field, error.found, error.expected) from None
 
 
 def _short(found: object) -> str:

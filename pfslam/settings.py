@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_o
 
 import numpy as np
 
-from pfslam.errors import DataError
+from pfslam.errors import DataError, naming
 
 T = TypeVar("T")
 
@@ -172,10 +172,8 @@ def changed(config: T, changes: Mapping[str, Any], source: object = None, prefix
             key = f"{prefix}{name}.{next(iter(below))}"
             raise DataError(source, key, found, "a field of what is switched on")
         whole[name] = changed(part, below, source, f"{prefix}{name}.")
-    try:
+    with naming(source, prefix):
         return replace(config, **whole)  # type: ignore[type-var]
-    except DataError as error:
-        raise DataError(source, prefix + error.field, error.found, error.expected) from None
 
 
 def _switched(value: Any, hint: Any) -> Any:

@@ -29,10 +29,9 @@ from pfslam.evaluation.checkup import check_up
 from pfslam.io.bags import BagOptions, choose_topics, is_bag, read_topics
 from pfslam.io.course import save_course
 from pfslam.io.datasets import dataset_name, load
-from pfslam.io.files import atomic_write, check_writable, write_text
+from pfslam.io.files import atomic_write, check_writable, write_png, write_text
 from pfslam.io.formats import read_known_map, write_covariances, write_map, write_texture, write_tum
-from pfslam.io.images import write_png
-from pfslam.io.log import Log
+from pfslam.io.loading import Log
 from pfslam.io.recordings import save
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory

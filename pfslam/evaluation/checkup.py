@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from pfslam.evaluation.calibration import gyro_bias
-from pfslam.evaluation.turns import LEAST_SECONDS, compare_turns
+from pfslam.io.headings import LEAST_SECONDS, compare_turns
 from pfslam.motion import Controls, controls
 from pfslam.recording import LidarScans, Recording, image_pairs
 

@@ -18,10 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from pfslam.errors import DataError
+from pfslam.errors import DataError, naming
 from pfslam.io.headings import with_better_headings
-from pfslam.io.limits import GRAVITY_LIMIT, LONGEST_SWEEP, POSE_LIMIT
-from pfslam.io.log import Log
+from pfslam.io.loading import GRAVITY_LIMIT, LONGEST_SWEEP, POSE_LIMIT, Log
 from pfslam.poses import Trajectory, chain_transforms, quaternion_to_rotation, rotation_matrix, transform
 from pfslam.recording import Imu, LidarScans, Recording, RgbdStream
 from pfslam.refined.tilt import upright
@@ -166,7 +165,7 @@ Frames = dict[tuple[str, str], Poses]
 
 
 def is_bag(path: Path) -> bool:
-    """Tell from its name whether a path is a bag: a file of a bag's kind, or a folder that holds such files."""
+    """Whether a path is a bag, by its name: a file of a bag's kind, or a folder that holds such files."""
     names = [entry.name for entry in path.iterdir()] if path.is_dir() else [path.name]
     return any(name == INDEX or Path(name).suffix.lower() in SUFFIXES for name in names)
 
@@ -326,14 +325,14 @@ def _scans(log: Log, topic: Topic, T: np.ndarray) -> tuple[LidarModel, LidarScan
     if T[2, 2] < 0:
         log.notes.append(f"{frame} hangs upside down: the beams of {topic.name} are put in the other order")
     limits = usual.range_min, usual.range_max
-    with log.naming(topic.name):
+    with naming(log.path, f"{topic.name}, "):
         model, step = LidarModel.mounted(T, _ends(usual), ranges.shape[1], limits, sweep)
     # ROS stamps the first beam, this package the middle one.
     return model, LidarScans(topic.t + 0.5 * sweep, np.ascontiguousarray(ranges[:, ::step]))
 
 
 def _has_angles(message: Any) -> bool:
-    """Tell whether a scan has beams at different angles, over at most one turn."""
+    """Whether a scan has beams at different angles, over at most one turn."""
     beams, low, step = len(message.ranges), abs(message.angle_min), abs(message.angle_increment)
     turns = (beams - 1) * step <= 2.0 * np.pi + 0.02 and (step > 0.0 or beams == 1)
     return bool(1 <= beams <= MAX_BEAMS and low < 7.0 and turns)

@@ -6,46 +6,45 @@ message was sent (``ipc_timestamp``), as in the relations of the SLAM benchmark.
 
 from __future__ import annotations
 
-from array import array
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from pfslam.errors import DataError
+from pfslam.errors import DataError, naming
 from pfslam.io.files import reason
 from pfslam.io.formats import numbers
-from pfslam.io.log import Log
+from pfslam.io.loading import POSE_LIMIT, STAMP_LIMIT, Log
 from pfslam.poses import Trajectory, between
 from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import MAX_BEAMS, LidarModel, RobotModel
 
 MAX_LINE_BYTES = 2**20
-MAX_STAMP = 1e11
-MAX_COORDINATE = 1e8
 NO_RETURN = 80.0
 """SICK scanners report 81.83 m and the like where nothing came back."""
 SENSOR_HEIGHT = 0.35
 """The logs do not say how high the scanner is mounted; on a flat floor it does not matter."""
 
 
+class Scan(NamedTuple):
+    """A scan: its stamp (s), its ranges ``(beams,)`` float32, and poses of laser and robot if the message has them."""
+
+    t: float
+    ranges: np.ndarray
+    poses: list[float]
+
+
 @dataclass(eq=False)
 class CarmenLog(Log):
-    """What the lines of a log add up to.
+    """What the lines of a log add up to; ``odometry`` has rows of stamp, x, y, theta."""
 
-    For each scan there is a stamp, its ranges ``(beams,)`` float32 and, if the message has them, the poses of robot and
-    laser, three numbers each; for each odometry message four numbers: stamp, x, y, theta.
-    """
-
-    beams: int = 0
     angles: tuple[float, float] = (0.0, 0.0)
     range_max: float = NO_RETURN
-    ranges: list[np.ndarray] = field(default_factory=list)
-    scan_t: array = field(default_factory=partial(array, "d"))
-    robot_at_scan: array = field(default_factory=partial(array, "d"))
-    laser_at_scan: array = field(default_factory=partial(array, "d"))
-    odometry: array = field(default_factory=partial(array, "d"))
+    scans: list[Scan] = field(default_factory=list)
+    odometry: list[list[float]] = field(default_factory=list)
     laser_offset: str | None = None
 
 
@@ -56,17 +55,16 @@ def load_carmen(path: str | Path) -> Recording:
     counted in ``recording.dropped``. Raises ``DataError`` naming the line for what cannot be read.
     """
     log = read_log(path)
-    if not log.scan_t:
+    if not log.scans:
         raise DataError(log.path, "laser messages", "none", "lines of FLASER, ROBOTLASER1 or RAWLASER1")
-    t = np.array(log.scan_t)
+    t = np.array([scan.t for scan in log.scans])
     order = log.in_order("scans", t)
-    t = t[order]
-    lidar = LidarScans(t, np.stack([log.ranges[k] for k in order]))
+    lidar = LidarScans(t[order], np.stack([log.scans[k].ranges for k in order]))
     log.leave_out("ranges that are not a number", np.isnan(lidar.ranges))
-    if len(log.robot_at_scan) == 3 * len(log.scan_t):
-        odometry = Trajectory(t, _pose_columns(log, log.robot_at_scan, 3)[order])
-    elif log.odometry and not log.robot_at_scan:
-        rows = _pose_columns(log, log.odometry, 4)
+    if all(scan.poses for scan in log.scans):
+        odometry = Trajectory(t[order], np.array([log.scans[k].poses[3:] for k in order]))
+    elif log.odometry and not any(scan.poses for scan in log.scans):
+        rows = np.array(log.odometry)
         rows = rows[log.in_order("poses of the odometry", rows[:, 0])]
         odometry = Trajectory(rows[:, 0], rows[:, 1:])
     else:
@@ -75,23 +73,14 @@ def load_carmen(path: str | Path) -> Recording:
     return Recording(log.path.stem, robot, None, None, odometry, lidar, None, None, *said)
 
 
-def _pose_columns(log: CarmenLog, values: array, columns: int) -> np.ndarray:
-    """Arrange rows of odometry as an array; poses that no robot can have reached are refused."""
-    table = np.array(values).reshape(-1, columns)
-    if np.abs(table[:, -3:]).max() > MAX_COORDINATE:
-        at = int(np.argmax(np.abs(table[:, -3:]).max(axis=1)))
-        found = " ".join(f"{value:g}" for value in table[at, -3:])
-        raise DataError(log.path, f"odometry {at + 1}", found, f"m and rad, at most {MAX_COORDINATE:g}")
-    return table
-
-
 def _lidar(log: CarmenLog) -> LidarModel:
     """Describe the laser: angles and range limit from its messages, mounting from PARAM lines or the poses."""
-    x, y, yaw = _mounting(log)
+    x, y, yaw = _mounting(log).tolist()
     low, high = (float(angle + yaw) for angle in log.angles)
-    position = float(x), float(y), SENSOR_HEIGHT
-    with log.naming("laser"):
-        return LidarModel(low, high, log.beams, range_max=log.range_max, position_b=position)
+    with naming(log.path, "laser, "):
+        return LidarModel(
+            low, high, len(log.scans[0].ranges), range_max=log.range_max, position_b=(x, y, SENSOR_HEIGHT)
+        )
 
 
 def _mounting(log: CarmenLog) -> np.ndarray:
@@ -101,10 +90,10 @@ def _mounting(log: CarmenLog) -> np.ndarray:
     """
     if log.laser_offset is not None:
         return np.array([*numbers(log.path, "PARAM", [log.laser_offset], 1), 0.0, 0.0])
-    if not log.laser_at_scan:
+    poses = np.array([scan.poses for scan in log.scans if scan.poses]).reshape(-1, 6)
+    if not len(poses):
         return np.zeros(3)
-    robot, laser = (np.array(poses).reshape(-1, 3) for poses in (log.robot_at_scan, log.laser_at_scan))
-    offsets = between(robot, laser)
+    offsets = between(poses[:, 3:], poses[:, :3])
     changes = np.abs(between(offsets[0], offsets)).max()
     return offsets[0] if changes < 0.01 and np.hypot(*offsets[0, :2]) < 2.0 else np.zeros(3)
 
@@ -118,113 +107,107 @@ def read_log(path: str | Path) -> CarmenLog:
                 if len(line) > MAX_LINE_BYTES:
                     expected = f"at most {MAX_LINE_BYTES} bytes a line"
                     raise DataError(path, f"line {number}", "a longer line", expected)
-                _read_line(log, number, line)
+                words = line.decode("utf-8", errors="replace").split()
+                if words and words[0] in READERS:
+                    READERS[words[0]](log, f"line {number}", words[1:])
+                elif words and not words[0].startswith("#"):
+                    log.leave_out("messages of other kinds")
     except OSError as error:
         raise DataError(path, "reading", reason(error), "a file that can be read") from error
     return log
 
 
-def _read_line(log: CarmenLog, number: int, line: bytes) -> None:
-    words = line.decode("utf-8", errors="replace").split()
-    if words and words[0] in READERS:
-        READERS[words[0]](log, number, words[1:])
-    elif words and not words[0].startswith("#"):
-        log.leave_out("messages of other kinds")
-
-
-def _flaser(log: CarmenLog, line: int, words: list[str]) -> None:
+def _flaser(log: CarmenLog, line: str, words: list[str]) -> None:
     """count, ranges, laser x y theta, odometry x y theta, ipc time, host, logger time."""
-    count = _whole(log.path, line, words, 0)
-    _expect(log.path, line, words, 1 + count + 9)
-    pose = numbers(log.path, f"line {line}", words[count + 1 : count + 7], 6)
-    (stamp,) = numbers(log.path, f"line {line}", words[count + 7 : count + 8], 1)
+    count = _whole(log, line, words, 0)
+    _expect(log, line, words, 1 + count + 9)
+    *poses, stamp = numbers(log.path, line, words[count + 1 : count + 8], 7)
     # Old logs leave the angles out: half a turn from -90 deg, the last beam of an even number one step short.
     step = np.pi / (count if count % 2 == 0 else max(count - 1, 1))
-    _add_scan(log, line, stamp, words[1 : count + 1], -np.pi / 2, step)
-    log.laser_at_scan.extend(pose[:3])
-    log.robot_at_scan.extend(pose[3:])
+    _add_scan(log, line, stamp, words[1 : count + 1], -np.pi / 2, step, poses)
 
 
-def _robotlaser(log: CarmenLog, line: int, words: list[str]) -> None:
-    """Laser head as RAWLASER1, laser and robot poses, five safety values, ipc time, host, logger time."""
-    at = _laser_head(log, line, words, 14)
-    log.laser_at_scan.extend(numbers(log.path, f"line {line}", words[at : at + 3], 3))
-    log.robot_at_scan.extend(numbers(log.path, f"line {line}", words[at + 3 : at + 6], 3))
+def _laser(log: CarmenLog, line: str, words: list[str], tail: int) -> None:
+    """Type, start, field of view, resolution, maximum, accuracy, mode, ranges, remissions, and a tail.
 
-
-def _rawlaser(log: CarmenLog, line: int, words: list[str]) -> None:
-    """Type, start, field of view, resolution, maximum, accuracy, mode, ranges, remissions, times."""
-    _laser_head(log, line, words, 3)
-
-
-def _laser_head(log: CarmenLog, line: int, words: list[str], tail: int) -> int:
-    """Read a new-style scan with ``tail`` words after its remissions, and return where these begin."""
-    count = _whole(log.path, line, words, 7)
-    remissions = _whole(log.path, line, words, 8 + count)
-    at = 9 + count + remissions
-    _expect(log.path, line, words, at + tail)
-    start, _, step, range_max = numbers(log.path, f"line {line}", words[1:5], 4)
-    (stamp,) = numbers(log.path, f"line {line}", words[-3:-2], 1)
+    That of ROBOTLASER1 is laser and robot poses, five safety values, ipc time, host, logger time: 14 words. That of
+    RAWLASER1 is the last three.
+    """
+    count = _whole(log, line, words, 7)
+    at = 9 + count + _whole(log, line, words, 8 + count)
+    _expect(log, line, words, at + tail)
+    start, _, step, range_max = numbers(log.path, line, words[1:5], 4)
+    (stamp,) = numbers(log.path, line, words[-3:-2], 1)
     # A scanner that sees nothing reports its maximum or a little less.
     log.range_max = min(NO_RETURN, 0.99 * range_max) if range_max > 0 else NO_RETURN
-    _add_scan(log, line, stamp, words[8 : 8 + count], start, step)
-    return at
+    poses = numbers(log.path, line, words[at : at + 6], 6) if tail > 3 else []
+    _add_scan(log, line, stamp, words[8 : 8 + count], start, step, poses)
 
 
-def _add_scan(log: CarmenLog, line: int, stamp: float, words: list[str], start: float, step: float) -> None:
+def _add_scan(
+    log: CarmenLog, line: str, stamp: float, words: list[str], start: float, step: float, poses: list[float]
+) -> None:
     angles = (start, start + (len(words) - 1) * step)
-    if log.beams and (len(words) != log.beams or not np.allclose(angles, log.angles, atol=1e-6)):
+    beams = len(log.scans[0].ranges) if log.scans else len(words)
+    if log.scans and (len(words) != beams or not np.allclose(angles, log.angles, atol=1e-6)):
         found = f"{len(words)} beams from {angles[0]:.4f} to {angles[1]:.4f} rad"
-        expected = f"{log.beams} from {log.angles[0]:.4f} to {log.angles[1]:.4f} rad as before"
-        raise DataError(log.path, f"line {line}", found, expected)
+        expected = f"{beams} from {log.angles[0]:.4f} to {log.angles[1]:.4f} rad as before"
+        raise DataError(log.path, line, found, expected)
     if not (abs(start) < 7.0 and 0.0 <= angles[1] - start <= 2.0 * np.pi + 1e-3):
         found = f"angles from {start:g} to {angles[1]:g}"
-        raise DataError(log.path, f"line {line}", found, "increasing radians, at most one turn")
-    if abs(stamp) > MAX_STAMP:
-        raise DataError(log.path, f"line {line}", f"stamp {stamp:g}", f"seconds, at most {MAX_STAMP:g}")
+        raise DataError(log.path, line, found, "increasing radians, at most one turn")
+    if abs(stamp) > STAMP_LIMIT[0]:
+        raise DataError(log.path, line, f"stamp {stamp:g}", f"seconds, at most {STAMP_LIMIT[0]:g}")
+    _check_pose(log, line, poses[3:])
     try:
         with np.errstate(over="ignore"):
             ranges = np.array(words, dtype=float).astype(np.float32)
     except ValueError:
-        raise DataError(
-            log.path, f"line {line}", "a range that is no number", f"{len(words)} numbers"
-        ) from None
-    log.beams, log.angles = len(words), angles
-    log.scan_t.append(stamp)
-    log.ranges.append(ranges)
+        raise DataError(log.path, line, "a range that is no number", f"{beams} numbers") from None
+    log.angles = angles
+    log.scans.append(Scan(stamp, ranges, poses))
 
 
-def _odom(log: CarmenLog, line: int, words: list[str]) -> None:
+def _odom(log: CarmenLog, line: str, words: list[str]) -> None:
     """x, y, theta, speeds and acceleration, ipc time, host, logger time."""
-    _expect(log.path, line, words, 9)
-    log.odometry.extend(numbers(log.path, f"line {line}", [words[6], *words[:3]], 4))
+    _expect(log, line, words, 9)
+    row = numbers(log.path, line, [words[6], *words[:3]], 4)
+    _check_pose(log, line, row[1:])
+    log.odometry.append(row)
 
 
-def _param(log: CarmenLog, line: int, words: list[str]) -> None:
+def _check_pose(log: CarmenLog, line: str, pose: list[float]) -> None:
+    """Refuse a pose that no robot can have reached."""
+    limit, unit = POSE_LIMIT
+    if any(abs(value) > limit for value in pose):
+        found = " ".join(f"{value:g}" for value in pose)
+        raise DataError(log.path, f"{line}, odometry", found, f"{unit}, at most {limit:g}")
+
+
+def _param(log: CarmenLog, line: str, words: list[str]) -> None:
     """Only the parameter that says where the laser is mounted is used."""
     if len(words) >= 2 and words[0] == "robot_frontlaser_offset":
         log.laser_offset = words[1]
 
 
-READERS = {
+READERS: dict[str, Callable[[CarmenLog, str, list[str]], None]] = {
     "FLASER": _flaser,
-    "ROBOTLASER1": _robotlaser,
-    "RAWLASER1": _rawlaser,
+    "ROBOTLASER1": partial(_laser, tail=14),
+    "RAWLASER1": partial(_laser, tail=3),
     "ODOM": _odom,
     "PARAM": _param,
 }
 
 
-def _whole(path: Path, line: int, words: list[str], at: int) -> int:
+def _whole(log: CarmenLog, line: str, words: list[str], at: int) -> int:
     word = words[at] if at < len(words) else "the end of the line"
     lowest = 1 if at in (0, 7) else 0
     if not (word.isascii() and word.isdigit() and len(word) < 7 and lowest <= int(word) <= MAX_BEAMS):
-        raise DataError(
-            path, f"line {line}, word {at + 2}", word[:60], f"a count from {lowest} to {MAX_BEAMS}"
-        )
+        expected = f"a count from {lowest} to {MAX_BEAMS}"
+        raise DataError(log.path, f"{line}, word {at + 2}", word[:60], expected)
     return int(word)
 
 
-def _expect(path: Path, line: int, words: list[str], count: int) -> None:
+def _expect(log: CarmenLog, line: str, words: list[str], count: int) -> None:
     if len(words) != count:
-        raise DataError(path, f"line {line}", f"{len(words)} values", f"{count} values")
+        raise DataError(log.path, line, f"{len(words)} values", f"{count} values")

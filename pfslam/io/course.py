@@ -12,28 +12,19 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.io.files import read_npz, write_npz
-from pfslam.io.images import ImageReader, numbered_images, write_png
-from pfslam.io.limits import LONGEST_SWEEP, check_size, stamps
-from pfslam.io.log import Log
+from pfslam.io.files import MAX_PNG_BYTES, decode_png, read_bytes, read_npz, write_npz, write_png
+from pfslam.io.loading import LONGEST_SWEEP, Log, readings, stamps
 from pfslam.poses import Trajectory
-from pfslam.recording import (
-    Encoders,
-    Imu,
-    LidarScans,
-    Recording,
-    RgbdStream,
-    check_rows,
-    image_pairs,
-)
+from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream, image_pairs
 from pfslam.sensors import MAX_BEAMS, MAX_RANGE, LidarModel, RgbdModel, RobotModel
 
-Progress = Callable
+LIMITS = ("angle_min", "angle_max", "range_min", "range_max")
 FULL_TURN = 2.0 * np.pi + 1e-3
 
 
@@ -63,8 +54,8 @@ def load_course(number: int | str, data_dir: str | Path) -> Recording:
     if not folder.is_dir():
         raise DataError(folder, "data folder", "no such folder", f"a folder with Encoders{number}.npz")
     log = Log(folder)
-    encoders = _load_encoders(_require(folder, f"Encoders{number}.npz"))
-    imu = _load_imu(_require(folder, f"Imu{number}.npz"))
+    encoders = Encoders(*_rows(_require(folder, f"Encoders{number}.npz"), counts=4))
+    imu = Imu(*_rows(_require(folder, f"Imu{number}.npz"), angular_velocity=3, linear_acceleration=3))
     robot, lidar = RobotModel(), None
     if path := find_file(folder, f"Hokuyo{number}.npz"):
         model, lidar = _load_lidar(path, log)
@@ -78,20 +69,14 @@ def load_course(number: int | str, data_dir: str | Path) -> Recording:
 def find_file(folder: Path, *parts: str) -> Path | None:
     """Find the file or folder ``parts`` below ``folder`` or ``folder/data``, ignoring case."""
     for start in (folder, folder / "data"):
-        path: Path | None = start
+        found = [start]
         for part in parts:
-            path = _entry(path, part) if path is not None else None
-        if path is not None:
-            return path
+            entries = (path for place in found if place.is_dir() for path in place.iterdir())
+            alike = [path for path in entries if path.name.lower() == part.lower()]
+            found = sorted(alike, key=lambda path: (path.name != part, path.name))  # called at once
+        if found:
+            return found[0]
     return None
-
-
-def _entry(folder: Path, name: str) -> Path | None:
-    if (folder / name).exists():
-        return folder / name
-    if not folder.is_dir():
-        return None
-    return next((p for p in sorted(folder.iterdir()) if p.name.lower() == name.lower()), None)
 
 
 def _require(folder: Path, name: str) -> Path:
@@ -101,29 +86,16 @@ def _require(folder: Path, name: str) -> Path:
     return path
 
 
-def _columns(path: Path, data: Mapping[str, np.ndarray], key: str, rows: int, count: int) -> np.ndarray:
-    """Read values ``(count, rows)`` from the file's ``(rows, count)``."""
-    check_rows(data[key], str(path), key, (rows, count))
-    check_size(path, key, data[key])
-    return np.ascontiguousarray(data[key].T)
-
-
-def _load_encoders(path: Path) -> Encoders:
-    data = read_npz(path, ("counts", "time_stamps"))
+def _rows(path: Path, **columns: int) -> tuple[np.ndarray, ...]:
+    """Read the stamps ``(K,)`` of a file, then readings ``(K, n)`` from arrays ``(n, K)``, given by name and n."""
+    data = read_npz(path, ("time_stamps", *columns))
     t = stamps(path, data["time_stamps"], "time_stamps")
-    return Encoders(t, _columns(path, data, "counts", 4, len(t)))
-
-
-def _load_imu(path: Path) -> Imu:
-    data = read_npz(path, ("angular_velocity", "linear_acceleration", "time_stamps"))
-    t = stamps(path, data["time_stamps"], "time_stamps")
-    angular_velocity = _columns(path, data, "angular_velocity", 3, len(t))
-    return Imu(t, angular_velocity, _columns(path, data, "linear_acceleration", 3, len(t)))
+    values = (readings(path, data[key], key, (n, len(t))) for key, n in columns.items())
+    return t, *(np.ascontiguousarray(rows.T) for rows in values)
 
 
 def _load_lidar(path: Path, log: Log) -> tuple[LidarModel, LidarScans]:
-    limits = ("angle_min", "angle_max", "range_min", "range_max")
-    data = read_npz(path, (*limits, "ranges", "time_stamps"), optional=("sweep",))
+    data = read_npz(path, (*LIMITS, "ranges", "time_stamps"), optional=("sweep",))
     t, raw = stamps(path, data["time_stamps"], "time_stamps"), data["ranges"]
     shape_fits = raw.ndim == 2 and raw.shape[1] == len(t) and 1 <= raw.shape[0] <= MAX_BEAMS
     if not shape_fits or raw.dtype.kind not in "fiu":
@@ -133,24 +105,23 @@ def _load_lidar(path: Path, log: Log) -> tuple[LidarModel, LidarScans]:
         ranges = np.ascontiguousarray(raw.T, dtype=np.float32)
     log.leave_out("ranges that are not a number", np.isnan(ranges))
     # The angle between beams follows from the limits; the file's own may be [0, 0], and is not used.
-    numbers = {key: _scalar(path, data, key) for key in (*limits, "sweep") if key in data}
-    model = _lidar_model(path, numbers, raw.shape[0])
-    return model, LidarScans(t, ranges)
+    numbers = {key: _scalar(path, data, key) for key in (*LIMITS, "sweep") if key in data}
+    return _lidar_model(path, numbers, raw.shape[0]), LidarScans(t, ranges)
 
 
 def _lidar_model(path: Path, numbers: dict[str, float], beams: int) -> LidarModel:
-    span = numbers["angle_max"] - numbers["angle_min"]
-    if not (0.0 < span <= FULL_TURN or (beams == 1 and span == 0.0)) or abs(numbers["angle_min"]) > FULL_TURN:
-        found = f"{numbers['angle_min']:g} to {numbers['angle_max']:g}"
-        raise DataError(path, "angle_min, angle_max", found, "increasing angles in radians, at most one turn")
-    if not 0.0 <= numbers["range_min"] < numbers["range_max"] <= MAX_RANGE:
-        found = f"{numbers['range_min']:g} to {numbers['range_max']:g}"
+    low, high, least, most = (numbers[key] for key in LIMITS)
+    span, sweep = high - low, numbers.get("sweep", 0.0)
+    if not (0.0 < span <= FULL_TURN or (beams == 1 and span == 0.0)) or abs(low) > FULL_TURN:
+        expected = "increasing angles in radians, at most one turn"
+        raise DataError(path, "angle_min, angle_max", f"{low:g} to {high:g}", expected)
+    if not 0.0 <= least < most <= MAX_RANGE:
         expected = f"metres, 0 <= range_min < range_max <= {MAX_RANGE:g}"
-        raise DataError(path, "range_min, range_max", found, expected)
-    if abs(numbers.get("sweep", 0.0)) > LONGEST_SWEEP:
+        raise DataError(path, "range_min, range_max", f"{least:g} to {most:g}", expected)
+    if abs(sweep) > LONGEST_SWEEP:
         expected = f"seconds from the first beam to the last, at most {LONGEST_SWEEP:g}"
-        raise DataError(path, "sweep", f"{numbers['sweep']:g}", expected)
-    return LidarModel(beams=beams, **numbers)  # type: ignore[arg-type]
+        raise DataError(path, "sweep", f"{sweep:g}", expected)
+    return LidarModel(low, high, beams, least, most, sweep=sweep)
 
 
 def _scalar(path: Path, data: Mapping[str, np.ndarray], key: str) -> float:
@@ -164,9 +135,7 @@ def _scalar(path: Path, data: Mapping[str, np.ndarray], key: str) -> float:
 def _load_truth(path: Path) -> Trajectory:
     data = read_npz(path, ("time_stamps", "pose"))
     t = stamps(path, data["time_stamps"], "time_stamps")
-    check_rows(data["pose"], str(path), "pose", (len(t), 3))
-    check_size(path, "pose", data["pose"])
-    return Trajectory(t, data["pose"])
+    return Trajectory(t, readings(path, data["pose"], "pose", (len(t), 3)))
 
 
 def _load_camera(folder: Path, number: str, camera: RgbdModel, log: Log) -> RgbdStream | None:
@@ -182,9 +151,26 @@ def _load_camera(folder: Path, number: str, camera: RgbdModel, log: Log) -> Rgbd
     index = {kind: np.array(sorted(k for k in files[kind] if k < len(t[kind])), dtype=int) for kind in kinds}
     log.leave_out("images without a stamp", sum(len(files[kind]) - len(index[kind]) for kind in kinds))
     size = (camera.height, camera.width)
-    read_disparity = ImageReader(files["disparity"], (*size, 1), np.uint16)
-    read_rgb = ImageReader(files["rgb"], (*size, 3), np.uint8)
+    read_disparity = partial(_read_image, files["disparity"], (*size, 1), np.uint16)
+    read_rgb = partial(_read_image, files["rgb"], (*size, 3), np.uint8)
     return RgbdStream(t["disparity"], t["rgb"], read_disparity, read_rgb, index["disparity"], index["rgb"])
+
+
+def numbered_images(folder: Path | None, stem: str) -> dict[int, Path]:
+    """Find the images ``stem_I.png`` of a folder, by index I - 1."""
+    if folder is None or not folder.is_dir():
+        return {}
+    pattern = re.compile(re.escape(stem) + r"_([1-9][0-9]{0,8})\.png", re.IGNORECASE)
+    matches = ((pattern.fullmatch(path.name), path) for path in folder.iterdir())
+    return {int(match[1]) - 1: path for match, path in matches if match}
+
+
+def _read_image(files: Mapping[int, Path], shape: tuple[int, int, int], dtype: type, k: int) -> np.ndarray:
+    """Read image ``k`` from its file; ``shape`` is (height, width, channels)."""
+    if int(k) not in files:
+        raise DataError("images", "index", k, "the index of an image that exists")
+    path = files[int(k)]
+    return decode_png(path, read_bytes(path, MAX_PNG_BYTES), shape, dtype)
 
 
 def save_course(
@@ -194,7 +180,7 @@ def save_course(
     image_every: int | None = None,
     *,
     truth_extras: Mapping[str, np.ndarray] | None = None,
-    progress: Progress | None = None,
+    progress: Callable | None = None,
 ) -> None:
     """Write a recording as set ``number`` into ``out_dir``; each file appears when it is whole.
 
@@ -216,21 +202,16 @@ def save_course(
 
 def _tables(recording: Recording, truth_extras: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
     """List the arrays of every ``.npz`` file, by the file's name without its number."""
-    encoders, imu, lidar, camera, truth = (
-        getattr(recording, name) for name in ("encoders", "imu", "lidar", "camera", "truth")
-    )
+    encoders, imu = recording.wheels_and_gyro()
+    lidar, camera, truth = recording.lidar, recording.camera, recording.truth
+    rates, pushes = imu.angular_velocity.T, imu.acceleration_g.T
     tables = {
         "Encoders": {"counts": encoders.counts.T, "time_stamps": encoders.t},
-        "Imu": {
-            "angular_velocity": imu.angular_velocity.T,
-            "linear_acceleration": imu.acceleration_g.T,
-            "time_stamps": imu.t,
-        },
+        "Imu": {"angular_velocity": rates, "linear_acceleration": pushes, "time_stamps": imu.t},
     }
     if lidar is not None:
         model = recording.robot.lidar
-        names = ("angle_min", "angle_max", "range_min", "range_max")
-        limits = {name: np.array(getattr(model, name)) for name in names}
+        limits = {name: np.array(getattr(model, name)) for name in LIMITS}
         limits["angle_increment"] = np.array(model.increment)
         if model.sweep:
             limits["sweep"] = np.array(model.sweep)
@@ -242,7 +223,7 @@ def _tables(recording: Recording, truth_extras: Mapping[str, np.ndarray]) -> dic
     return tables
 
 
-def _save_images(camera: RgbdStream, number: str, folder: Path, every: int, progress: Progress) -> None:
+def _save_images(camera: RgbdStream, number: str, folder: Path, every: int, progress: Callable) -> None:
     pairs = image_pairs(camera, every=every)
     for i, j in progress(list(zip(pairs.disparity.tolist(), pairs.rgb.tolist(), strict=True))):
         write_png(folder / f"Disparity{number}" / f"disparity{number}_{i + 1}.png", camera.read_disparity(i))

@@ -1,4 +1,7 @@
-"""Files that are either whole or absent, and NumPy archives that never unpickle anything."""
+"""Files that are either whole or absent, NumPy archives that never unpickle anything, and PNG images.
+
+Images are checked before they are decoded; colours are RGB everywhere in the package.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,15 @@ import csv
 import io
 import os
 import secrets
+import struct
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 from zipfile import ZipFile
 
+import cv2
 import numpy as np
 from numpy.lib.format import write_array
 from numpy.lib.npyio import NpzFile
@@ -21,6 +27,10 @@ from pfslam.errors import DataError
 MAX_FIELD_BYTES = 8 * 2**30
 """Largest array that is read from an archive: ten hours of scans in double precision fit."""
 MAX_TEXT_BYTES = 2**30
+MAX_PNG_BYTES = 64 * 2**20
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+CHANNELS = {0: 1, 2: 3, 6: 4}
+"""Channels by PNG colour type: grey, RGB, RGBA."""
 
 
 @contextmanager
@@ -138,9 +148,7 @@ def _read_member(path: str | Path, archive: NpzFile, name: str) -> np.ndarray:
     try:
         try:
             values = archive[name]
-        except (
-            SystemError
-        ):  # not the file's fault: Python 3.11 can lose count while it parses a header (gh-106905)
+        except SystemError:  # Python 3.11 can lose count while it parses a sound header (gh-106905)
             values = archive[name]
     except Exception as error:  # whatever a damaged header makes NumPy stumble over
         expected = "plain numbers, never objects or text"
@@ -148,3 +156,61 @@ def _read_member(path: str | Path, archive: NpzFile, name: str) -> np.ndarray:
     if values.dtype.kind not in "biuf":
         raise DataError(path, name, f"an array of {values.dtype}", "plain numbers, never objects or text")
     return values
+
+
+def decode_png(path: str | Path, data: bytes, shape: tuple[int, int, int], dtype: type) -> np.ndarray:
+    """Decode the bytes of a PNG file, ``(H, W)`` or ``(H, W, 3)`` RGB; ``path`` names their source.
+
+    ``shape`` is (H, W, channels) and must match, as must the type. The decoder silently fills what a damaged file lacks
+    with zeros, so check sums are verified first.
+    """
+    found = _png_shape(path, data)
+    wanted = (*shape, np.dtype(dtype).itemsize * 8)
+    if found != wanted:
+        said, expected = (
+            f"{w} x {h}, {channels} channels of {bits} bits" for h, w, channels, bits in (found, wanted)
+        )
+        raise DataError(path, "image", said, expected)
+    pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    expected_shape = shape[:2] if shape[2] == 1 else shape
+    if pixels is None or pixels.shape != expected_shape or pixels.dtype != dtype:
+        raise DataError(path, "image", "pixels that cannot be decoded", "a whole PNG image")
+    return pixels if shape[2] == 1 else np.ascontiguousarray(pixels[..., ::-1])
+
+
+def decode_grey_png(path: str | Path, data: bytes, most: int) -> np.ndarray:
+    """Decode the bytes of a PNG file with one channel of 8 bits and at most ``most`` pixels, ``(H, W)`` uint8."""
+    height, width, *_ = _png_shape(path, data)
+    if height * width > most:
+        raise DataError(path, "image", f"{width} x {height} pixels", f"at most {most} pixels")
+    return decode_png(path, data, (height, width, 1), np.uint8)
+
+
+def write_png(path: str | Path, pixels: np.ndarray) -> None:
+    """Write ``(H, W)``, ``(H, W, 3)`` RGB or ``(H, W, 4)`` RGBA pixels as PNG, whole or not at all."""
+    with atomic_write(path) as file:
+        file.write(encode_png(pixels).tobytes())
+
+
+def encode_png(pixels: np.ndarray) -> np.ndarray:
+    """Return the bytes ``(N,)`` uint8 of a PNG file with these pixels, as ``write_png`` takes them."""
+    if pixels.ndim == 3:
+        pixels = pixels[..., [2, 1, 0, 3][: pixels.shape[2]]]
+    return cv2.imencode(".png", np.ascontiguousarray(pixels))[1]
+
+
+def _png_shape(path: str | Path, data: bytes) -> tuple[int, int, int, int]:
+    """Read height, width, channels and bits per channel from the header; raises unless every chunk is whole."""
+    if data[:8] != PNG_MAGIC or data[12:16] != b"IHDR" or len(data) < 33:
+        raise DataError(path, "image", "no PNG header", "a PNG image")
+    width, height, bits, colour = struct.unpack(">IIBB", data[16:26])
+    at, kind = 8, b""
+    while kind != b"IEND":
+        if at + 12 > len(data):
+            raise DataError(path, "image", f"an end after {len(data)} bytes", "a whole PNG image")
+        (length,), kind = struct.unpack(">I", data[at : at + 4]), data[at + 4 : at + 8]
+        body = data[at + 4 : at + 8 + length]
+        if data[at + 8 + length : at + 12 + length] != struct.pack(">I", zlib.crc32(body)):
+            raise DataError(path, "image", f"a damaged part at byte {at}", "a whole PNG image")
+        at += 12 + length
+    return height, width, CHANNELS.get(colour, 0), bits

@@ -10,10 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-from pfslam.errors import DataError
+from pfslam.errors import DataError, naming
 from pfslam.grid import MAX_CELLS, GridSpec, OccupancyGrid
-from pfslam.io.files import atomic_write, read_bytes, read_text, write_text
-from pfslam.io.images import PNG_MAGIC, decode_grey_png, write_png
+from pfslam.io.files import (
+    PNG_MAGIC,
+    atomic_write,
+    decode_grey_png,
+    read_bytes,
+    read_text,
+    write_png,
+    write_text,
+)
 from pfslam.poses import Trajectory
 from pfslam.recording import nearest_stamp
 
@@ -24,33 +31,25 @@ OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
 def write_tum(path: str | Path, trajectory: Trajectory) -> None:
     """Write a TUM file: ``t x y z qx qy qz qw``, one pose a line, with t in full, 9 decimals of m and 12 of q."""
     half = 0.5 * trajectory.poses[:, 2]
-    rows = np.column_stack([trajectory.poses[:, :2], np.sin(half), np.cos(half)])
-    stamps = (np.format_float_positional(t, unique=True, min_digits=6) for t in trajectory.t)
-    lines = (
-        f"{t} {x:.9f} {y:.9f} 0 0 0 {qz:.12f} {qw:.12f}\n"
-        for t, (x, y, qz, qw) in zip(stamps, rows, strict=True)
-    )
+    rows = zip(trajectory.t, *trajectory.poses[:, :2].T, np.sin(half), np.cos(half), strict=True)
+    lines = (f"{_stamp(t)} {x:.9f} {y:.9f} 0 0 0 {z:.12f} {w:.12f}\n" for t, x, y, z, w in rows)
     write_text(path, "".join(lines))
+
+
+def _stamp(t: float) -> str:
+    return np.format_float_positional(t, unique=True, min_digits=6)
 
 
 def read_tum(path: str | Path) -> Trajectory:
     """Read the planar trajectory of a TUM file: x, y and the yaw of the quaternion. Comments begin with #."""
-    rows = []
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        if line.strip() and not line.lstrip().startswith("#"):
-            rows.append(numbers(path, f"line {number}", line.split(), 8))
-    if not rows:
-        raise DataError(path, "poses", "none", "lines of t x y z qx qy qz qw")
-    t, x, y, _, qx, qy, qz, qw = np.array(rows).T
+    t, x, y, _, qx, qy, qz, qw = _rows(path, "poses", "t x y z qx qy qz qw").T
     norm = np.sqrt(qx**2 + qy**2 + qz**2 + qw**2)
     if (np.abs(norm - 1.0) > 1e-3).any():
         at = int(np.argmax(np.abs(norm - 1.0)))
         raise DataError(path, f"pose {at}", f"a quaternion of length {norm[at]:g}", "length 1")
     yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy**2 + qz**2))
-    try:
+    with naming(path):
         return Trajectory(t, np.column_stack([x, y, yaw]))
-    except DataError as error:
-        raise DataError(path, error.field, error.found, error.expected) from error
 
 
 COVARIANCE_COLUMNS = "t xx xy xtheta yy ytheta thetatheta"
@@ -58,27 +57,25 @@ COVARIANCE_COLUMNS = "t xx xy xtheta yy ytheta thetatheta"
 
 def write_covariances(path: str | Path, t: np.ndarray, covariances: np.ndarray) -> None:
     """Write pose covariances ``(K, 3, 3)`` (m^2, m rad, rad^2), one a line: the stamp and the upper triangle."""
-    stamps = (np.format_float_positional(stamp, unique=True, min_digits=6) for stamp in t)
     upper = covariances[:, *np.triu_indices(3)]
-    rows = (
-        " ".join([stamp, *(f"{value:.9e}" for value in row)])
-        for stamp, row in zip(stamps, upper, strict=True)
-    )
+    rows = (" ".join([_stamp(at), *(f"{v:.9e}" for v in row)]) for at, row in zip(t, upper, strict=True))
     write_text(path, "\n".join([f"# {COVARIANCE_COLUMNS}", *rows]) + "\n")
 
 
 def read_covariances(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Read the stamps ``(K,)`` and covariances ``(K, 3, 3)`` of a file that ``write_covariances`` wrote."""
-    lines = enumerate(read_text(path).splitlines(), start=1)
-    rows = [
-        numbers(path, f"line {number}", line.split(), 7)
-        for number, line in lines
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not rows:
-        raise DataError(path, "covariances", "none", f"lines of {COVARIANCE_COLUMNS}")
-    table = np.array(rows)
+    table = _rows(path, "covariances", COVARIANCE_COLUMNS)
     return table[:, 0], table[:, 1:][:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+
+
+def _rows(path: str | Path, what: str, columns: str) -> np.ndarray:
+    """Read the lines of a text file, but those that begin with #, as a table with these columns."""
+    lines = [(i, line.split()) for i, line in enumerate(read_text(path).splitlines(), start=1)]
+    count = len(columns.split())
+    rows = [numbers(path, f"line {i}", line, count) for i, line in lines if line and line[0][0] != "#"]
+    if not rows:
+        raise DataError(path, what, "none", f"lines of {columns}")
+    return np.array(rows)
 
 
 def numbers(path: str | Path, place: str, words: list[str], count: int) -> list[float]:
@@ -170,10 +167,9 @@ def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
     pixels = _read_pixels(path.parent / keys["image"].strip("'\""))
     share = pixels[::-1] / 255.0 if negate else (255.0 - pixels[::-1]) / 255.0
     cells = (share > occupied).astype(np.int8) - (share < free).astype(np.int8)
-    try:
-        return GridSpec((x, y), resolution, pixels.shape), cells
-    except DataError as error:
-        raise DataError(path, error.field, error.found, error.expected) from error
+    with naming(path):
+        spec = GridSpec((x, y), resolution, pixels.shape)
+    return spec, cells
 
 
 def read_known_map(path: str | Path) -> OccupancyGrid:
@@ -241,9 +237,5 @@ class Relations:
 
 def read_relations(path: str | Path) -> Relations:
     """Read a relations file: lines of t1 t2 dx dy dz roll pitch yaw, of which the planar part is kept."""
-    words = [(i, line.split()) for i, line in enumerate(read_text(path).splitlines(), start=1)]
-    rows = [numbers(path, f"line {i}", line, 8) for i, line in words if line and not line[0].startswith("#")]
-    if not rows:
-        raise DataError(path, "relations", "none", "lines of t1 t2 dx dy dz roll pitch yaw")
-    table = np.array(rows)
+    table = _rows(path, "relations", "t1 t2 dx dy dz roll pitch yaw")
     return Relations(table[:, 0], table[:, 1], table[:, [2, 3, 7]])

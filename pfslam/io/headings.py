@@ -1,17 +1,73 @@
-"""Headings from a gyro where the odometry turns poorly: wheels that skid sideways turn less than they say."""
+"""Turns by odometry and by gyro, side by side, and headings from the gyro where the odometry turns poorly.
+
+Wheels that skid sideways turn the robot less than they say.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from pfslam.evaluation.turns import compare_turns
 from pfslam.poses import Trajectory, between, compose, wrap_angle
 from pfslam.recording import Imu
 
+LONGEST = 1e7
+"""Seconds of a drive; stamps that span more are those of a clock that was set."""
+STOOD = 0.005
+"""Metres or radians by which a robot that stands may seem to move in a second."""
+LEAST_SECONDS = 3
+"""Seconds at rest, or of a drive, that say something."""
+LEAST_TURN = 1.0
+"""Turns (rad) of a whole drive, below which there is nothing to compare."""
 POOR = 0.1
 """Share by which the odometry's turns over one second may differ from the gyro's, root mean square."""
 LEAST_LIKENESS = 0.5
 """Correlation of the turns below which the gyro is not believed either: a flipped axis gives -1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """Turns (rad) in each second of a drive, ``by_odometry (S,)`` and ``by_gyro (S,)``, whose bias is taken off.
+
+    ``heading (K,)`` (rad) is the gyro's, at its own stamps; ``bias`` (rad/s) is what it showed in ``still`` seconds.
+    """
+
+    by_odometry: np.ndarray
+    by_gyro: np.ndarray
+    heading: np.ndarray
+    bias: float
+    still: int
+
+    @property
+    def enough(self) -> bool:
+        """Whether the drive turned enough for a comparison."""
+        return bool(np.abs(self.by_gyro).sum() >= LEAST_TURN)
+
+    @property
+    def factor(self) -> float:
+        """The odometry's turns over the gyro's, by least squares."""
+        return float(self.by_odometry @ self.by_gyro / max(self.by_gyro @ self.by_gyro, 1e-12))
+
+    @property
+    def likeness(self) -> float:
+        """Correlation of the turns, from -1 to 1."""
+        power = (self.by_odometry @ self.by_odometry) * (self.by_gyro @ self.by_gyro)
+        return float(self.by_odometry @ self.by_gyro / max(np.sqrt(power), 1e-12))
+
+
+def compare_turns(odometry: Trajectory, imu: Imu, yaw_axis: int = 2) -> Turns:
+    """Compare the turns of an odometry with those of a gyro, about its ``yaw_axis``, while both last."""
+    since, until = max(odometry.t[0], imu.t[0]), min(odometry.t[-1], imu.t[-1])
+    edges = np.arange(since, until, 1.0) if LEAST_SECONDS - 1 < until - since < LONGEST else np.zeros(0)
+    integral = np.concatenate([[0.0], np.cumsum(imu.angular_velocity[1:, yaw_axis] * np.diff(imu.t))])
+    by_odometry = np.diff(np.interp(edges, odometry.t, np.unwrap(odometry.poses[:, 2])))
+    by_gyro = np.diff(np.interp(edges, imu.t, integral))
+    moved = np.hypot(*np.diff(odometry.at(edges)[:, :2], axis=0).T)
+    rest = (moved < STOOD) & (np.abs(by_odometry) < STOOD)
+    bias = float(by_gyro[rest].mean()) if rest.sum() >= LEAST_SECONDS else 0.0
+    heading = integral - bias * (imu.t - imu.t[0])
+    return Turns(by_odometry, by_gyro - bias, heading, bias, int(rest.sum()))
 
 
 def with_better_headings(odometry: Trajectory, imu: Imu | None) -> tuple[Trajectory, list[str]]:

@@ -15,12 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from pfslam.errors import DataError
-from pfslam.io.files import read_npz, write_arrays
-from pfslam.io.images import decode_png, encode_png
-from pfslam.io.limits import check_size, stamps
+from pfslam.errors import DataError, naming
+from pfslam.io.files import decode_png, encode_png, read_npz, write_arrays
+from pfslam.io.loading import check_size, readings, stamps
 from pfslam.poses import Trajectory
-from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream, check_rows
+from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream
 from pfslam.sensors import RgbdModel, RobotModel
 from pfslam.settings import changed, flat, plain
 
@@ -72,10 +71,10 @@ def _arrays(recording: Recording, images: bool) -> Iterator[tuple[str, Callable[
     if camera is not None and images:
         for kind, read in (("disparity", camera.read_disparity), ("rgb", camera.read_rgb)):
             for k in getattr(camera, f"{kind}_index").tolist():
-                yield f"camera.{kind}.{k}", partial(_png, read, k)
+                yield f"camera.{kind}.{k}", partial(_encoded, read, k)
 
 
-def _png(read: Callable[[int], np.ndarray], k: int) -> np.ndarray:
+def _encoded(read: Callable[[int], np.ndarray], k: int) -> np.ndarray:
     return encode_png(read(k))
 
 
@@ -103,12 +102,9 @@ def load_recording(path: str | Path) -> Recording:
     texts = {key: _text(path, data, key) for key in TEXTS}
     notes = tuple(texts["notes"].split("\n")) if texts["notes"] else ()
     camera, dropped = _camera(path, data, robot.camera), _counts(path, texts["dropped"])
-    try:
-        return Recording(
-            texts["name"] or path.stem, robot, camera=camera, dropped=dropped, notes=notes, **parts
-        )
-    except DataError as error:
-        raise DataError(path, error.field, error.found, error.expected) from None
+    name = texts["name"] or path.stem
+    with naming(path):
+        return Recording(name, robot, camera=camera, dropped=dropped, notes=notes, **parts)
 
 
 def _text(path: Path, data: Mapping[str, np.ndarray], key: str) -> str:
@@ -142,17 +138,16 @@ def _stream(path: Path, data: Mapping[str, np.ndarray], stream: str) -> Any:
         raise DataError(path, stream, ", ".join(held), f"an array named {stream}.{missing[0]} as well")
     arrays = {name: data[f"{stream}.{name}"] for name in names}
     arrays["t"] = stamps(path, arrays["t"], f"{stream}.t")
-    for name in names[1:]:
+    for name, values in list(arrays.items())[1:]:
+        key = f"{stream}.{name}"
         if name == "poses":
-            check_rows(arrays[name], str(path), f"{stream}.{name}", (len(arrays["t"]), 3))
-        if name != "ranges":
-            check_size(path, f"{stream}.{name}", arrays[name])
-        elif arrays[name].dtype.kind not in "fiu":
-            raise DataError(path, "lidar.ranges", arrays[name].dtype, "numbers")
-    try:
+            readings(path, values, key, (len(arrays["t"]), 3))
+        elif name != "ranges":
+            check_size(path, key, values)
+        elif values.dtype.kind not in "fiu":
+            raise DataError(path, key, values.dtype, "numbers")
+    with naming(path, f"{stream}."):
         return kind(**arrays)
-    except DataError as error:
-        raise DataError(path, f"{stream}.{error.field}", error.found, error.expected) from None
 
 
 def _camera(path: Path, data: Mapping[str, np.ndarray], model: RgbdModel) -> RgbdStream | None:
@@ -169,21 +164,12 @@ def _camera(path: Path, data: Mapping[str, np.ndarray], model: RgbdModel) -> Rgb
             expected = f"increasing whole numbers from 0 to {count - 1}"
             raise DataError(path, f"camera.{kind}_index", index.ravel()[:4], expected)
     size = (model.height, model.width)
-    return RgbdStream(
-        read_disparity=StoredImages(path, "camera.disparity", (*size, 1), np.uint16),
-        read_rgb=StoredImages(path, "camera.rgb", (*size, 3), np.uint8),
-        **held,
-    )
+    read_disparity = partial(_read_image, path, "camera.disparity", (*size, 1), np.uint16)
+    read_rgb = partial(_read_image, path, "camera.rgb", (*size, 3), np.uint8)
+    return RgbdStream(read_disparity=read_disparity, read_rgb=read_rgb, **held)
 
 
-class StoredImages:
-    """Reads image k of a stream from the archive; ``shape`` is (height, width, channels)."""
-
-    def __init__(self, path: Path, key: str, shape: tuple[int, int, int], dtype: type):
-        self.path, self.key, self.shape, self.dtype = path, key, shape, np.dtype(dtype)
-
-    def __call__(self, k: int) -> np.ndarray:
-        """Return the pixels of image ``k``; ``DataError`` if there is none, or if it is damaged."""
-        key = f"{self.key}.{int(k)}"
-        data = read_npz(self.path, (key,))[key]
-        return decode_png(f"{self.path}: {key}", data.tobytes(), self.shape, self.dtype)
+def _read_image(path: Path, kind: str, shape: tuple[int, int, int], dtype: type, k: int) -> np.ndarray:
+    """Read image ``k`` of a stream from the archive; ``shape`` is (height, width, channels)."""
+    key = f"{kind}.{int(k)}"
+    return decode_png(f"{path}: {key}", read_npz(path, (key,))[key].tobytes(), shape, dtype)
