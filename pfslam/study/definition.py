@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal
 
 from pfslam.errors import DataError
 from pfslam.io.files import read_text
-from pfslam.settings import Range, Settings, changed, depth, type_hints, type_of, value_of
+from pfslam.settings import Range, Settings, changed, depth, flat, type_hints, type_of, value_of
 from pfslam.simulator import HALL, SimulatorConfig
 from pfslam.simulator import PRESETS as BUILDINGS
 from pfslam.slam import PRESETS, SlamConfig
@@ -165,9 +165,7 @@ def make_study(content: dict[str, Any], source: object = "study") -> Study:
     return Study(name, content.get("about", ""), cases, content.get("tolerance"))
 
 
-def _variants(
-    content: dict[str, Any], name: str, source: object
-) -> Iterator[tuple[str, dict[str, list | range]]]:
+def _variants(content: dict[str, Any], name: str, source: object) -> Iterator[tuple[str, dict]]:
     """Yield label and grid of each variant; a study without any is one variant with the study's name."""
     seen: set[str] = set()
     for number, variant in enumerate(content.get("variant", [{"label": name}]), start=1):
@@ -180,23 +178,20 @@ def _variants(
 
 
 def _grid(table: dict[str, Any], source: object) -> dict[str, list | range]:
-    """Return the list of values of every key."""
-    return {key: _values(key, value, source) for key, value in _flat(table)}
+    """Return the list of values of every key; ``seed = { count = 10, from = 5 }`` counts from 5 to 14."""
+    given = dict(flat(table))
+    grid: dict[str, list | range] = {}
+    for key, value in given.items():
+        name, _, last = key.rpartition(".")
+        if name and last == "count":
+            grid[name] = _counted(name, value, given.get(f"{name}.from", 0), source)
+        elif not (last == "from" and f"{name}.count" in given):
+            grid[key] = _values(key, value, source)
+    return grid
 
 
-def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield nested tables as dotted keys; ``{ count = 10 }`` stays a value."""
-    for key, value in table.items():
-        if isinstance(value, dict) and not ("count" in value and set(value) <= {"count", "from"}):
-            yield from _flat(value, f"{prefix}{key}.")
-        else:
-            yield prefix + key, value
-
-
-def _values(key: str, value: Any, source: object) -> list | range:
+def _values(key: str, value: Any, source: object) -> list:
     """Return the values of one key: a list is a grid of values, unless one value is itself a list."""
-    if isinstance(value, dict):
-        return _counted(key, value, source)
     deep = depth(type_of(*_place(key)))
     levels = _levels(value) if deep else int(isinstance(value, list))
     values = value if levels > deep else [value]
@@ -211,12 +206,10 @@ def _levels(value: Any) -> int:
     return 1 + max(map(_levels, value), default=0) if isinstance(value, list) else 0
 
 
-def _counted(key: str, value: dict[str, Any], source: object) -> range:
-    """Return the numbers that a table means: ``{ count = 10, from = 5 }`` is 5 to 14."""
-    count, first = value["count"], value.get("from", 0)
+def _counted(key: str, count: Any, first: Any, source: object) -> range:
     fits = all(isinstance(n, int) and not isinstance(n, bool) and n >= 0 for n in (count, first))
     if not fits or not 1 <= count <= MAX_CASES:
-        raise DataError(source, key, value, f"a count from 1 to {MAX_CASES}")
+        raise DataError(source, key, f"{count} from {first}", f"a count from 1 to {MAX_CASES}")
     return range(first, first + count)
 
 
@@ -238,7 +231,6 @@ def _cases(label: str, grid: dict[str, Any], source: object) -> Iterator[Case]:
 
 def _checked(key: str, values: list | range, first: dict[str, Any], source: object) -> list | range:
     """Try each value of a key in the first case (of a range its ends), and return them as their type holds them."""
-
     kind, name = _place(key)
     ends = (values[0], values[-1]) if isinstance(values, range) else values
     tried = [value_of(_parts(first | {key: value}, source)[kind], name) for value in ends]

@@ -39,13 +39,8 @@ def kidnap(recording: Recording, at: float, seconds: float) -> Recording:
     """
     begin = start_time(recording) + at
     end = begin + seconds
-    cut = _cut(
-        recording,
-        lambda t: (t < begin) | (t >= end),
-        lambda t: np.where(t >= end, t - seconds, t),
-        "kidnap",
-        [at, seconds],
-    )
+    outside, closed = lambda t: (t < begin) | (t >= end), lambda t: np.where(t >= end, t - seconds, t)
+    cut = _cut(recording, outside, closed, "kidnap", [at, seconds])
     return cut if cut.odometry is None else replace(cut, odometry=_closed_up(cut.odometry, begin))
 
 
@@ -102,12 +97,11 @@ DISTURBANCES: dict[str, tuple[Callable, bool]] = {
 
 
 def disturb(recording: Recording, what: dict[str, Any], seed: int) -> Recording:
-    """Apply faults of the data by name, each with random numbers of its own that follow from ``seed``.
+    """Apply disturbances by name, each with random numbers of its own that follow from ``seed``.
 
     A value is the function's argument, or a tuple of them: ``{"seconds": 60.0, "blind": (20.0, 25.0)}``.
     """
-    unknown = [name for name in what if name not in DISTURBANCES]
-    if unknown:
+    if unknown := [name for name in what if name not in DISTURBANCES]:
         raise DataError("disturb", "name", unknown[0], f"one of {', '.join(DISTURBANCES)}")
     for stream, (name, (function, is_random)) in enumerate(DISTURBANCES.items()):
         if name in what:

@@ -42,9 +42,8 @@ def _git(*words: str) -> str:
 @cache
 def machine() -> dict[str, str]:
     """Describe the computer; ``features`` stands for what its processor can do, which decides how NumPy adds up."""
-    lines: list[str] = []
-    with suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    cpus = Path("/proc/cpuinfo")
+    lines = cpus.read_text(encoding="utf-8", errors="replace").splitlines() if cpus.is_file() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     kind = sorted({line for line in lines if line.startswith(("cpu family", "model\t", "stepping", "flags"))})
     return {

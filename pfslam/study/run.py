@@ -72,11 +72,9 @@ def figures(case: Case) -> dict[str, Any]:
     odometry = dead_reckoning(recording)
     if case.get("method") == "dead-reckoning":
         t = used_scans(recording, config).t
-        return {"scans": len(t)} | errors(
-            Trajectory(t, odometry.at(t)), odometry, recording, source.relations
-        )
-    rng = np.random.default_rng(case.get("seed"))
-    clouds = bool(case.get("clouds"))
+        path = Trajectory(t, odometry.at(t))
+        return {"scans": len(t)} | errors(path, odometry, recording, source.relations)
+    rng, clouds = np.random.default_rng(case.get("seed")), bool(case.get("clouds"))
     # One look: a study measures the filter as it was set.
     result = run_slam(recording, config, rng=rng, keep_particles=clouds, second_look=False)
     found = counts(result, config) | errors(result.trajectory, odometry, recording, source.relations)
@@ -87,10 +85,9 @@ def figures(case: Case) -> dict[str, Any]:
 
 def counts(result: SlamResult, config: SlamConfig) -> dict[str, Any]:
     """Count the steps of a run, and take the medians of N_eff and of the mean score over matched scans."""
-    matched = [info for info in result.infos if info.matched]
-    row: dict[str, Any] = {"scans": len(result.trajectory), "updates": result.updates}
-    row["resamplings"] = result.resamplings
-    if matched:
+    row: dict[str, Any] = {name: getattr(result, name) for name in ("updates", "resamplings")}
+    row["scans"] = len(result.trajectory)
+    if matched := [info for info in result.infos if info.matched]:
         share = np.median([info.effective_sample_size for info in matched]) / config.particles
         row |= {"n_eff_median": float(share), "score_median": float(np.median([i.score for i in matched]))}
     return row

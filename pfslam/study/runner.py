@@ -18,7 +18,7 @@ from pfslam.errors import DataError
 from pfslam.io.files import check_writable, write_text
 from pfslam.study.definition import Case, Study, read_study
 from pfslam.study.provenance import machine, version_key, versions
-from pfslam.study.run import COSTS, recording_key, run_case
+from pfslam.study.run import recording_key, run_case
 from pfslam.study.table import write_table
 
 Row = dict[str, Any]
@@ -39,7 +39,8 @@ def run_study(
     paths = [run_path(folder, case) for case in study.cases]
     rows: dict[Path, Any] = {path: kept(path) for path in paths}
     missing = {path: case for path, case in zip(paths, study.cases, strict=True) if rows[path] is None}
-    todo = sorted(missing.values(), key=_recording)
+    # Runs on one recording side by side, because a worker keeps the recordings that it read last.
+    todo = sorted(missing.values(), key=lambda case: repr(recording_key(case)))
     results = _on_this_machine(todo, jobs) if client is None else _on_a_cluster(todo, client)
     for case, row in progress(results, total=len(todo)) if progress else results:
         rows[path := run_path(folder, case)] = row
@@ -49,11 +50,6 @@ def run_study(
     write_table(folder / f"{study.name}.csv", table)
     write_text(folder / f"{study.name}.json", json.dumps(provenance(study, table), indent=2) + "\n")
     return folder / f"{study.name}.csv"
-
-
-def _recording(case: Case) -> str:
-    """Sort runs on one recording side by side, because a worker keeps the recordings that it read last."""
-    return repr(recording_key(case))
 
 
 def run_path(folder: Path, case: Case) -> Path:
@@ -108,7 +104,7 @@ def _on_a_cluster(cases: list[Case], client: Any) -> Iterator[tuple[Case, Row]]:
 
 
 def provenance(study: Study, rows: list[Row]) -> dict[str, Any]:
-    """Say what made a table: settings, versions and machine."""
+    """Say what made a table: its study, the versions and the machine."""
     return {
         "study": study.name,
         "about": study.about,
@@ -117,19 +113,6 @@ def provenance(study: Study, rows: list[Row]) -> dict[str, Any]:
         "runs": len(rows),
         "failed": sum(bool(row["error"]) for row in rows),
         "cpu_seconds": round(sum(row.get("cpu_seconds") or 0.0 for row in rows), 1),
-        "never compared": list(COSTS),
-        "variants": _variants(study),
         "versions": versions(),
         "machine": machine(),
-    }
-
-
-def _variants(study: Study) -> dict[str, dict[str, list]]:
-    """Collect the values that each setting takes in each variant."""
-    found: dict[str, dict[str, dict]] = {}
-    for case in study.cases:
-        for key, value in case.settings:
-            found.setdefault(case.label, {}).setdefault(key, {})[json.dumps(value)] = value
-    return {
-        label: {key: list(values.values()) for key, values in keys.items()} for label, keys in found.items()
     }
