@@ -1,6 +1,6 @@
 """A campaign of damaged files and bad command lines: each ends in one line, or in a result that is right.
 
-``make weekly`` tries 2,000 cases of each kind.
+``make nightly`` tries 2,000 cases of each kind.
 """
 
 import os

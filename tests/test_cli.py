@@ -97,14 +97,6 @@ def test_the_summary_says_what_the_drive_tells_about_its_instruments_and_applies
     }
 
 
-def test_without_noise_the_drive_is_found(results):
-    """Scans and odometry are exact here: what is left is the grid of 0.05 m and Euler's step."""
-    summary = json.loads((results / "summary.json").read_text())
-    assert summary["odometry"]["ate_max_m"] < 0.01
-    assert summary["slam"]["ate_max_m"] < 0.05
-    assert summary["slam"]["heading_rmse_deg"] < 1.0
-
-
 def test_evo_agrees_with_the_summary(results, data, tmp_path):
     write_tum(tmp_path / "truth.tum", load_course(7, data).truth)
     summary = json.loads((results / "summary.json").read_text())
@@ -143,14 +135,6 @@ def test_the_map_shows_the_room_where_it_is(results):
     assert (distance.min(axis=0) < 0.1).mean() > 0.95
     assert (distance < 0.1).any(axis=1).all()  # all four walls are there
     assert set(np.unique(cv2.imread(str(results / "map.pgm"), cv2.IMREAD_UNCHANGED))) == {0, 205, 254}
-
-
-def test_texture_is_rgba_on_the_cells_of_the_map(results):
-    texture = cv2.imread(str(results / "texture.png"), cv2.IMREAD_UNCHANGED)
-    assert texture.shape == (*cv2.imread(str(results / "map.pgm"), cv2.IMREAD_UNCHANGED).shape, 4)
-    assert (
-        (results / "texture.yaml").read_text().startswith("image: texture.png\nresolution: 0.05\norigin: [")
-    )
 
 
 def test_the_same_seed_gives_the_same_files(results, data, tmp_path):
@@ -340,6 +324,7 @@ BAD_LINES = [
     ["run", "7", "--data", "DATA", "--out", "DATA/Imu7.npz"],
     ["run", "7", "--data", "DATA", "--out", "DATA/Imu7.npz/deeper"],
     ["run", "8", "--data", "DATA", "--texture"],
+    ["run", "8", "--data", "DATA", "--loops"],
     ["run", "DATA/Imu7.npz"],
     ["simulate", "hall"],
     ["simulate", "attic", "--out", "x"],
@@ -407,16 +392,10 @@ def test_a_fault_of_ours_and_too_little_memory_are_one_line_too(data, monkeypatc
     monkeypatch.setattr(commands, "run_command", broken)
     assert main(["run", "8", "--data", str(data)]) == code
     assert len(capsys.readouterr().err.splitlines()) == 1
-
-
-def test_a_fault_of_ours_shows_where_it_is_to_who_asks(data, monkeypatch):
-    def broken(_):
-        raise ZeroDivisionError("two")
-
-    monkeypatch.setattr(commands, "run_command", broken)
-    monkeypatch.setenv("PFSLAM_DEBUG", "1")
-    with pytest.raises(ZeroDivisionError):
-        main(["run", "8", "--data", str(data)])
+    if code == 1:  # who asks is shown where
+        monkeypatch.setenv("PFSLAM_DEBUG", "1")
+        with pytest.raises(ZeroDivisionError):
+            main(["run", "8", "--data", str(data)])
 
 
 STUDY = """[common]
@@ -478,13 +457,6 @@ def test_a_built_in_set_written_and_loaded_gives_the_same_results(tmp_path):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
-def test_help_names_every_command():
-    done = pfslam("--help")
-    assert done.returncode == 0
-    for name in ("simulate", "run", "locate", "report", "study"):
-        assert name in done.stdout
-
-
 def test_run_with_loops_writes_the_revised_path_and_map_beside_the_others(data, tmp_path, capsys):
     out = tmp_path / "o"
     assert main(["run", "7", "--data", str(data), "--out", str(out), "--method", "matching", "--loops"]) == 0
@@ -499,6 +471,9 @@ def test_run_with_loops_writes_the_revised_path_and_map_beside_the_others(data, 
     assert moved == pytest.approx(summary["loops"]["largest_move_m"], abs=1e-5)
 
 
-def test_loops_without_a_lidar_are_refused_in_one_line(data, tmp_path, capsys):
-    assert main(["run", "8", "--data", str(data), "--out", str(tmp_path / "o"), "--loops"]) == 2
-    assert "--loops" in capsys.readouterr().err
+def test_help_names_every_command_and_loads_nothing():
+    code = "import sys; from pfslam.cli.parser import *; build_parser().print_help(); print('numpy' in sys.modules)"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
+    names = ("simulate", "info", "check", "run", "locate", "report", "convert", "study", "lab")
+    assert all(f"\n    {name} " in said for name in names)
+    assert said.endswith("False\n")

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from box_recording import box_recording
 
+from pfslam.cli.parser import METHODS
 from pfslam.errors import DataError
 from pfslam.grid import MapConfig
-from pfslam.particles import MAX_PARTICLES, RESAMPLERS, ControlNoise, Scheme
+from pfslam.particles import RESAMPLERS, ControlNoise, Scheme
 from pfslam.refined.search.boxes import MAX_SCORES
 from pfslam.refined.search.matching import SearchConfig
 from pfslam.run import run_slam
@@ -91,11 +92,6 @@ def test_whole_numbers_have_to_be_whole(key):
         replaced(config, name, spoilt(value, 1.5))
 
 
-def test_numbers_from_numpy_are_numbers():
-    config = replace(SlamConfig.refined(), particles=np.int64(7), draw_metres=np.float32(0.5))
-    assert (config.particles, config.draw_metres) == (7, 0.5)
-
-
 @dataclass(frozen=True)
 class Walk(Settings):
     steps: Annotated[int, Range(1, 5)] = 3
@@ -138,10 +134,6 @@ CHOICES = {
 }
 
 
-def test_there_are_choices():
-    assert {(c.__name__, name) for c, name in CHOICES} >= {("SearchConfig", "field"), ("MapConfig", "rays")}
-
-
 @pytest.mark.parametrize("key", CHOICES, ids=lambda key: f"{key[0].__name__} {key[1]}")
 def test_every_choice_is_checked_where_it_is_declared(key):
     kind, name = key
@@ -178,7 +170,9 @@ def test_what_no_type_takes_is_one_line(make, message):
     assert "\n" not in str(found.value)
 
 
-def test_lists_become_tuples_and_whole_numbers_floats():
+def test_lists_become_tuples_and_whole_numbers_floats_and_numbers_from_numpy_are_numbers():
+    config = replace(SlamConfig.refined(), particles=np.int64(7), draw_metres=np.float32(0.5))
+    assert (config.particles, config.draw_metres) == (7, 0.5)
     assert SearchConfig(cells=[1, 2]).cells == (1, 2)
     changed_drive = replace(HALL, timing=replace(HALL.timing, imu=[1, 2]), path_length=30)
     assert changed_drive.timing.imu == (1.0, 2.0)
@@ -187,6 +181,10 @@ def test_lists_become_tuples_and_whole_numbers_floats():
 
 def test_the_schemes_that_can_be_chosen_are_those_there_are():
     assert set(get_args(Scheme)) == set(RESAMPLERS)
+
+
+def test_every_preset_has_the_name_of_a_method():
+    assert tuple(PRESETS) == METHODS
 
 
 def test_settings_are_values():
@@ -231,15 +229,6 @@ def test_a_change_that_makes_no_sense_names_its_source(changes, message):
         changed(SlamConfig.report(), changes, "x.toml")
 
 
-def test_every_preset_has_the_name_of_a_method():
-    assert {name: make() for name, make in PRESETS.items()} == {
-        "report": SlamConfig.report(),
-        "refined": SlamConfig.refined(),
-        "per-particle": SlamConfig.per_particle(),
-        "matching": SlamConfig.matching(),
-    }
-
-
 def test_plain_settings_can_be_written():
     config = replace(SlamConfig.report(), draw_metres=math.inf)
     written = config.as_dict()
@@ -261,12 +250,7 @@ def test_a_drive_whose_scans_would_fill_the_memory_is_refused():
         simulate(long)
 
 
-def test_the_most_particles_are_those_of_the_command_line():
-    with pytest.raises(DataError, match=f"particles: .* from 1 to {MAX_PARTICLES}"):
-        replace(SlamConfig.refined(), particles=MAX_PARTICLES + 1)
-
-
-# A campaign: whatever passes the ranges ends well. ``make weekly`` tries 2,000 cases.
+# A campaign: whatever passes the ranges ends well. ``make nightly`` tries 2,000 cases.
 
 
 def any_number(like, rng):
