@@ -182,8 +182,8 @@ def locate_command(arguments: Namespace) -> None:
     """Find the robot of a data set in a known map; trajectory, summary and a picture go to one folder."""
     config = LocalizationConfig()
     if (most := arguments.particles) is not None:
-        few = {"particles": most, "least": min(config.least, most), "first": 10 * most}
-        config = changed(config, few, "locate", "--")
+        config = changed(replace(config, least=1), {"particles": most}, "locate", "--")
+        config = replace(config, first=10 * most, least=min(LocalizationConfig.least, most))
     grid, watch = read_known_map(arguments.map), Stopwatch()
     out = out_folder(arguments, "-located")
     with watch.stage("load"):
