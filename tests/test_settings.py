@@ -202,7 +202,7 @@ def test_dotted_and_nested_names_change_the_same_fields():
 
 
 def test_parts_are_switched_on_off_and_filled():
-    config = changed(SlamConfig.report(), {"polish": True, "polish.reach": 2, "tilt": False, "every": False})
+    config = changed(SlamConfig.report(), {"lines": True, "lines.reach": 2, "tilt": False, "every": False})
     assert config.lines == replace(SlamConfig.refined().lines, reach=2)
     assert (config.tilt, config.every) == (None, None)
     noisy = changed(SlamConfig.refined(), {"noise": "ControlNoise", "noise.sigma_v": 1})
@@ -217,11 +217,11 @@ def test_parts_are_switched_on_off_and_filled():
             "x.toml: key: found 'search.speed', expected a field of SearchConfig: yaw_step, ",
         ),
         ({"speed": 1}, "x.toml: key: found 'speed', expected a field of SlamConfig: maps, "),
-        ({"polish.reach": 1}, "x.toml: polish.reach: found is off, expected a field of what is switched on"),
+        ({"lines.reach": 1}, "x.toml: lines.reach: found is off, expected a field of what is switched on"),
         ({"search.cells": [4, 1]}, r"x.toml: search.cells: found \(4, 1\), expected a least and a greatest"),
         ({"search": {"cells": 3}}, "x.toml: search.cells: found 3, expected a list of 2"),
         ({"particles.number": 1}, "x.toml: particles.number: found particles = 200, expected"),
-        ({"polish": "Tilt"}, "x.toml: polish: found 'Tilt', expected LineConfig"),
+        ({"lines": "Tilt"}, "x.toml: lines: found 'Tilt', expected LineConfig"),
     ],
 )
 def test_a_change_that_makes_no_sense_names_its_source(changes, message):
@@ -234,7 +234,7 @@ def test_plain_settings_can_be_written():
     written = config.as_dict()
     assert written == {name: value for name, value in plain(config).items() if name != "kind"}
     assert written["noise"] == {"kind": "ControlNoise"} | vars(config.noise)
-    assert (written["search"]["cells"], written["polish"], written["draw_metres"]) == ([4, 4], None, None)
+    assert (written["search"]["cells"], written["lines"], written["draw_metres"]) == ([4, 4], None, None)
     assert plain({1: np.float32(0.5), "b": (np.int64(2), math.nan)}) == {"1": 0.5, "b": [2, None]}
 
 

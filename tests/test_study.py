@@ -246,7 +246,7 @@ BAD = {
     "[common]\n'disturb.missing_beams' = 1.5": "disturb.missing_beams: found 1.5, expected a number from 0 to 1",
     "[common]\n'disturb.blind' = 3": "disturb.blind: found 3, expected a list",
     '[common]\nmethod = "magic"': "method: found 'magic', expected one of report",
-    "[common]\nmethod = 'report'\n'polish.rho' = 0.1": "polish.rho: found is off",
+    "[common]\nmethod = 'report'\n'lines.rho' = 0.1": "lines.rho: found is off",
     "[common]\n'noise.sigma_v' = 0.1": "key: found 'noise.sigma_v', expected a field of MotionNoise",
     "[common]\ndataset = '7'\n'simulator.seed' = 1": "hall, ramp or ring",
     "[common]\nseed = { count = 5000 }\nparticles = [1, 2, 3]\n'map.free' = ["
