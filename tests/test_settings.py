@@ -202,8 +202,8 @@ def test_dotted_and_nested_names_change_the_same_fields():
 
 
 def test_parts_are_switched_on_off_and_filled():
-    config = changed(SlamConfig.report(), {"lines": True, "lines.reach": 2, "tilt": False, "every": False})
-    assert config.lines == replace(SlamConfig.refined().lines, reach=2)
+    config = changed(SlamConfig.report(), {"lines": True, "lines.min_hits": 2, "tilt": False, "every": False})
+    assert config.lines == replace(SlamConfig.refined().lines, min_hits=2)
     assert (config.tilt, config.every) == (None, None)
     noisy = changed(SlamConfig.refined(), {"noise": "ControlNoise", "noise.sigma_v": 1})
     assert noisy.noise == ControlNoise(1.0, math.sqrt(0.02))
