@@ -204,7 +204,7 @@ def test_dotted_and_nested_names_change_the_same_fields():
 def test_parts_are_switched_on_off_and_filled():
     config = changed(SlamConfig.report(), {"lines": True, "lines.min_hits": 2, "tilt": False, "every": False})
     assert config.lines == replace(SlamConfig.refined().lines, min_hits=2)
-    assert (config.tilt, config.every) == (None, None)
+    assert (config.tilt, config.every) == (False, None)
     noisy = changed(SlamConfig.refined(), {"noise": "ControlNoise", "noise.sigma_v": 1})
     assert noisy.noise == ControlNoise(1.0, math.sqrt(0.02))
 
