@@ -81,7 +81,7 @@ class RgbdStream:
 SCANS_PER_SECOND = 8.0
 """How many scans of a faster scanner a filter uses unless told otherwise: 5 of the course's 40 make one update."""
 SCATTER_SCANS = 200
-"""So many scans of a recording, evenly spread, tell how far its ranges scatter."""
+"""Scans of a recording, evenly spread, from which the scatter of its ranges is estimated."""
 
 
 @dataclass(frozen=True, eq=False)

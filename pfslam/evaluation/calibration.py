@@ -20,7 +20,7 @@ from pfslam.run import SlamResult, used_scans
 WINDOW = 1.0
 """Length (s) of the pieces in which stillness is checked: long against the gyro's memory of a few samples."""
 MARGIN = 0.25
-"""The wheels must also have stood for so long (s) before and after a piece."""
+"""The wheels must also have stood still for this long (s) before and after a piece."""
 WARM_UP = 1.0
 """The first second of a gyro is left out: real ones, and the simulated, start up to 0.002 rad/s off."""
 LEAST_WINDOWS = 3
@@ -38,7 +38,7 @@ STRAIGHT = 0.1
 DROVE = 0.2
 """Least way (m) of a straight block that says something about the wheels."""
 TURNED = 1.0
-"""The drive must have turned by so much (rad) in all to say something about the gyro."""
+"""A drive must turn by this much (rad) in all to say something about the gyro."""
 LEAST_BLOCKS = 5
 INSEPARABLE = 30.0
 """Condition number above which turning and time run too much in step for two numbers to be found."""

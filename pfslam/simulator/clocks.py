@@ -34,7 +34,7 @@ IMU_CLOCK = Clock(0.01002, 0.0009, 0.008, 0.018, 0.0001)
 LIDAR_CLOCK = Clock(0.02390, 0.0004, 0.030, 0.014, 0.0010, 0.02690, 0.34)
 CAMERA_CLOCK = Clock(0.03317, 0.0005, 0.0, 0.0, 0.0270)
 LOSS = 0.11  # how often the camera loses images, per image kept
-LOST = (5, 1, 18)  # usually, and between, so many images in a row
+LOST = (5, 1, 18)  # images lost in a row: usually, at least, and at most
 
 
 def ticks_and_stamps(

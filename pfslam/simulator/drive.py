@@ -153,7 +153,7 @@ def episodes(
 ) -> np.ndarray:
     """Draw ``count`` intervals (from, to) ``(count, 2)`` s, spread over the time in which the robot drives.
 
-    Each lasts between the two times of ``lasting``, or less where so many would overlap.
+    Each lasts between the two times of ``lasting``, or less where that many would overlap.
     """
     begin, end = timing.still_start, duration - timing.still_end
     slots = np.linspace(begin, end, count + 1)

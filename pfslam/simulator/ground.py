@@ -136,7 +136,7 @@ def ground_in_view(slopes: tuple[Slope, ...], origin: np.ndarray, yaw: float, ra
 
 
 def _may_be_seen(slope: Slope, origin: np.ndarray, ahead: tuple[float, float]) -> bool:
-    """Tell whether any corner of a hump lies in front of the camera, or just behind it."""
+    """Return whether any corner of a hump lies in front of the camera, or just behind it."""
     ends = [(u, v) for u in (slope.knots[0], slope.knots[-1]) for v in slope.sides]
     corners = np.array(ends) if slope.axis == "x" else np.array(ends)[:, ::-1]
     return bool((((corners - origin[:2]) @ np.array(ahead)) > -0.5).any())

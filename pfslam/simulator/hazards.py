@@ -23,7 +23,7 @@ CLEARANCE = 0.55  # nobody's centre comes closer to the robot's (m)
 TRIES = 2000
 AHEAD, FOLLOWED = (1.2, 1.6), (15.0, 25.0)  # the gap to the one who walks ahead (m), and for how long (s)
 WALK = (0.8, 1.4)  # m/s
-MARGIN, LEAST_GAP = 0.5, 2.0  # a door changes so long from any sight of it, in gaps of at least so much (s)
+MARGIN, LEAST_GAP = 0.5, 2.0  # a door changes this long from any sight of it, in gaps of at least that (s)
 PANE = 1.5  # length of a piece of glass (m)
 
 
@@ -60,7 +60,7 @@ class Route:
         return here + aside[:, None] * _left(ahead - here)
 
     def sees(self, points: np.ndarray) -> np.ndarray:
-        """Tell at which moments ``(T,)`` one of the ``points (P, T, 2)`` is in sight, whichever way the LiDAR looks."""
+        """Mark the moments ``(T,)`` at which one of ``points (P, T, 2)`` is in sight, whichever way the LiDAR looks."""
         return np.any([self.world.in_sight(self.eye, p, self.reach) for p in points], axis=0)
 
 
@@ -140,7 +140,7 @@ def _left(way: np.ndarray) -> np.ndarray:
 
 
 def _fits(route: Route, centres: np.ndarray, there: np.ndarray) -> bool:
-    """Tell whether a person is clear of the robot and of the walls, all the time."""
+    """Return whether a person is clear of the robot and of the walls, all the time."""
     if len(centres) < 2 or np.hypot(*(centres - route.robot[there]).T).min() < CLEARANCE:
         return False
     angle = np.arange(8) * np.pi / 4

@@ -21,7 +21,7 @@ from pfslam.simulator.world import World, cross
 
 CHUNK = 96  # scans at a time: what they need fits into the processor's cache
 TOO_FAR = 60.0  # what a beam shows that met nothing (m)
-SWEEP_CHUNK = 1000  # sweeping scans at a time, in parts of at most so many beams and so many seconds,
+SWEEP_CHUNK = 1000  # sweeping scans at a time, in parts of at most this many beams and seconds,
 PART_BEAMS, PART_TIME = 47, 0.004
 STRAY = float(np.deg2rad(2.0))  # in which the bearing of a wall changes by less than this
 

@@ -82,7 +82,7 @@ class World:
         return transform_points(self.pose_wp, fixed.reshape(-1, 2)).reshape(-1, 2, 2)
 
     def in_sight(self, eye: np.ndarray, target: np.ndarray, reach: float) -> np.ndarray:
-        """Tell at which moments ``(T,)`` an ``eye (T, 2)`` sees a ``target (T, 2)`` no farther than ``reach`` (m) away.
+        """Mark when ``(T,)`` an ``eye (T, 2)`` sees a ``target (T, 2)`` no farther than ``reach`` (m) away.
 
         Points are in the plan frame, and only permanent walls hide them.
         """
@@ -105,7 +105,7 @@ class World:
         return self.is_floor(transform_points(self.pose_pw, centres)).reshape(spec.shape)
 
     def is_floor(self, points_p: np.ndarray) -> np.ndarray:
-        """Tell which points ``(M, 2)`` of the plan are floor (bool ``(M,)``)."""
+        """Mark the points ``(M, 2)`` of the plan that are floor (bool ``(M,)``)."""
         x, y = points_p.T
         inside = np.zeros(len(points_p), dtype=bool)
         for x0, y0, x1, y1 in self.plan.areas:

@@ -23,9 +23,9 @@ from pfslam.refined.search.volume import score_volume
 CELL, YAW_STEP, THINNED = 0.1, 0.02, 4
 """Lattice of the search (m, rad); every fourth point is searched with."""
 NEIGHBOURS, NEAR, STRAIGHT = 5, 0.25, 9.0
-"""A normal comes from so many points, so near (m), in a piece so much longer than thick (both squared)."""
+"""A normal comes from this many neighbours, this near (m), in a piece this many times longer than thick (squared)."""
 TURN, REACH, RHO = 0.3, 0.3, 0.05
-"""A radian between normals counts as so many metres; partners reach so far (m); weights fall to exp(-1/2) at rho."""
+"""Metres that a radian between normals counts as; reach of partners (m); weights fall to exp(-1/2) at rho (m)."""
 DAMPING = np.diag([25.0, 25.0, 400.0])
 """Information (1/m^2, 1/m^2, 1/rad^2) that a step of the ICP pretends to have."""
 SIGMA, INDEPENDENT = 0.015, 0.2
