@@ -213,16 +213,12 @@ def _candidates(at_node: np.ndarray, delta: np.ndarray, half_step: np.ndarray) -
 def _peaks(J: Callable, choice: np.ndarray, window: Window) -> np.ndarray:
     """Find the peak ``(n, 3)``, in steps from the best node, of a parabola through it and its neighbours on each axis.
 
-    ``J`` gives the objective at one perturbation per particle. Half a step each way at most, because no neighbour is
+    ``J`` gives the objective at perturbations ``(..., n)`` of the n particles. Half a step each way at most, because no neighbour is
     better; none across the border of the window or where J does not curve down.
     """
-    index, here = np.unravel_index(choice, window.shape), J(choice)
-    strides = np.array([window.shape[1] * window.shape[2], window.shape[2], 1])
-    peak = np.zeros((len(choice), 3))
-    for axis, (stride, size) in enumerate(zip(strides, window.shape, strict=True)):
-        if size < 3:
-            continue
-        inner = (index[axis] > 0) & (index[axis] < size - 1)
-        at = np.where(inner, choice, stride)  # any place with two neighbours; not used
-        peak[:, 2 - axis] = np.where(inner, parabola_peak(J(at - stride), here, J(at + stride)), 0.0)
-    return peak
+    index, sizes = np.array(np.unravel_index(choice, window.shape)), np.array(window.shape)[:, None]
+    strides = np.array([[window.shape[1] * window.shape[2]], [window.shape[2]], [1]])
+    inner = (index > 0) & (index < sizes - 1)
+    before, after = (np.where(inner, choice + sign * strides, 0) for sign in (-1, 1))
+    peak = parabola_peak(J(before), J(choice), J(after))
+    return np.where(inner, peak, 0.0)[::-1].T
