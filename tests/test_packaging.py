@@ -96,7 +96,7 @@ def test_every_system_runs_the_oldest_and_the_newest_python():
 
 
 def test_a_weekly_run_takes_the_newest_releases_without_the_lock():
-    weekly = workflow("weekly.yml")
+    weekly = workflow("nightly.yml")
     (when,) = weekly[True]["schedule"]  # YAML reads the key `on` as true
     assert when["cron"].split()[-1] in "0123456"
     commands = " ".join(step.get("run", "") for step in weekly["jobs"]["unlocked"]["steps"])
