@@ -17,7 +17,7 @@ PAGE = (ROOT / "book" / "formats.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(bash|python)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.nightly,
     # On Windows the first bash is often the one that asks for Linux to be installed.
     pytest.mark.skipif(
         os.name == "nt" or not shutil.which("bash"), reason="the page's commands are for Unix"

@@ -67,21 +67,6 @@ def test_the_votes_peak_at_the_slope_of_the_floor_among_walls():
     assert slopes[ch06.floor_votes(x, z, slopes).argmax()] == pytest.approx(-0.07, abs=0.011)
 
 
-def test_the_structured_light_explorer_says_the_shift_of_every_wall():
-    explorer = ch06.structured_light_explorer(CAMERA)
-    for state in explorer.states():
-        (z,) = explorer.values(state).values()
-        assert f"{42.35 / z:.1f} pixels" in explorer.alt(z=z)
-    assert explorer.frame(z=1.0).shape[2] == 3
-
-
-def test_the_frames_picture_measures_the_ring_from_the_turning_point():
-    ring = nearest_floor(CAMERA)
-    words = ch06.frames_picture(CAMERA).alt
-    assert f"{ring:.2f} m ahead of the camera" in words
-    assert f"{ring + CAMERA.position_b[0]:.2f} m ahead of the chassis centre" in words
-
-
 def test_a_bar_in_a_cell_of_a_table_is_no_column():
     table = Shown(("step", "result"), [("5 floor", "|z| <= 0.01 m")])
     assert table.markdown().splitlines()[-1] == "| 5 floor | \\|z\\| <= 0.01 m |"

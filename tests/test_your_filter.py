@@ -48,15 +48,6 @@ def test_the_joined_solutions_follow_the_robot():
     assert error(driven, hall).ate_rmse_m < 0.1 < odometry_error(hall, driven.trajectory)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_the_joined_solutions_follow_the_robot_through_the_whole_drive(seed):
-    hall = pfslam.load("hall")
-    driven = drive(step, my_filter(), hall, particles=200, every=10, seconds=np.inf, seed=seed)
-    assert error(driven, hall).ate_rmse_m < 0.1
-    assert odometry_error(hall, driven.trajectory) > 1.0
-
-
 B = BOOK
 SPOILED = {
     "scan_points": lambda ranges, angles, xy: B["scan_points"](ranges, angles, xy) - xy,
@@ -286,12 +277,3 @@ def test_a_name_that_only_the_notebook_has_is_said(tmp_path, capsys):
     assert "does not have cell_size, math." in capsys.readouterr().out
     keep(update, tmp_path / "other.py")
     assert capsys.readouterr().out == "Kept: update, in other.py.\n"
-
-
-def test_a_stub_is_not_kept(tmp_path, capsys):
-    def move(poses):
-        return ...  # your turn
-
-    keep(move, tmp_path / "my_filter.py")
-    assert "not written yet" in capsys.readouterr().out
-    assert not (tmp_path / "my_filter.py").exists()
