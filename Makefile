@@ -15,7 +15,7 @@ USUAL := not nightly and not weekly and not browser and not lab
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test quick nightly lint types unit notebooks check-book check-lab lab bench studies
-.PHONY: notebook-outputs strip copies student solutions wheel release lock clean
+.PHONY: notebook-outputs strip copies student solutions wheel release unlocked lock clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' Makefile
@@ -121,6 +121,12 @@ release: $(STAMP) site.zip student solutions  ## Wheel, site and copies of the c
 	@"$(BIN)/python" book/_tools/pack.py zip _build/solutions dist/pfslam-solutions.zip > /dev/null
 	@rm dist/*.sha256
 	@"$(BIN)/python" book/_tools/pack.py sums dist
+
+unlocked:  # In place of the locked environment one with the newest release of every dependency
+	@"$(PYTHON)" -m venv --clear "$(VENV)"
+	@"$(BIN)/python" -m pip install -qq --disable-pip-version-check -e ".[dev]"
+	@touch "$(LOCKED)" && touch "$(STAMP)"
+	@"$(BIN)/python" -m pip list
 
 lock:  ## Renew requirements.lock from requirements.in (needs uv)
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-emit-index-url \
