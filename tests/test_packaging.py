@@ -7,8 +7,6 @@ import tomllib
 import zipfile
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 LOCK = (ROOT / "requirements.lock").read_text(encoding="utf-8")
@@ -63,8 +61,3 @@ def test_the_same_files_give_the_same_archive(tmp_path):
         assert file == "book.zip"
     assert sums[0] == sums[1]
     assert zipfile.ZipFile(archive).namelist() == ["book/a/page.html", "book/b/page.html"]
-
-
-def test_an_empty_folder_is_not_packed(tmp_path):
-    with pytest.raises(SystemExit, match="found no file"):
-        packer().pack(tmp_path, tmp_path / "book.zip")

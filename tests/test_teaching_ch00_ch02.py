@@ -1,7 +1,5 @@
 """What chapters 00 and 02 draw and count, against hand values and cases with a known answer."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from pfslam_book.ch00 import frames as ch00_frames
@@ -43,15 +41,6 @@ def test_a_turn_drawn_right_stays_on_the_walls_and_a_lost_arm_makes_a_ring_of_it
         np.testing.assert_allclose(np.hypot(*shift.T), arm)
 
 
-def test_a_late_clock_moves_a_point_sideways_by_angle_times_range(steady):
-    t = steady.truth.t
-    turning = replace(steady, truth=Trajectory(t, np.column_stack([0 * t, 0 * t, 0.5 * t])))
-    late = ch00_frames.late_clock(turning, 5.0, 0.2)
-    assert late["range"] == 2.0
-    assert late["angle"] == pytest.approx(0.1)
-    assert late["sideways"] == pytest.approx(0.2)
-
-
 # ---- chapter 02
 
 
@@ -68,15 +57,6 @@ def test_cells_of_one_beam_are_crossed_once_and_its_own_cell_by_all(scan):
     assert count[iy, ix] == 3
     assert count.sum() == 3 * 20  # each of the three beams is 20 cells long
     assert count[tuple(spec.world_to_cell([0.02, 0.52])[::-1])] == 1
-
-
-def test_rules_differ_only_where_beams_meet(scan):
-    by_rule = {rule: ch02.one_scan(scan, rule) for rule in ch02.RULES}
-    once, summed, last = by_rule.values()
-    np.testing.assert_allclose(np.unique(np.round(once / np.log(4), 9)), [-1, 0, 1])
-    assert summed.min() == pytest.approx(-3 * np.log(4))
-    np.testing.assert_array_equal(once != 0, last != 0)
-    assert [ch02.walls_left(scan, rule) for rule in ch02.RULES] == [1.0, 1.0, 1.0]
 
 
 def test_a_wall_cell_that_a_later_beam_crosses_is_lost_to_the_last_beam():

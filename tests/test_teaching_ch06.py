@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from pfslam_book import ch06
 from pfslam_book.ch06.geometry import SUBPIXEL, TAPE
-from pfslam_book.ch06.pairs import EVERY
 from pfslam_book.show.tables import Shown
 from pfslam_book.show.texture_error import nearest_floor
 
-from pfslam.recording import image_pairs
 from pfslam.sensors import RgbdModel
 from pfslam.texture import associate_rgb, disparity_from_depth
 
@@ -36,17 +34,6 @@ def test_eq_16_is_a_second_pinhole_camera():
     u_rgb, v_rgb = associate_rgb(u, v, disparity_from_depth(z, CAMERA), CAMERA)
     np.testing.assert_allclose(u_rgb, 526.37 * x / z + 317.11 - 13.87 / z, atol=0.02)
     np.testing.assert_allclose(v_rgb, 526.37 * y / z + 247.05, atol=0.02)
-
-
-def test_a_drive_keeps_the_image_pair_nearest_to_every_60th_scan(hall):
-    stamps = hall.recording.scans().t[::EVERY]
-    whole = hall.simulation.recording.camera
-    every_pair = whole.disparity_t[image_pairs(whole).disparity]
-    kept = hall.stream.disparity_t[hall.stream.disparity_index]
-    assert {np.abs(kept - stamp).min() for stamp in stamps} == {
-        np.abs(every_pair - stamp).min() for stamp in stamps
-    }
-    assert len(kept) <= len(stamps)
 
 
 def test_a_board_at_taped_distances_gives_the_constants_back(hall):

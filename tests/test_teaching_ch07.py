@@ -4,7 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-from pfslam_book.ch07 import runs
 from pfslam_book.ch07.statistics import (
     FEWEST,
     best_of,
@@ -87,11 +86,3 @@ def test_best_of_many_equal_settings_looks_better_than_it_is():
     same = {k: np.array([1.0, 2.0, 3.0]) for k in range(7)}
     reported, real = best_of(same, RNG(0))
     assert (reported, real) == (1.0, 2.0)
-
-
-def test_a_threshold_that_is_not_reached_changes_nothing():
-    change = runs.threshold_change("count, 0.14 rad/s", 0.1, 0.9)
-    reached = runs.groups("ch07_threshold", "count, 0.14 rad/s", "resample_below", "resamplings")[0.9] > 0
-    assert reached.sum() <= 2
-    np.testing.assert_array_equal(change.before[~reached], change.after[~reached])  # to the last bit
-    assert change.same_runs == np.count_nonzero(~reached)

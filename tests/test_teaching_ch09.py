@@ -118,17 +118,6 @@ def test_the_interval_of_a_median_misses_it_in_one_sample_of_twenty_at_most(n, e
     assert 0.945 <= np.mean(held) <= 0.985
 
 
-@pytest.mark.parametrize("polish", [True, False])
-@pytest.mark.parametrize("study", list(ch10_kinds.PLACES.values()))
-def test_kinds_are_compared_where_nothing_else_differs(study, polish):
-    cases = [c for c in read_study(study_file(study)).cases if c.label.endswith("polish") != polish]
-    configs = [c.config() for c in cases if c.get("method") != "dead-reckoning"]
-    assert len({(c.every, c.draw_metres, c.draw_radians, c.lines, c.search, c.map) for c in configs}) == 1
-    assert {c.particles for c in configs} == {1, 30}
-    errors = ch10_kinds.kind_errors(study, polish)
-    assert len({len(e) for e in errors.values()}) == 1
-
-
 def test_a_proposal_that_knows_the_scan_wastes_no_particle():
     case = ch10.Proposals()
     assert case.n_eff(True) == pytest.approx(case.n)

@@ -21,14 +21,6 @@ def test_the_building_without_its_door_is_its_own_twin():
     np.testing.assert_allclose(place.twin(place.twin(pose))[:2], pose[:2])
 
 
-def test_the_door_is_all_that_differs():
-    with_door, without = two_halves(), two_halves(door=False)
-    more = np.count_nonzero(with_door.grid.free) - np.count_nonzero(without.grid.free)
-    assert more * 0.05**2 == pytest.approx(1.0 * 1.2, abs=0.15)
-    poses = [place.recording.truth.poses for place in (with_door, without)]
-    np.testing.assert_array_equal(*poses)
-
-
 def test_a_kidnapped_robot_feels_no_motion():
     recording = two_halves().recording
     t0 = recording.lidar.t[0]
