@@ -67,9 +67,7 @@ unit: $(STAMP)
 	$(PYTEST) --dist loadfile -m "$(USUAL)" tests
 
 notebooks: $(STAMP)
-ifneq ($(NOTEBOOKS),)
 	PFSLAM_WIDGETS=text $(PYTEST) --dist loadfile --nbval --nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout 600 $(NOTEBOOKS)
-endif
 
 studies: $(STAMP)  ## Run the stored studies where results are missing, and renew their tables (STUDY=name for one)
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/studies.py $(STUDY)

@@ -55,11 +55,6 @@ def test_too_many_frames_are_refused():
         explorer(max_frames=5)
 
 
-def test_alt_text_follows_the_values():
-    assert explorer().alt(level=10, tint=0.5) == "A grey sheet. Level 10 m, Tint 0.5."
-    assert explorer(alt=lambda level, tint: f"{level}\n and {tint}").alt(level=1, tint=2) == "1 and 2"
-
-
 def test_page_fragment_is_the_same_every_time_and_asks_nobody():
     fragment = page_fragment(explorer(play="level"))
     assert fragment == page_fragment(explorer(play="level"))
@@ -101,23 +96,6 @@ def test_words_are_radio_buttons_on_the_page():
     ]
     assert fragment.count('<input type="range"') == 1
     assert page_data(fragment)["places"] == [[0, 1], [0, 250, 1000]]
-
-
-def test_words_are_buttons_with_a_kernel():
-    image, _caption, way, _level, player = live_view(choosing()).children
-    assert [option[0] for option in way.options] == ["right", "no <arm>"]
-    assert type(way).__name__ == "ToggleButtons"
-    way.value = "right"
-    assert quick_uri(grey(10, 0.5)) in image.value
-    assert (player.min, player.max) == (0, 1)
-
-
-def test_every_slider_is_labelled():
-    fragment = page_fragment(explorer())
-    sliders = re.findall(r'<input type="range" id="([^"]+)"', fragment)
-    assert len(set(sliders)) == 2
-    assert re.findall(r'<label for="([^"]+)"', fragment) == sliders
-    assert re.findall(r'<output for="([^"]+)"', fragment) == sliders
 
 
 def test_markup_in_words_cannot_break_the_page():
