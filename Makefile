@@ -48,10 +48,8 @@ quick: lint  ## Lint and the fast unit tests: what to run after each edit
 nightly: $(STAMP)  ## What takes long: every page and laboratory, every chapter in JupyterLab, many seeds, a release
 	@$(MAKE) book
 	@$(MAKE) release
+	PFSLAM_REQUIRE_BROWSER=1 $(PYTEST) --dist loadgroup -m "nightly or weekly" tests
 	PFSLAM_CASES=2000 $(PYTEST) --dist load tests/test_bad_input.py tests/test_settings.py
-	$(PYTEST) --dist loadfile -m "(nightly or weekly) and not browser and not lab" tests
-	PFSLAM_REQUIRE_BROWSER=1 $(PYTEST) --dist loadgroup -m "browser and nightly" tests/browser
-	PFSLAM_REQUIRE_BROWSER=1 $(PYTEST) --dist load -m "lab and nightly" tests/lab
 
 bench: $(STAMP)  ## Speed and memory of whole runs on this machine (BENCH=--quick for a look)
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/bench.py $(BENCH)
