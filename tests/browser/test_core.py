@@ -283,10 +283,11 @@ def drawing_cases(rng):
         whole = np.zeros(SPEC.shape, dtype=np.uint8)
         whole[rows, columns] = mask
         yield "freeCells", [SPEC, points, pose[:2]], whole
-        drawn, _ = integrate_scan(grid, points, np.arange(40), pose[:2], MAP)
+        drawn, alone = grid.copy(), OccupancyGrid.empty(SPEC)
+        for one in (drawn, alone):
+            integrate_scan(one, points, np.arange(40), pose[:2], MAP)
         expected = {"spec": js(SPEC), "logOdds": drawn.log_odds}
         yield "integrateScan", [grid, points, pose[:2], MAP], expected
-        alone, _ = integrate_scan(OccupancyGrid.empty(SPEC), points, np.arange(40), pose[:2], MAP)
         said = np.sign(alone.log_odds).astype(np.int8)
         yield "evidence", [SPEC, points, pose[:2]], said
         yield "addEvidence", [grid, said, MAP], expected

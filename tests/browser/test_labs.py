@@ -241,7 +241,7 @@ class Replay:
         sensor = transform_points(self.estimate, np.array([self.lidar.position_b[:2]]))[0]
         points_w = transform_points(self.estimate, self.points_b)
         beams = np.flatnonzero(self.lidar.valid(self.ranges))
-        self.grid, _ = integrate_scan(self.grid, points_w, beams, sensor, config)
+        integrate_scan(self.grid, points_w, beams, sensor, config)
 
 
 def the_filter_agrees(hand: Hand) -> dict:
@@ -572,22 +572,19 @@ def the_map_agrees(hand: Hand) -> dict:
     spec, lidar = spec_of(found["constants"]), lidar_of(found["constants"])
     amounts = {name: value * LOG_4 for name, value in found["settings"].items()}
     config = MapConfig(spec.resolution, **amounts, rays="bresenham")
-    grid, (ix, iy), diary, hits = (
-        OccupancyGrid.empty(spec),
-        found["cell"],
-        [],
-        np.zeros(spec.shape, dtype=int),
-    )
+    (ix, iy), diary = found["cell"], []
+    grid, hits = OccupancyGrid.empty(spec), np.zeros(spec.shape, dtype=int)
     for number, scan in enumerate(found["trace"], start=1):
         ranges, pose = np.array(scan["ranges"]), np.array(scan["pose"])
         points_w = transform_points(pose, scan_points(ranges, lidar))
         beams = np.flatnonzero(lidar.valid(ranges))
-        alone = integrate_scan(OccupancyGrid.empty(spec), points_w, beams, pose[:2], config)[0].log_odds
-        hits += alone > 0
-        grid, _ = integrate_scan(grid, points_w, beams, pose[:2], config)
-        if alone[iy, ix]:
+        alone = OccupancyGrid.empty(spec)
+        for one in (alone, grid):
+            integrate_scan(one, points_w, beams, pose[:2], config)
+        hits += alone.occupied
+        if alone.log_odds[iy, ix]:
             level = pytest.approx(grid.log_odds[iy, ix] / LOG_4)
-            diary.append({"scan": number, "hit": bool(alone[iy, ix] > 0), "level": level})
+            diary.append({"scan": number, "hit": bool(alone.occupied[iy, ix]), "level": level})
     np.testing.assert_array_equal(found["grid"]["logOdds"], grid.log_odds.ravel())
     assert found["diary"] == diary
     wall = hits >= found["constants"]["SEEN"]
