@@ -9,16 +9,16 @@ STAMP := $(VENV)/.installed
 SITE := _build/html
 NOTEBOOKS := $(sort $(wildcard notebooks/*.ipynb))
 WORKERS ?= 2
-DATA ?= ../shared/data
 # One thread for each worker: two workers of two threads would only wait for one another.
 PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
+USUAL := not nightly and not weekly and not browser and not lab
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test quick weekly lint types unit notebooks studies check-book check-lab lab notebook-outputs strip
-.PHONY: bench classroom redraw hard consistency copies student solutions wheel release lock clean
+.PHONY: help env book test quick nightly lint types unit notebooks check-book check-lab lab bench studies
+.PHONY: notebook-outputs strip copies student solutions wheel release unlocked lock clean
 
 help:  ## List the commands
-	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-18s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' Makefile
 
 env: $(STAMP)
 
@@ -43,24 +43,16 @@ book: $(STAMP)  ## Run the notebooks on the built-in data and build the site, wa
 test: lint unit notebooks  ## Lint, unit tests, every notebook
 
 quick: lint  ## Lint and the fast unit tests: what to run after each edit
-	$(PYTEST) --dist loadfile -m "not slow and not weekly and not browser and not lab" tests
+	$(PYTEST) --dist loadfile -m "not slow and $(USUAL)" tests
 
-weekly: $(STAMP)  ## The long tests: damaged inputs by the thousand, accuracy over many seeds, hard drives
+nightly: $(STAMP)  ## What takes long: every page and laboratory, every chapter in JupyterLab, many seeds, a release
+	@$(MAKE) book
+	@$(MAKE) release
+	PFSLAM_REQUIRE_BROWSER=1 $(PYTEST) --dist loadgroup -m "nightly or weekly" tests
 	PFSLAM_CASES=2000 $(PYTEST) --dist load tests/test_bad_input.py tests/test_settings.py
-	$(PYTEST) --dist loadfile -m weekly tests
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/hard.py $(DATA)
 
-hard: $(STAMP)  # The filter on drives that are not clean, and whether it says so: tables and figure of the page about trust
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/hard.py $(DATA) --out book/tables/hard.csv
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/hard.py $(DATA) --without --out book/tables/hard_without.csv
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/hard.py $(DATA) --figure book/_static/people.svg
-
-consistency: $(STAMP)  # How often cloud and covariance hold the truth: the second table on that page
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/consistency.py $(DATA) --out book/tables/consistency.csv
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/consistency.py $(DATA) --picture book/_static/covariance.webp
-
-bench: $(STAMP)  ## Speed and memory of whole runs on this machine
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/bench.py
+bench: $(STAMP)  ## Speed and memory of whole runs on this machine (BENCH=--quick for a look)
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/bench.py $(BENCH)
 
 lint: $(STAMP)
 	"$(BIN)/ruff" check .
@@ -70,21 +62,19 @@ types: $(STAMP)  ## Check the types
 	"$(BIN)/mypy"
 
 unit: $(STAMP)
-	$(PYTEST) --dist loadfile -m "not weekly and not browser and not lab" tests
+	$(PYTEST) --dist loadfile -m "$(USUAL)" tests
 
 notebooks: $(STAMP)
-ifneq ($(NOTEBOOKS),)
 	PFSLAM_WIDGETS=text $(PYTEST) --dist loadfile --nbval --nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout 600 $(NOTEBOOKS)
-endif
 
 studies: $(STAMP)  ## Run the stored studies where results are missing, and renew their tables (STUDY=name for one)
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/studies.py $(STUDY)
 
-check-book: $(STAMP)  ## Check the built site: links, pages, and every widget in a real browser
-	$(PYTEST) --dist loadgroup -m browser tests/browser
+check-book: $(STAMP)  ## Look at the built site in a real browser: three kinds of page, each laboratory once
+	$(PYTEST) --dist loadgroup -m "browser and not nightly" tests/browser
 
-check-lab: $(STAMP)  ## Run every chapter in JupyterLab, in a real browser
-	$(PYTEST) --dist load -m lab tests/lab
+check-lab: $(STAMP)  ## Run two chapters in JupyterLab, in a real browser
+	$(PYTEST) --dist load -m "lab and not nightly" tests/lab
 
 lab: $(STAMP)  ## Open the chapters in JupyterLab
 	"$(BIN)/jupyter-lab" --notebook-dir=. --LabApp.default_url=/lab/tree/$(firstword $(NOTEBOOKS))
@@ -95,12 +85,6 @@ notebook-outputs: $(STAMP)  ## Run the notebooks in place and keep their text ou
 
 strip: $(STAMP)  ## Remove pictures and widgets from the notebooks
 	"$(BIN)/python" book/_tools/strip.py $(NOTEBOOKS)
-
-classroom: $(STAMP)  # What a kernel needs for each chapter, for the page for teachers
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/measure_classroom.py $(NOTEBOOKS) --out book/tables/classroom.csv
-
-redraw: $(STAMP)  # How long the kernel takes to redraw each widget
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/redraw.py $(NOTEBOOKS)
 
 copies: $(STAMP)
 	@rm -rf _build/student _build/solutions
@@ -133,6 +117,12 @@ release: $(STAMP) site.zip student solutions  ## Wheel, site and copies of the c
 	@"$(BIN)/python" book/_tools/pack.py zip _build/solutions dist/pfslam-solutions.zip > /dev/null
 	@rm dist/*.sha256
 	@"$(BIN)/python" book/_tools/pack.py sums dist
+
+unlocked:  # In place of the locked environment one with the newest release of every dependency
+	@"$(PYTHON)" -m venv --clear "$(VENV)"
+	@"$(BIN)/python" -m pip install -qq --disable-pip-version-check -e ".[dev]"
+	@touch "$(LOCKED)" && touch "$(STAMP)"
+	@"$(BIN)/python" -m pip list
 
 lock:  ## Renew requirements.lock from requirements.in (needs uv)
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-emit-index-url \

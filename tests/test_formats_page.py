@@ -12,12 +12,14 @@ import pytest
 from bag_files import rows_of, write_bag
 from box_recording import box_recording
 
+from pfslam.simulator.cache import cache_folder
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "book" / "formats.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(bash|python)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.nightly,
     # On Windows the first bash is often the one that asks for Linux to be installed.
     pytest.mark.skipif(
         os.name == "nt" or not shutil.which("bash"), reason="the page's commands are for Unix"
@@ -31,16 +33,7 @@ def said(tmp_path_factory):
     folder, home = tmp_path_factory.mktemp("page"), tmp_path_factory.mktemp("home")
     write_bag(folder / "drive_bag", "mcap", rows_of(box_recording(images=0)))
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    cache = (
-        os.environ.get("PFSLAM_CACHE")
-        or subprocess.run(
-            [sys.executable, "-c", "from pfslam.simulator.cache import cache_folder; print(cache_folder())"],
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.strip()
-    )
-    environment = os.environ | {"PATH": path, "HOME": str(home), "PFSLAM_CACHE": cache}
+    environment = os.environ | {"PATH": path, "HOME": str(home), "PFSLAM_CACHE": str(cache_folder())}
     environment |= {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
     outputs = []
     for language, text in BLOCKS:
@@ -97,9 +90,3 @@ def test_the_bag_becomes_a_map_and_a_file(said):
     summary = json.loads((folder / "out" / "bag" / "summary.json").read_text(encoding="utf-8"))
     assert summary["scans"] == len(box_recording(images=0).lidar.t)
     assert printed(outputs, "np.load").splitlines()[1] == "lidar.ranges (55, 1081) float32"
-
-
-def test_only_ros_is_left_out():
-    skipped = re.findall(r"^```console\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
-    assert all(line.startswith("$ ros2 ") for block in skipped for line in block.splitlines())
-    assert len(BLOCKS) >= 6

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from box_recording import box_recording
-from hero import encode_animation, growing_map, make_scene, moments_of
+from hero import encode_animation, growing_map, make_scene
 
 from pfslam.run import run_slam
 from pfslam.slam import SlamConfig
@@ -30,18 +30,6 @@ def test_the_map_that_grows_ends_as_the_map_of_the_run(scene):
     window = tuple(slice(o, o + n) for o, n in zip(offset[::-1], scene.spec.shape, strict=True))
     np.testing.assert_array_equal(maps[last], grid.log_odds[window])
     assert np.count_nonzero(maps[0]) < np.count_nonzero(maps[last])
-
-
-def test_nothing_seen_lies_outside_the_cut(scene):
-    assert np.count_nonzero(dict(growing_map(scene, [len(scene.result.infos) - 1])).popitem()[1]) == (
-        np.count_nonzero(scene.result.grid.log_odds)
-    )
-
-
-def test_moments_rise_to_the_last_step(scene):
-    moments = moments_of(scene.result)
-    assert (np.diff(moments) > 0).all()
-    assert moments[-1] == len(scene.result.infos) - 1
 
 
 def test_animation_keeps_frames_times_and_colours():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pfslam_book import ch05
 from pfslam_book.show import lab
-from pfslam_book.show.lab import FOLDER, answer, module, scripts, show_lab
+from pfslam_book.show.lab import FOLDER, answer, module, scripts
 
 LABS = sorted(path.name[4:-3] for path in FOLDER.iterdir() if path.name.startswith("lab_"))
 
@@ -16,13 +16,6 @@ LABS = sorted(path.name[4:-3] for path in FOLDER.iterdir() if path.name.startswi
 def shown(mode: str, monkeypatch) -> dict:
     monkeypatch.setenv("PFSLAM_WIDGETS", mode)
     return ch05.drive_lab()._repr_mimebundle_()
-
-
-def test_in_text_it_is_one_line(monkeypatch):
-    bundle = shown("text", monkeypatch)
-    assert bundle.keys() == {"text/plain"}
-    assert bundle["text/plain"].startswith("[laboratory: Drive")
-    assert "\n" not in bundle["text/plain"]
 
 
 @pytest.mark.parametrize("mode", ["static", "live"])
@@ -79,11 +72,6 @@ def test_an_error_of_the_reader_comes_back_as_words():
 
     message = {"id": 1, "part": "update", "arguments": [[1.0], [1.0]]}
     assert answer({"update": update}, message) == {"id": 1, "error": "ValueError: not yet written"}
-
-
-def test_an_unknown_laboratory_is_refused():
-    with pytest.raises(ValueError, match="no file lab_nowhere"):
-        show_lab("nowhere", "A title", "A picture")
 
 
 @pytest.mark.parametrize("name", LABS)

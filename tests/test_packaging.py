@@ -7,9 +7,6 @@ import tomllib
 import zipfile
 from pathlib import Path
 
-import pytest
-import yaml
-
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 LOCK = (ROOT / "requirements.lock").read_text(encoding="utf-8")
@@ -44,18 +41,6 @@ def test_the_lock_names_no_host():
     assert re.findall(r"://|--index-url|--find-links|^-i ", LOCK, re.MULTILINE) == []
 
 
-def test_the_wheel_carries_the_files_that_are_not_python():
-    patterns = PROJECT["tool"]["setuptools"]["package-data"]
-    carried = {
-        path
-        for package, globs in patterns.items()
-        for glob in globs
-        for path in (ROOT / package.replace(".", "/")).glob(glob)
-    }
-    others = {p for p in (ROOT / "pfslam").rglob("*") if p.is_file() and p.suffix not in (".py", ".pyc")}
-    assert others - carried == set()
-
-
 def packer():
     spec = importlib.util.spec_from_file_location("pack", ROOT / "book" / "_tools" / "pack.py")
     module = importlib.util.module_from_spec(spec)
@@ -76,42 +61,3 @@ def test_the_same_files_give_the_same_archive(tmp_path):
         assert file == "book.zip"
     assert sums[0] == sums[1]
     assert zipfile.ZipFile(archive).namelist() == ["book/a/page.html", "book/b/page.html"]
-
-
-def test_an_empty_folder_is_not_packed(tmp_path):
-    with pytest.raises(SystemExit, match="found no file"):
-        packer().pack(tmp_path, tmp_path / "book.zip")
-
-
-def workflow(name: str) -> dict:
-    return yaml.safe_load((ROOT / ".github" / "workflows" / name).read_text(encoding="utf-8"))
-
-
-def test_every_system_runs_the_oldest_and_the_newest_python():
-    matrix = workflow("ci.yml")["jobs"]["tests"]["strategy"]["matrix"]
-    assert {system.split("-")[0] for system in matrix["os"]} == {"ubuntu", "macos", "windows"}
-    oldest, newest = matrix["python"]
-    assert f">={oldest}" == PROJECT["project"]["requires-python"]
-    assert f"Programming Language :: Python :: {newest}" == PROJECT["project"]["classifiers"][-2]
-
-
-def test_a_weekly_run_takes_the_newest_releases_without_the_lock():
-    weekly = workflow("weekly.yml")
-    (when,) = weekly[True]["schedule"]  # YAML reads the key `on` as true
-    assert when["cron"].split()[-1] in "0123456"
-    commands = " ".join(step.get("run", "") for step in weekly["jobs"]["unlocked"]["steps"])
-    assert "--upgrade" in commands
-    assert "requirements.lock" not in commands
-
-
-def test_binder_takes_the_environment_from_the_lock():
-    lines = (ROOT / "binder" / "requirements.txt").read_text(encoding="utf-8").split("\n")
-    assert "-r ../requirements.lock" in lines
-    assert "--no-deps" in (ROOT / "binder" / "postBuild").read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize("folder", ["binder", ".ci"])
-def test_scripts_keep_unix_line_ends(folder):
-    for path in (ROOT / folder).iterdir():
-        assert b"\r\n" not in path.read_bytes(), path
-    assert "eol=lf" in (ROOT / ".gitattributes").read_text(encoding="utf-8")

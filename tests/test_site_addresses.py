@@ -17,7 +17,7 @@ TOC = {
     "chapters": [{"file": CHAPTER}, {"file": "book/bibliography"}],
 }
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 def build(folder: Path, **addresses) -> tuple[str, str]:

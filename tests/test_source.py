@@ -5,7 +5,6 @@ import inspect
 import textwrap
 
 import pytest
-from pfslam_book.show.checks import attempt, hint, is_number, is_unanswered, passed, unanswered
 from pfslam_book.show.source import show_source
 
 from pfslam.correlation import score_field
@@ -50,26 +49,3 @@ def test_committed_notebooks_hold_the_name_alone(monkeypatch):
     monkeypatch.setenv("PFSLAM_WIDGETS", "static")
     markdown = show_source(predict)._repr_mimebundle_()["text/markdown"]
     assert markdown.startswith("```python\n# pfslam.particles.predict\ndef predict(")
-
-
-def test_verdicts():
-    assert passed()
-    assert not hint("no")
-    assert not unanswered()
-    assert repr(hint("look again")) == "Not yet. look again"
-
-
-@pytest.mark.parametrize("answer", [None, ..., (1.0, ...), [None]])
-def test_stubs_are_unanswered(answer):
-    assert is_unanswered(answer)
-
-
-@pytest.mark.parametrize(
-    ("answer", "verdict"), [(1, True), (0.5, True), ("1", False), ([1], False), (float("nan"), False)]
-)
-def test_numbers(answer, verdict):
-    assert is_number(answer) is verdict
-
-
-def test_a_function_that_raises_is_quoted_and_not_raised():
-    assert "ZeroDivisionError: division by zero" in attempt(lambda x: x / 0, 1).message

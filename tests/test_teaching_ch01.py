@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 from pfslam_book.ch01 import turns as ch01_turns
-from pfslam_book.ch01.live import RIGHT, calibrate_options, true_path
 
-from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.io.datasets import load
-from pfslam.motion import Controls, dead_reckoning, integrate, motion_model_arc
+from pfslam.motion import Controls, integrate, motion_model_arc
 from pfslam.recording import Encoders, Imu, LidarScans, Recording
 
 WIDTH, RATE = 0.7, 0.5
@@ -64,23 +61,3 @@ def test_the_corners_of_euler_steps_lie_on_a_circle_turned_by_half_a_step_and_ha
         [[np.cos(half), -np.sin(half)], [np.sin(half), np.cos(half)]]
     )  # by -half, in rows
     np.testing.assert_allclose(euler, turned * half / np.sin(half), atol=1e-12)
-
-
-def test_the_page_gets_the_drive_and_the_numbers_that_mend_it():
-    hall = load("hall")
-    options = calibrate_options(hall)
-    truth, dt = true_path(options), 1 / options["hertz"]
-    left, right, turned = (
-        options["units"][name] * np.array(options["steps"][name]) for name in ("left", "right", "turned")
-    )
-    metres, difference = (left + right) / 2, right - left
-
-    def error(v, omega) -> float:
-        return trajectory_error(integrate(Controls(truth.t, v / dt, omega / dt)), truth).ate_rmse_m
-
-    raw = trajectory_error(dead_reckoning(hall), hall.true_path()).ate_rmse_m
-    assert error(metres, turned) == pytest.approx(raw, abs=0.02)
-    by_gyro = RIGHT["gyro"] * (turned - RIGHT["bias"] * dt)
-    assert error(RIGHT["wheels"] * metres, by_gyro) < 0.08
-    assert error(RIGHT["wheels"] * metres, RIGHT["wheels"] * difference / RIGHT["track"]) < 0.3
-    assert error(metres, difference / options["track"]) > 10, "the tape measure"

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from pfslam_book import ch06
 from pfslam_book.ch06.geometry import SUBPIXEL, TAPE
-from pfslam_book.ch06.pairs import EVERY
 from pfslam_book.show.tables import Shown
 from pfslam_book.show.texture_error import nearest_floor
 
-from pfslam.recording import image_pairs
 from pfslam.sensors import RgbdModel
 from pfslam.texture import associate_rgb, disparity_from_depth
 
@@ -38,17 +36,6 @@ def test_eq_16_is_a_second_pinhole_camera():
     np.testing.assert_allclose(v_rgb, 526.37 * y / z + 247.05, atol=0.02)
 
 
-def test_a_drive_keeps_the_image_pair_nearest_to_every_60th_scan(hall):
-    stamps = hall.recording.scans().t[::EVERY]
-    whole = hall.simulation.recording.camera
-    every_pair = whole.disparity_t[image_pairs(whole).disparity]
-    kept = hall.stream.disparity_t[hall.stream.disparity_index]
-    assert {np.abs(kept - stamp).min() for stamp in stamps} == {
-        np.abs(every_pair - stamp).min() for stamp in stamps
-    }
-    assert len(kept) <= len(stamps)
-
-
 def test_a_board_at_taped_distances_gives_the_constants_back(hall):
     shots = ch06.shots_along(hall, 3)
     tape, raw = ch06.tape_and_raw(shots, np.random.default_rng(0))
@@ -65,21 +52,6 @@ def test_the_votes_peak_at_the_slope_of_the_floor_among_walls():
     z = np.where(wall, rng.uniform(-0.1, 1.0, 900), 0.013 - 0.07 * x + 0.003 * rng.standard_normal(900))
     slopes = np.arange(-20, 21) * 0.01
     assert slopes[ch06.floor_votes(x, z, slopes).argmax()] == pytest.approx(-0.07, abs=0.011)
-
-
-def test_the_structured_light_explorer_says_the_shift_of_every_wall():
-    explorer = ch06.structured_light_explorer(CAMERA)
-    for state in explorer.states():
-        (z,) = explorer.values(state).values()
-        assert f"{42.35 / z:.1f} pixels" in explorer.alt(z=z)
-    assert explorer.frame(z=1.0).shape[2] == 3
-
-
-def test_the_frames_picture_measures_the_ring_from_the_turning_point():
-    ring = nearest_floor(CAMERA)
-    words = ch06.frames_picture(CAMERA).alt
-    assert f"{ring:.2f} m ahead of the camera" in words
-    assert f"{ring + CAMERA.position_b[0]:.2f} m ahead of the chassis centre" in words
 
 
 def test_a_bar_in_a_cell_of_a_table_is_no_column():

@@ -4,10 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
-from pfslam_book.ch07 import pictures, runs
 from pfslam_book.ch07.statistics import (
     FEWEST,
-    Difference,
     best_of,
     bootstrap_interval,
     difference_interval,
@@ -74,20 +72,6 @@ def test_too_few_runs_get_no_interval():
     assert 2.0 ** (1 - FEWEST) < 0.05 < 2.0 ** (2 - FEWEST)
 
 
-@pytest.mark.parametrize(
-    ("ends", "words"),
-    [
-        ((0, 0), "no change"),
-        ((-2, -1), "helps"),
-        ((1, 2), "hurts"),
-        ((-1, 2), "undecided"),
-        ((-1, 0), "undecided"),
-    ],
-)
-def test_verdicts(ends, words):
-    assert Difference(0.0, *ends).verdict == words
-
-
 def test_wrong_winner_of_equals_is_a_coin_and_of_strangers_never():
     some = np.arange(20.0)
     assert wrong_winner(some, some, 5, RNG(0)) == pytest.approx(0.5, abs=0.02)
@@ -102,59 +86,3 @@ def test_best_of_many_equal_settings_looks_better_than_it_is():
     same = {k: np.array([1.0, 2.0, 3.0]) for k in range(7)}
     reported, real = best_of(same, RNG(0))
     assert (reported, real) == (1.0, 2.0)
-
-
-@pytest.mark.parametrize("name", runs.SWEEPS)
-def test_every_sweep_has_runs_for_every_metric(name):
-    for metric in runs.METRICS.values():
-        series = runs.sweep_series(runs.SWEEPS[name], metric.column)
-        assert len(series["hall"]) >= 3
-        assert all(
-            len(some) >= 4 and np.isfinite(some).all() for group in series.values() for some in group.values()
-        )
-
-
-def test_sweep_explorer_says_the_medians_that_it_draws():
-    explorer = pictures.sweep_explorer()
-    for state in explorer.states():
-        values = explorer.values(state)
-        sweep, what = runs.SWEEPS[values["parameter"]], runs.METRICS[values["metric"]]
-        for some in runs.sweep_series(sweep, what.column).values():
-            for group in some.values():
-                assert f"{np.median(group):{what.form}} {what.unit}".strip() in explorer.alt(**values)
-    assert explorer.frame(**explorer.values(explorer.start)).shape[2] == 3
-
-
-def test_seeds_explorer_draws_every_pair():
-    pairs = {"filters": runs.filter_pair(), "threshold": runs.threshold_pair("count, 0.5 rad/s", 0.1, 0.9)}
-    explorer = pictures.seeds_explorer(pairs)
-    for state in explorer.states():
-        values = explorer.values(state)
-        words = explorer.alt(**values)
-        assert "crown the wrong one in" in words
-        assert ("too few for an interval" in words) == (values["seeds"] < FEWEST)
-    assert explorer.frame(**explorer.values(explorer.start)).shape[2] == 3
-    assert pictures.how_often_wrong(pairs["filters"], 3) == 0.0  # in whichever order
-
-
-def test_a_threshold_that_is_not_reached_changes_nothing():
-    change = runs.threshold_change("count, 0.14 rad/s", 0.1, 0.9)
-    reached = runs.groups("ch07_threshold", "count, 0.14 rad/s", "resample_below", "resamplings")[0.9] > 0
-    assert reached.sum() <= 2
-    np.testing.assert_array_equal(change.before[~reached], change.after[~reached])  # to the last bit
-    assert change.same_runs == np.count_nonzero(~reached)
-
-
-def test_the_runs_over_buildings_are_complete_and_say_what_the_chapter_says():
-    for name in runs.BUILDING_CHANGES:
-        change = runs.building_change(name)
-        assert len(change.before) == len(change.after) == 20
-        assert np.isfinite([change.before, change.after]).all()
-
-    def verdict(name):
-        change = runs.building_change(name)
-        return paired_interval(change.before, change.after, RNG(0)).verdict
-
-    assert verdict("0.5 rad/s: 0.1 N to 0.9 N") == "helps"
-    assert verdict("noise 0.14 to 0.5 rad/s") == verdict("every 10th scan to every 5th") == "hurts"
-    assert verdict("100 particles to one") == verdict("every 10th scan to every 20th") == "undecided"

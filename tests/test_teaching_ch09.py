@@ -6,22 +6,15 @@ import numpy as np
 import pytest
 from pfslam_book import ch09, ch10
 from pfslam_book.ch09 import judging
-from pfslam_book.ch09 import runs as ch09_runs
 from pfslam_book.ch09 import walls as ch09_walls
-from pfslam_book.ch09.tables import changed_fields, ladder_table, median_interval
+from pfslam_book.ch09.tables import changed_fields, median_interval
 from pfslam_book.ch10 import kinds as ch10_kinds
-from pfslam_book.ch10 import particles as ch10_particles
-from pfslam_book.ch10.intel import RUNS, TABLE, intel_map, intel_path
-from pfslam_book.exercises.ch09 import line_step
 from pfslam_book.show.tables import study_file
 
-import pfslam
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.poses import Trajectory, compose
 from pfslam.slam import SlamConfig
 from pfslam.study import read_study
-
-INTEL = (RUNS, TABLE)
 
 
 def circle():
@@ -46,19 +39,6 @@ def test_one_wrong_first_heading_shows_by_first_pose_and_nearly_vanishes_in_the_
     expected = np.sqrt(np.mean((2 * np.sin(np.deg2rad(0.5)) * distance) ** 2))
     assert trajectory_error(wrong, truth).ate_rmse_m == pytest.approx(expected)
     assert judging.best_fit_rmse(wrong, truth) < 1e-9
-
-
-def test_the_polish_holds_the_heading_that_the_grid_loses():
-    errors = np.abs(ch09_runs.grid_lock(np.array([-0.2, 0.1, 0.2])))
-    assert errors[..., 0].max() > 0.15
-    assert errors[..., 1].max() < 0.08
-
-
-def test_a_right_step_repeated_finds_the_pose_and_a_stub_is_told_so():
-    table = ch09.repeat_step(line_step, ch09.PolishCase.make())
-    assert float(table.rows[-1][1]) < 0.3
-    assert abs(float(table.rows[-1][2])) < 0.15
-    assert ch09.repeat_step(lambda *case: ..., ch09.PolishCase.make()).verdict == "unanswered"
 
 
 def test_lineages_follow_the_ancestors():
@@ -129,24 +109,6 @@ def test_hard_studies_differ_by_their_hazards_and_how_many_scans_they_use(plain,
         assert {key for key in apart if not key.startswith("simulator.hazards.")} == other
 
 
-def test_what_is_missed_where_the_world_moves():
-    found = ch09.left_out(False, "hard")
-    assert set(found) == set(ch09.left_out(False))
-    for label, difference, interval, worse in (row[:1] + row[2:] for row in ch09.hard_left_out_table().rows):
-        apart = 100 * (found[label] - found["nothing"])
-        low, high = (float(end) for end in interval.split(" to "))
-        assert float(difference) == pytest.approx(np.median(apart), abs=0.006)
-        assert low * high > 0
-        assert np.count_nonzero(apart > 0) == int(worse)
-
-
-@pytest.mark.parametrize("polish", [True, False])
-def test_fifty_particles_are_counted_against_one(polish):
-    many, one = (ch10_particles.situation_errors("wheels slip", n, polish) for n in (50, 1))
-    better = sum(a < b for a, b in zip(many, one, strict=True))
-    assert ch10_particles.particles_help("wheels slip", polish) == f"{better} of 10"
-
-
 @pytest.mark.parametrize(("n", "ends"), [(6, (0, 5)), (10, (1, 8)), (20, (5, 14))])
 def test_the_interval_of_a_median_misses_it_in_one_sample_of_twenty_at_most(n, ends):
     """The ends by tables of the sign test; and in samples of normal numbers the median is 0."""
@@ -154,63 +116,6 @@ def test_the_interval_of_a_median_misses_it_in_one_sample_of_twenty_at_most(n, e
     samples = np.random.default_rng(0).normal(size=(4000, n))
     held = [low <= 0 <= high for low, high in map(median_interval, samples)]
     assert 0.945 <= np.mean(held) <= 0.985
-
-
-def test_the_table_of_the_ladder_has_a_row_for_each_rung():
-    table = ladder_table()
-    assert [row[0] for row in table.rows] == list(ch09.ladder())
-    assert all(float(row[2]) >= float(row[1]) for row in table.rows)
-
-
-@pytest.mark.parametrize(
-    "situation",
-    [
-        "ordinary",
-        "blind for 10 s",
-        "blind for 20 s",
-        "kidnapped",
-        "the world moves",
-        "wheels slip",
-        "wheels slip, every 5th scan",
-        "people walk",
-    ],
-)
-def test_every_situation_has_a_run_in_every_building_for_every_number_of_particles(situation):
-    assert situation in ch10_particles.situations()
-    numbers = ("scan matching", *ch10_particles.NUMBERS)
-    counts = {len(ch10_particles.situation_errors(situation, n)) for n in numbers}
-    assert len(counts) == 1
-    assert counts.pop() >= 2
-
-
-@pytest.mark.parametrize("polish", [True, False])
-@pytest.mark.parametrize("study", list(ch10_kinds.PLACES.values()))
-def test_kinds_are_compared_where_nothing_else_differs(study, polish):
-    cases = [c for c in read_study(study_file(study)).cases if c.label.endswith("polish") != polish]
-    configs = [c.config() for c in cases if c.get("method") != "dead-reckoning"]
-    assert len({(c.every, c.draw_metres, c.draw_radians, c.lines, c.search, c.map) for c in configs}) == 1
-    assert {c.particles for c in configs} == {1, 30}
-    errors = ch10_kinds.kind_errors(study, polish)
-    assert len({len(e) for e in errors.values()}) == 1
-
-
-def test_one_polished_particle_draws_the_map_of_two_hundred():
-    table = ch10.one_and_many(pfslam.load("hall"), 30.0)
-    apart = {row[0]: float(row[3]) for row in table.rows}
-    assert apart["polish"] < 1.0 < apart["no polish"]
-
-
-def test_the_stored_runs_of_the_real_log_are_whole():
-    facts = ch10.intel_facts()
-    assert (facts["relations"], facts["usable"], facts["returns"]) == (2984, 97, 23)
-    path, grid = intel_path("scan matching"), intel_map("scan matching")
-    assert len(path) == len(intel_path("report")) == 910
-    x, y = grid.spec.world_to_cell(path.poses[:, :2]).T
-    assert (grid.log_odds[y, x] <= 0).mean() > 0.99
-    errors = ch10.intel_errors()
-    assert np.median(errors["scan matching"]) < 0.03
-    assert errors["report"].min() > 1.0
-    assert sum(file.stat().st_size for file in INTEL) < 150_000
 
 
 def test_a_proposal_that_knows_the_scan_wastes_no_particle():

@@ -12,7 +12,7 @@ import pytest
 from copies import CHECK, exercises, main
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = ("pfslam", "pyproject.toml", "README.md", "LICENSE", "LICENSE-text")
+SOURCES = ("pfslam", "book/pfslam_book", "pyproject.toml", "README.md", "LICENSE", "LICENSE-text")
 CHAPTER = "01_dead_reckoning.ipynb"
 # What a student does not install: asked for, it is not there.
 NOT_INSTALLED = ("myst_nb", "sphinx", "pytest")
@@ -48,18 +48,8 @@ def wheel(tmp_path_factory) -> Path:
 def classroom(wheel, tmp_path_factory) -> dict:
     """A folder with the wheel installed and the environment of a student: no checkout, no book machinery."""
     folder = tmp_path_factory.mktemp("class room")
-    pip = (
-        sys.executable,
-        "-m",
-        "pip",
-        "install",
-        "-q",
-        "--no-deps",
-        "--no-index",
-        "--target",
-        folder / "site",
-    )
-    run(*pip, wheel)
+    pip = (sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index")
+    run(*pip, "--target", folder / "site", wheel)
     for name in NOT_INSTALLED:
         text = f'raise ModuleNotFoundError("No module named {name}", name={name!r})\n'
         (folder / "site" / f"{name}.py").write_text(text, encoding="utf-8")
@@ -68,14 +58,19 @@ def classroom(wheel, tmp_path_factory) -> dict:
 
 
 def test_the_wheel_holds_every_file_of_the_package(wheel):
-    held = {name for name in zipfile.ZipFile(wheel).namelist() if name.startswith("pfslam/")}
-    files = (path for path in (ROOT / "pfslam").rglob("*") if path.is_file() and path.suffix != ".pyc")
-    assert held == {path.relative_to(ROOT).as_posix() for path in files}
+    held = {name for name in zipfile.ZipFile(wheel).namelist() if not name.startswith("pfslam-")}
+    files = {}
+    for root in (ROOT / "pfslam", ROOT / "book" / "pfslam_book"):
+        files |= {
+            path.relative_to(root.parent).as_posix(): path for path in root.rglob("*") if path.is_file()
+        }
+    assert held == {name for name in files if not name.endswith(".pyc")}
 
 
 def test_it_is_the_installed_package_that_runs(classroom):
-    where = run(sys.executable, "-c", "import pfslam; print(pfslam.__file__)", **classroom)
-    assert Path(where.strip()).is_relative_to(classroom["cwd"])
+    code = "import pfslam, pfslam_book; print(pfslam.__file__, pfslam_book.__file__, sep='\\n')"
+    where = run(sys.executable, "-c", code, **classroom).split("\n")[:2]
+    assert all(Path(path).is_relative_to(classroom["cwd"]) for path in where)
 
 
 def test_help_starts_without_the_heavy_libraries(classroom):

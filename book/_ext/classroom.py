@@ -1,4 +1,4 @@
-"""The tables on the page for teachers: minutes and what a kernel needs, as stored, and the exercises as they stand."""
+"""The tables on the page for teachers: words and exercises as they stand, and what a kernel needs, as measured."""
 
 import csv
 import json
@@ -13,20 +13,34 @@ MINUTES_PER_WIDGET = 4
 MINUTES_PER_EXERCISE = 10
 
 
-def minutes(row: dict[str, str]) -> int:
+def content(notebook: dict) -> dict[str, int]:
+    """Count words of prose, widgets and laboratories (by their saved outputs), and exercises."""
+    cells = notebook["cells"]
+    prose = " ".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+    shown = str([cell["outputs"] for cell in cells if cell["cell_type"] == "code"])
+    tags = [tag for cell in cells for tag in cell["metadata"].get("tags", [])]
+    return {
+        "words": len(prose.split()),
+        "widgets": shown.count("[explorer: ") + shown.count("[laboratory: "),
+        "exercises": sum(bool(re.fullmatch(r"exercise-\d+", tag)) for tag in tags),
+    }
+
+
+def minutes(row: dict) -> int:
     """Minutes to plan for one chapter in class, to the next five."""
     plain = int(row["words"]) / WORDS_PER_MINUTE
     plain += MINUTES_PER_WIDGET * int(row["widgets"]) + MINUTES_PER_EXERCISE * int(row["exercises"])
     return 5 * -(-round(plain) // 5)
 
 
-def read(path: Path) -> list[dict[str, str]]:
-    """The rows that ``python book/_tools/measure_classroom.py`` stored."""
+def read(path: Path, notebooks: list[Path]) -> list[dict]:
+    """A row for each chapter: counted as it stands, and what ``measure_classroom.py`` stored."""
     with open(path, encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+        measured = {row["chapter"]: row for row in csv.DictReader(file)}
+    return [measured[p.stem] | content(json.loads(p.read_text(encoding="utf-8"))) for p in notebooks]
 
 
-def chapters_table(rows: list[dict[str, str]]) -> str:
+def chapters_table(rows: list[dict]) -> str:
     """One line per chapter and their sum, as Markdown."""
     lines = [
         "| chapter | words | wid~gets | exer~cises | plan [min] | start [s] | run [s] | mem~ory [MB] |",
@@ -42,7 +56,7 @@ def chapters_table(rows: list[dict[str, str]]) -> str:
     return "\n".join(lines).replace("~", "\u00ad")  # a soft hyphen, where a heading may be parted on a phone
 
 
-def server_text(rows: list[dict[str, str]], students: int = 40) -> str:
+def server_text(rows: list[dict], students: int = 40) -> str:
     """What a server for a class needs if everyone runs the same, most demanding chapter at once."""
     memory = max(int(row["memory_mb"]) for row in rows)
     longest = max(float(row["run_s"]) for row in rows)
@@ -91,15 +105,14 @@ class Classroom(SphinxDirective):
     required_arguments = 1
 
     def run(self):
+        notebooks = sorted((Path(self.env.srcdir) / "notebooks").glob("*.ipynb"))
+        stored = Path(self.env.srcdir) / TABLE
+        for path in [*notebooks, stored]:
+            self.env.note_dependency(str(path))
         if self.arguments[0] == "exercises":
-            notebooks = sorted((Path(self.env.srcdir) / "notebooks").glob("*.ipynb"))
-            for path in notebooks:
-                self.env.note_dependency(str(path))
             return self.parse_text_to_nodes(exercises_table(notebooks))
-        path = Path(self.env.srcdir) / TABLE
-        self.env.note_dependency(str(path))
         make = {"chapters": chapters_table, "server": server_text}[self.arguments[0]]
-        return self.parse_text_to_nodes(make(read(path)))
+        return self.parse_text_to_nodes(make(read(stored, notebooks)))
 
 
 def setup(app):

@@ -117,7 +117,8 @@ def made_of(path: Path) -> str:
     digest = hashlib.sha256()
     for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
         digest.update(f"{cell['cell_type']}\0{source(cell)}\0".encode())
-    for file in sorted([*(ROOT / "pfslam").rglob("*.*"), ROOT / "requirements.lock"]):
+    code = [file for name in ("pfslam", "book/pfslam_book") for file in (ROOT / name).rglob("*.*")]
+    for file in sorted([*code, ROOT / "requirements.lock"]):
         if file.is_file() and "__pycache__" not in file.parts:
             digest.update(f"{file.relative_to(ROOT).as_posix()}\0".encode() + file.read_bytes())
     return digest.hexdigest()

@@ -5,8 +5,6 @@ until a fresh kernel answers, seconds the time that its cells take, memory the m
 """
 
 import argparse
-import csv
-import re
 import time
 from pathlib import Path
 
@@ -16,25 +14,12 @@ from nbclient import NotebookClient
 from pfslam.io.files import write_text
 
 MEMORY = "import resource; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
-COLUMNS = ("chapter", "words", "widgets", "exercises", "startup_s", "run_s", "memory_mb")
-
-
-def content(notebook) -> dict[str, int]:
-    """Count words of prose, widgets and laboratories (by their saved outputs), and exercises."""
-    prose = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
-    shown = str([cell.outputs for cell in notebook.cells if cell.cell_type == "code"])
-    tags = [tag for cell in notebook.cells for tag in cell.metadata.get("tags", [])]
-    return {
-        "words": len(prose.split()),
-        "widgets": shown.count("[explorer: ") + shown.count("[laboratory: "),
-        "exercises": sum(bool(re.fullmatch(r"exercise-\d+", tag)) for tag in tags),
-    }
+COLUMNS = ("chapter", "startup_s", "run_s", "memory_mb")
 
 
 def measure(path: Path) -> dict[str, object]:
-    """One row of the table: what the chapter holds, and what running it takes."""
+    """One row of the table: what running the chapter takes."""
     notebook = nbformat.read(path, as_version=4)
-    row: dict[str, object] = {"chapter": path.stem, **content(notebook)}
     probes = [nbformat.v4.new_code_cell("1"), *notebook.cells, nbformat.v4.new_code_cell(MEMORY)]
     notebook.cells = probes
     client = NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(path.parent)}})
@@ -47,7 +32,8 @@ def measure(path: Path) -> dict[str, object]:
                 client.execute_cell(cell, index)
         done = time.perf_counter()
     kilobytes = int(probes[-1].outputs[0].text)
-    return row | {
+    return {
+        "chapter": path.stem,
         "startup_s": round(ready - begin, 1),
         "run_s": round(done - ready, 1),
         "memory_mb": round(kilobytes / 1024),
@@ -64,12 +50,6 @@ def main(arguments: list[str] | None = None) -> None:
     lines = [",".join(COLUMNS), *(",".join(str(row[name]) for name in COLUMNS) for row in rows)]
     write_text(options.out, "\n".join(lines) + "\n")
     print(options.out)
-
-
-def read(path: Path) -> list[dict[str, str]]:
-    """The rows of a table that ``main`` wrote."""
-    with open(path, encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
 
 
 if __name__ == "__main__":

@@ -15,6 +15,8 @@ ALL_PAGES = sorted(p.relative_to(SITE).as_posix() for p in SITE.rglob("*.html") 
 SOURCES = [name for name in ALL_PAGES if name.startswith("_modules/pfslam/")]
 # The page for lost visitors has two links and no menu: one test is its own.
 PAGES = [name for name in ALL_PAGES if name not in SOURCES and name != "404.html"]
+# Of each kind the one at which every change is looked at; the others have their turn at night.
+KINDS = {"book/index.html", "book/notation.html", "notebooks/03_prediction_only.html"}
 
 
 def explorer_pages() -> list[str]:
@@ -32,8 +34,11 @@ def pytest_generate_tests(metafunc):
     }
     for argument, names in pages_for.items():
         if argument in metafunc.fixturenames:
-            pages = [pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in names or ["no page"]]
-            metafunc.parametrize(argument, pages, scope="session")
+            night = {name: [] if name in KINDS else [pytest.mark.nightly] for name in names}
+            pages = [
+                pytest.param(name, marks=[pytest.mark.xdist_group(name), *night[name]]) for name in names
+            ]
+            metafunc.parametrize(argument, pages or ["no page"], scope="session")
 
 
 @pytest.fixture(scope="session")
@@ -121,7 +126,7 @@ def shared_visit(chromium, addresses, page_name):
 
 @pytest.fixture
 def shared(shared_visit):
-    """That page as it was opened: desktop width, light, on the screen."""
+    """That page as it was opened: desktop width, light, on the screen; nothing asked for elsewhere or complained of."""
     page = shared_visit.page
     page.set_viewport_size({"width": 1280, "height": 900})
     page.emulate_media(media="screen")

@@ -21,9 +21,15 @@ SETTINGS = ROOT / "book" / "_tools" / "jupyterlab_overrides.json"  # what `make 
 MYST = "jupyterlab-myst"
 
 
+# Every change is looked at in a chapter with many numbers in its sentences, and in the one with the longest loop.
+OFTEN = ("02", "05")
+
+
 def pytest_generate_tests(metafunc):
     if "chapter" in metafunc.fixturenames:
-        metafunc.parametrize("chapter", CHAPTERS)
+        often = OFTEN if "lab" in metafunc.fixturenames else ()
+        marks = {name: [] if name[:2] in often else [pytest.mark.nightly] for name in CHAPTERS}
+        metafunc.parametrize("chapter", [pytest.param(name, marks=marks[name]) for name in CHAPTERS])
 
 
 @pytest.fixture(scope="session")
