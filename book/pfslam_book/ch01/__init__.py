@@ -19,9 +19,9 @@ from pfslam_book.ch01.turns import (
 )
 from pfslam_book.exercises.ch01 import (
     check_arc,
-    check_dead_reckon,
+    check_distance_ahead,
     check_gyro_bias,
-    check_path_length,
+    check_reckon_by_wheels,
 )
 from pfslam_book.show.drives import at_rate, length
 from pfslam_book.show.source import show_source
@@ -32,9 +32,9 @@ __all__ = [
     "calibrate_lab",
     "calibrated",
     "check_arc",
-    "check_dead_reckon",
+    "check_distance_ahead",
     "check_gyro_bias",
-    "check_path_length",
+    "check_reckon_by_wheels",
     "circle_picture",
     "distance",
     "effective_track",
