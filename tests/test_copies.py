@@ -125,7 +125,7 @@ def test_setup_and_solutions_are_folded_and_nothing_is_shown(path):
         hidden = copy["metadata"].get("jupyter", {})
         tags = set(cell["metadata"].get("tags", []))
         assert hidden.get("source_hidden", False) == bool(
-            tags & {"setup", "listing", "hide-cell", "hide-input"}
+            tags & {"setup", "listing", "hide-cell", "hide-input", "remove-input"}
         )
         assert hidden.get("outputs_hidden", False) == ("hide-cell" in tags)
         assert copy["outputs"] == [] and copy["execution_count"] is None  # noqa: PT018

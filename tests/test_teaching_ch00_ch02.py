@@ -1,11 +1,8 @@
 """What chapters 00 and 02 draw and count, against hand values and cases with a known answer."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from pfslam_book.ch00 import frames as ch00_frames
-from pfslam_book.ch00 import readings as ch00
+from pfslam_book import ch00
 from pfslam_book.ch02 import failures as ch02_faults
 from pfslam_book.ch02 import many_scans as ch02_story
 from pfslam_book.ch02 import one_scan as ch02
@@ -29,49 +26,31 @@ def steady():
     return Recording("steady", encoders=Encoders(t, counts), imu=imu, lidar=scans, truth=truth)
 
 
-def test_cumulated_distance_does_not_care_about_the_scans_but_nearest_increments_do(steady):
-    metres = 100 * steady.robot.encoders.metres_per_count  # per reading of 0.1 s
-    for every, n in ((1, 99), (2, 49), (5, 19)):
-        nearest, cumulated = ch00.distance_by_pairing(steady, every)
-        assert nearest == pytest.approx(n * metres)
-        assert cumulated == pytest.approx(n * every * metres)
-
-
 def test_room_of_the_turn_is_the_room_of_segments():
-    x_min, x_max, y_min, y_max = ch00_frames.ROOM
+    x_min, x_max, y_min, y_max = ch00.ROOM
     directions = np.arange(-3.0, 3.0, 0.013)
     sensor = np.array([0.7, 0.4])
     walls = ray_cast(box(x_min, y_min, x_max, y_max), sensor, directions)
-    ours = ch00_frames.room_ranges(sensor, directions)
+    ours = ch00.room_ranges(sensor, directions)
     at_post = ours < walls - 1e-9
     np.testing.assert_allclose(ours[~at_post], walls[~at_post])
     ends = sensor + ours[at_post, None] * np.column_stack([np.cos(directions), np.sin(directions)])[at_post]
     assert at_post.any()
-    x, y, radius = ch00_frames.POST
+    x, y, radius = ch00.POST
     np.testing.assert_allclose(np.hypot(ends[:, 0] - x, ends[:, 1] - y), radius)
 
 
 def test_a_turn_drawn_right_stays_on_the_walls_and_a_lost_arm_makes_a_ring_of_its_length():
-    assert ch00_frames.off_walls(ch00_frames.turn_points("right", 360.0)).max() < 1e-9
+    right = ch00.turn_points("right", 360.0)
+    assert "up to 0 cm beyond the walls" in ch00.describe_turn("right", 360.0)
     for way, arm in (("no lever arm", 0.13323), ("lever arm on y", 0.13323 * np.sqrt(2))):
-        shift = ch00_frames.turn_points(way, 360.0) - ch00_frames.turn_points("right", 360.0)
-        np.testing.assert_allclose(np.hypot(*shift.T), arm)
+        np.testing.assert_allclose(np.hypot(*(ch00.turn_points(way, 360.0) - right).T), arm)
 
 
-def test_a_late_clock_blurs_nothing_at_rest_or_in_time(steady):
-    assert ch00_frames.late_clock(steady, 5.0, 0.0)["off_walls"] == 0.0
-    shift = ch00_frames.shifted_scans(steady, 5.0, 0.1) - ch00_frames.shifted_scans(steady, 5.0, 0.0)
-    np.testing.assert_allclose(shift, np.tile([0.1, 0.0], (len(shift), 1)), atol=1e-9)
-    assert ch00_frames.turn_rate(steady, 5.0) == pytest.approx(0.0)
-
-
-def test_a_late_clock_moves_a_point_sideways_by_angle_times_range(steady):
-    t = steady.truth.t
-    turning = replace(steady, truth=Trajectory(t, np.column_stack([0 * t, 0 * t, 0.5 * t])))
-    late = ch00_frames.late_clock(turning, 5.0, 0.2)
-    assert late["range"] == 2.0
-    assert late["angle"] == pytest.approx(0.1)
-    assert late["sideways"] == pytest.approx(0.2)
+def test_a_late_clock_moves_points_along_a_straight_way_and_blurs_nothing_in_time(steady):
+    right, late = (ch00.shifted_scans(steady, 5.0, offset) for offset in (0.0, 0.1))
+    np.testing.assert_allclose(late - right, np.tile([0.1, 0.0], (len(right), 1)), atol=1e-9)
+    assert ch00.spread(right, right) == 0.0
 
 
 # ---- chapter 02
