@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from lab_stills import page as lab_page
 from pfslam_book import ch04, ch06
-from pfslam_book.ch01.live import calibrate_options, true_path
+from pfslam_book.ch01 import calibrate_options, true_path
 from pfslam_book.ch03.corridor import CELLS, STEP, TRUE_START, predict_belief, update_belief
 from pfslam_book.ch04 import live
 from pfslam_book.ch05 import cells as ch05_cells
