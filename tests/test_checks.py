@@ -46,7 +46,7 @@ def test_any_container_and_four_digits_will_do(answer):
         (lambda m, f: {"a": 1}, "asked for"),
         (lambda m, f: m[0], "shape (2,)"),
         (lambda m, f: np.full((2, 2), np.nan), "returns nan"),
-        (lambda m, f: m + f, "For ([[0.3, 1.7], [-2.2, 0.4]], 1.3) your function returns"),
+        (lambda m, f: m + f, "For m = [[0.3, 1.7], [-2.2, 0.4]], f = 1.3 your function returns"),
         (lambda m, f: undefined, "NameError"),  # noqa: F821
     ],
 )
@@ -86,3 +86,18 @@ def test_headings_are_the_same_on_the_circle_and_nan_is_not():
     assert not same_poses([1.0, np.nan, 0.0], np.array([1.0, 2.0, 0.0]))
     assert same_numbers([np.nan, 1.0], np.array([np.nan, 1.00001]))
     assert not same_numbers([1.0, 1.0], np.array([np.nan, 1.0]))
+
+
+def test_arguments_are_named_in_numbers_where_they_are_few():
+    flags = [(np.array([True, False]), 1.0)]
+    assert "For a = [True, False], b = 1.0 your" in compare(lambda a, b: 3.3, lambda a, b: 7.1, flags).message
+    many = [(np.arange(100.0), np.sin)]
+    words = compare(lambda counts, f: 3.3, lambda counts, f: 7.1, many).message
+    assert "For counts of the shape (100,), f (a function) your function returns 3.3; expected 7.1" in words
+    assert "argument 1" in compare(lambda *a: 3.3, lambda a, b: 7.1, flags).message
+
+
+def test_a_mistake_may_have_another_shape():
+    mistakes = [(lambda m, f: m, "All rows are still there.")]
+    assert "still there" in compare(lambda m, f: m, lambda m, f: m[1:], CASES, mistakes=mistakes).message
+    assert "shape (1, 2)" in compare(lambda m, f: m[0], lambda m, f: m[1:], CASES).message

@@ -1,11 +1,14 @@
-"""Every exercise of every chapter, as a reader runs it: its check calls the stub unanswered and the solution right."""
+"""Every exercise: the stub is unanswered, the solution right in any style, and each mistake gets its own words."""
 
+import importlib
 import json
 import re
 from functools import cache
 
+import numpy as np
 import pytest
 from notebook_cells import NOTEBOOKS, run, source
+from pfslam_book.show.exercise import Exercise
 
 import pfslam
 
@@ -38,3 +41,80 @@ def test_the_stub_is_unanswered_and_the_solution_right(chapter, number, tmp_path
     assert run(source(chapter, f"check-{number}"), names).verdict == "unanswered"
     verdict = run(source(chapter, f"solution-{number}"), names)
     assert verdict.verdict == "passed", verdict
+
+
+# ---- exercises that are data: their mistakes here, right answers in other styles in right_styles/chNN.py
+
+CONVERTED = ("00", "01")
+TABLES = {chapter: importlib.import_module(f"pfslam_book.exercises.ch{chapter}") for chapter in CONVERTED}
+DATA = {
+    f"{chapter} {name}": check
+    for chapter, module in TABLES.items()
+    for name, check in vars(module).items()
+    if isinstance(check, Exercise)
+}
+MISTAKES = [(name, words) for name, check in DATA.items() for words in check.mistakes]
+STYLES = [
+    (f"{chapter} {name}", number)
+    for chapter in CONVERTED
+    for name, styles in importlib.import_module(f"right_styles.ch{chapter}").STYLES.items()
+    for number in range(len(styles))
+]
+
+
+@pytest.mark.parametrize("name", DATA)
+def test_an_exercise_names_five_mistakes_at_most_and_has_a_right_answer(name):
+    check = DATA[name]
+    assert len(check.mistakes) <= 5
+    assert {name for name, _ in STYLES} >= {name}
+    for right in (check.right, *check.also):
+        assert check(right).message == f"Right. {check.praise}"
+
+
+@pytest.mark.parametrize(("name", "words"), MISTAKES)
+def test_every_mistake_gets_its_own_words(name, words):
+    mistake = DATA[name].mistakes[words]
+
+    def raising(*arguments):
+        raise mistake
+
+    wrong = raising if isinstance(mistake, type) else mistake
+    assert DATA[name](wrong).message == f"Not yet. {words}"
+
+
+@pytest.mark.parametrize(("name", "number"), STYLES)
+def test_the_same_in_another_style_is_right_too(name, number):
+    chapter, check = name.split()
+    style = importlib.import_module(f"right_styles.ch{chapter}").STYLES[check][number]
+    verdict = DATA[name](style)
+    assert verdict, verdict
+
+
+@pytest.mark.parametrize("name", DATA)
+def test_any_other_wrong_answer_is_told_what_was_expected_and_nonsense_never_raises(name):
+    check = DATA[name]
+
+    def broken(*arguments):
+        return nothing  # noqa: F821
+
+    def slightly_off(*case):
+        return np.asarray(check.right(*case)) * 1.37 + 3.21
+
+    assert "NameError" in check(broken).message
+    assert re.search(r"your function returns \S+.*; expected ", check(slightly_off).message)
+    for answer in ("text", [[1.0], [1.0, 2.0]], np.zeros((7, 7)), {"a": 1}, np.full(3, np.nan), 12345.0):
+        assert check(lambda *arguments, answer=answer: answer).verdict == "wrong"
+
+
+@pytest.mark.parametrize("name", DATA)
+def test_an_answer_that_changes_what_it_is_given_is_told_so(name):
+    check = DATA[name]
+
+    def in_place(*case):
+        case = list(case)
+        for part in case:
+            if isinstance(part, np.ndarray):
+                part[0] += 1
+        return check.right(*case)
+
+    assert "changes what it is given" in check(in_place).message

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from pfslam_book.ch00 import frames as ch00_frames
-from pfslam_book.ch00 import readings as ch00
+from pfslam_book import ch00
 from pfslam_book.ch02 import failures as ch02_faults
 from pfslam_book.ch02 import many_scans as ch02_story
 from pfslam_book.ch02 import one_scan as ch02
@@ -26,19 +25,17 @@ def steady():
     return Recording("steady", encoders=Encoders(t, counts), imu=imu, lidar=scans, truth=truth)
 
 
-def test_cumulated_distance_does_not_care_about_the_scans_but_nearest_increments_do(steady):
-    metres = 100 * steady.robot.encoders.metres_per_count  # per reading of 0.1 s
-    for every, n in ((1, 99), (2, 49), (5, 19)):
-        nearest, cumulated = ch00.distance_by_pairing(steady, every)
-        assert nearest == pytest.approx(n * metres)
-        assert cumulated == pytest.approx(n * every * metres)
-
-
 def test_a_turn_drawn_right_stays_on_the_walls_and_a_lost_arm_makes_a_ring_of_its_length():
-    assert ch00_frames.off_walls(ch00_frames.turn_points("right", 360.0)).max() < 1e-9
+    right = ch00.turn_points("right", 360.0)
+    assert "up to 0 cm beyond the walls" in ch00.describe_turn("right", 360.0)
     for way, arm in (("no lever arm", 0.13323), ("lever arm on y", 0.13323 * np.sqrt(2))):
-        shift = ch00_frames.turn_points(way, 360.0) - ch00_frames.turn_points("right", 360.0)
-        np.testing.assert_allclose(np.hypot(*shift.T), arm)
+        np.testing.assert_allclose(np.hypot(*(ch00.turn_points(way, 360.0) - right).T), arm)
+
+
+def test_a_late_clock_moves_points_along_a_straight_way_and_blurs_nothing_in_time(steady):
+    right, late = (ch00.shifted_scans(steady, 5.0, offset) for offset in (0.0, 0.1))
+    np.testing.assert_allclose(late - right, np.tile([0.1, 0.0], (len(right), 1)), atol=1e-9)
+    assert ch00.spread(right, right) == 0.0
 
 
 # ---- chapter 02

@@ -1,35 +1,10 @@
-"""What chapter 01 claims about steps, tracks and smoothing, on drives whose answers are known beforehand."""
+"""What chapter 01 claims about steps and smoothing, on drives whose answers are known beforehand."""
 
 import numpy as np
 import pytest
-from pfslam_book.ch01 import turns as ch01_turns
+from pfslam_book.ch01 import smoothed, smoothing_errors
 
 from pfslam.motion import Controls, integrate, motion_model_arc
-from pfslam.recording import Encoders, Imu, LidarScans, Recording
-
-WIDTH, RATE = 0.7, 0.5
-SECONDS = 20.0
-
-
-@pytest.fixture
-def circle():
-    """Twenty seconds round a circle: 8 counts a reading, then 12, 0.5 rad/s, wheels as if 0.7 m apart."""
-    t = np.arange(0.0, SECONDS, 0.025)
-    difference = WIDTH * RATE * 0.025 / 0.0022  # right minus left, in counts
-    counts = np.where(t < 10.0, 8.0, 12.0)[:, None] + 0.5 * difference * np.array([1.0, -1.0, 1.0, -1.0])
-    t_imu = np.arange(0.1, SECONDS - 0.1, 0.01)
-    rate = np.tile([0.0, 0.0, RATE], (len(t_imu), 1))
-    return Recording(
-        "circle",
-        encoders=Encoders(t, counts),
-        imu=Imu(t_imu, rate, np.zeros_like(rate)),
-        lidar=LidarScans(t + 0.001, np.ones((len(t), 1081))),
-    )
-
-
-def test_the_effective_track_is_found(circle):
-    found = ch01_turns.effective_track(circle)
-    assert found == pytest.approx(dict.fromkeys(("all", "slow", "fast"), WIDTH), rel=1e-6)
 
 
 def turn(rest):
@@ -39,7 +14,7 @@ def turn(rest):
 
 
 def test_smoothing_keeps_the_heading_and_moves_the_corner():
-    degrees, away = ch01_turns.smoothing_errors(turn(rest=3.0), 0.5)
+    degrees, away = smoothing_errors(turn(rest=3.0), 0.5)
     assert degrees == pytest.approx(0.0, abs=1e-6)
     # Late by 0.25 s less a sample: the new corridor is driven 0.25 m further on, seen along the old one.
     assert away == pytest.approx(2.0 * 0.25 * np.sin(0.5), rel=0.1)
@@ -47,8 +22,8 @@ def test_smoothing_keeps_the_heading_and_moves_the_corner():
 
 def test_no_smoothing_changes_nothing_and_a_cut_turn_is_short():
     inputs = turn(rest=0.0)
-    np.testing.assert_allclose(ch01_turns.smoothed(inputs, 0.0).omega, inputs.omega)
-    degrees, _ = ch01_turns.smoothing_errors(inputs, 0.5)
+    np.testing.assert_allclose(smoothed(inputs, 0.0).omega, inputs.omega)
+    degrees, _ = smoothing_errors(inputs, 0.5)
     assert degrees == pytest.approx(np.rad2deg(0.25), abs=0.5)
 
 

@@ -5,7 +5,6 @@ import pytest
 from pfslam_book import ch06
 from pfslam_book.ch06.geometry import SUBPIXEL, TAPE
 from pfslam_book.show.tables import Shown
-from pfslam_book.show.texture_error import nearest_floor
 
 from pfslam.sensors import RgbdModel
 from pfslam.texture import associate_rgb, disparity_from_depth

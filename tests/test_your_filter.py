@@ -2,7 +2,9 @@
 
 import ast
 import inspect
+import math
 from dataclasses import replace
+from itertools import accumulate
 
 import numpy as np
 import pytest
@@ -206,16 +208,52 @@ def test_kept_functions_come_back_and_replace_their_forerunners(tmp_path, capsys
     np.testing.assert_array_equal(f.mean_pose(np.eye(3), np.full(3, 1 / 3))[:2], [1 / 3, 1 / 3])
 
 
-def test_a_name_that_only_the_notebook_has_is_said(tmp_path, capsys):
-    def cell_of(points, origin, resolution):
-        return [[math.floor(p - origin[k]) / cell_size for k in (1, 0)] for p in points]  # noqa: F821
+HALF = 0.5  # a constant of the notebook
 
-    def update(weights, likelihood):
-        import math
 
-        return [w * c / math.fsum(weights * likelihood) for w, c in zip(weights, likelihood, strict=True)]
+def halved(values):  # and a helper
+    return [HALF * math.fsum([value]) for value in values]
 
-    keep(cell_of, tmp_path / "my_filter.py")
-    assert "does not have cell_size, math." in capsys.readouterr().out
-    keep(update, tmp_path / "other.py")
-    assert capsys.readouterr().out == "Kept: update, in other.py.\n"
+
+def test_imports_constants_and_helpers_of_the_notebook_are_kept_too(tmp_path, capsys):
+    def mean_pose(poses, weights):
+        return halved(2 * np.add.reduce(poses) / len(poses)) if accumulate([0]) else the_drive  # noqa: F821
+
+    file = tmp_path / "my_filter.py"
+    keep(mean_pose, file)
+    assert "cannot have the_drive." in capsys.readouterr().out
+    keep(mean_pose, file)
+    assert file.read_text().count("import math") == file.read_text().count("def halved(") == 1
+    np.testing.assert_allclose(kept(file)["mean_pose"](np.ones((4, 3)), None), np.ones(3))
+    keep(BOOK["move"], file)
+    assert "cannot" not in capsys.readouterr().out.split("move")[-1]
+
+
+def in_lists(name):
+    """A part of the filter as loops write it: lists and tuples, and whole numbers as floats."""
+
+    def part(*arguments):
+        answer = BOOK[name](*arguments)
+        if name == "cell_of":
+            return [(float(row), float(column)) for row, column in answer]
+        return tuple(map(np.ndarray.tolist, answer)) if name == "resample" else np.asarray(answer).tolist()
+
+    return part
+
+
+def test_parts_that_return_lists_tuples_and_float_cells_drive_as_well():
+    hall = pfslam.load("hall")
+    paths = [
+        drive(step, my_filter("none", **parts), hall, seconds=12.0, particles=10).trajectory.poses
+        for parts in ({}, {name: in_lists(name) for name in BOOK})
+    ]
+    np.testing.assert_array_equal(*paths)
+
+
+def test_a_stub_is_not_kept(tmp_path, capsys):
+    def move(poses):
+        return ...  # your turn
+
+    keep(move, tmp_path / "my_filter.py")
+    assert "not written yet" in capsys.readouterr().out
+    assert not (tmp_path / "my_filter.py").exists()

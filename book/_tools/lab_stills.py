@@ -50,7 +50,7 @@ def default_options(name: str) -> dict:
         corner, corridor = ch04.place_at(hall, 14.5), ch04.place_at(hall, 27.0)
         return slide_options(hall, corner=corner.lost(-0.1, 0.1, np.deg2rad(-2)), corridor=corridor)
     if name == "calibrate":
-        from pfslam_book.ch01.live import calibrate_options
+        from pfslam_book.ch01 import calibrate_options
 
         return calibrate_options(load("hall"))
     if name == "cloud":

@@ -10,7 +10,7 @@ import pytest
 from dice import Handed
 from lab_stills import page as lab_page
 from pfslam_book import ch04, ch06
-from pfslam_book.ch01.live import calibrate_options, true_path
+from pfslam_book.ch01 import calibrate_options, true_path
 from pfslam_book.ch03.corridor import CELLS, STEP, TRUE_START, predict_belief, update_belief
 from pfslam_book.ch05 import cells as ch05_cells
 from pfslam_book.show.lab import FOLDER

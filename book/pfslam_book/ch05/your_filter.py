@@ -15,7 +15,7 @@ from pfslam.motion import controls, dead_reckoning, motion_model
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam_book.show.figures import draw_map, draw_trajectory
-from pfslam_book.show.keep import FILE, kept
+from pfslam_book.show.keep import FILE, giving, kept
 from pfslam_book.show.pictures import Picture
 from pfslam_book.show.style import new_figure
 
@@ -145,6 +145,8 @@ CHAPTERS = {
     "mean_pose": "05",
 }
 """The parts of the filter, and the chapter that asks for each."""
+KINDS: Mapping[str, tuple[type, ...]] = {"cell_of": (int,), "resample": (float, float)}
+"""What a part returns, if not one array of floats."""
 BOOK: Mapping[str, Callable] = {name: globals()[name] for name in CHAPTERS}
 
 
@@ -157,8 +159,15 @@ class Filter(SimpleNamespace):
 
 
 def my_filter(file=FILE, **parts: Callable) -> Filter:
-    """The reader's parts from ``my_filter.py``, or those given by name; the book's own where one is missing."""
-    own = {name: f for name, f in (kept(file) | parts).items() if name in CHAPTERS}
+    """The reader's parts from ``my_filter.py``, or those given by name; the book's own where one is missing.
+
+    Whatever a part returns becomes an array: lists, tuples and float cells are right answers too.
+    """
+    own = {
+        name: giving(f, *KINDS.get(name, (float,)))
+        for name, f in (kept(file) | parts).items()
+        if name in CHAPTERS
+    }
     return Filter(**{**BOOK, **own})
 
 

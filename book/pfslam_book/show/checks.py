@@ -26,6 +26,7 @@ Right. That is Pythagoras.
 from __future__ import annotations
 
 import copy
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -121,23 +122,34 @@ def compare(
     """
     same = same or same_numbers
     expected = [right(*copy.deepcopy(case)) for case in cases]
+    errors = dict(m for m in mistakes if isinstance(m[0], type))
     answers = []
     for case, wanted in zip(cases, expected, strict=True):
-        answer = answer_to(theirs, case, wanted, dict(m for m in mistakes if isinstance(m[0], type)))
+        answer = answer_to(theirs, case, wanted, errors, in_shape=False)
         if isinstance(answer, Check):
             return answer
         answers.append(answer)
-    wrong = [k for k in range(len(cases)) if not same(answers[k], expected[k])]
+    wrong = [k for k in range(len(cases)) if not _alike(answers[k], expected[k], same)]
     if not wrong:
         return passed(praise)
     for mistake, words in mistakes:
         if not isinstance(mistake, type) and _agrees(mistake, cases, answers, same):
             return hint(words)
-    return hint(_usual_suspect(answers, expected, same) or _side_by_side(cases, answers, expected, wrong[0]))
+    k = wrong[0]
+    return hint(
+        _other_shape(answers[k], expected[k])
+        or _usual_suspect(answers, expected, same)
+        or _side_by_side(_arguments(theirs, cases[k]), answers[k], expected[k])
+    )
 
 
-def answer_to(theirs: Callable, case: tuple, wanted: Any, errors: dict[type, str] | None = None) -> Any:
-    """What a function returns for a case, as an array if numbers are ``wanted``; a ``Check`` if it is of no use."""
+def answer_to(
+    theirs: Callable, case: tuple, wanted: Any, errors: dict[type, str] | None = None, in_shape: bool = True
+) -> Any:
+    """What a function returns for a case, as an array if numbers are ``wanted``; a ``Check`` if it is of no use.
+
+    ``errors`` are words for errors that it may raise; a shape other than that of ``wanted`` is let pass on request.
+    """
     given = copy.deepcopy(case)
     try:
         answer = theirs(*given)
@@ -154,9 +166,11 @@ def answer_to(theirs: Callable, case: tuple, wanted: Any, errors: dict[type, str
         return hint(
             "Your function changes what it is given. Make a new array: others may still need the old one."
         )
-    if not isinstance(wanted, str | bool | None):
-        return _as_wanted(answer, wanted)
-    return answer
+    if isinstance(wanted, str | bool | None):
+        return answer
+    numbers = _as_wanted(answer, wanted)
+    words = "" if isinstance(numbers, Check) or not in_shape else _other_shape(numbers, wanted)
+    return hint(words) if words else numbers
 
 
 def same_numbers(found: Any, expected: Any) -> bool:
@@ -195,9 +209,15 @@ def _agrees(mistake: Callable, cases: Sequence[tuple], answers: Sequence, same: 
     """Whether a wrong function gives these answers to these cases."""
     try:
         with np.errstate(all="ignore"):
-            return all(same(a, mistake(*copy.deepcopy(case))) for a, case in zip(answers, cases, strict=True))
+            pairs = zip(answers, (mistake(*copy.deepcopy(case)) for case in cases), strict=True)
+            return all(_alike(*pair, same) for pair in pairs)
     except Exception:
         return False
+
+
+def _alike(found: Any, expected: Any, same: Callable) -> bool:
+    """Whether two answers have one shape and are the same."""
+    return np.shape(found) == np.shape(expected) and bool(same(found, expected))
 
 
 def _unchanged(given: tuple, case: tuple) -> bool:
@@ -208,8 +228,7 @@ def _unchanged(given: tuple, case: tuple) -> bool:
 
 
 def _as_wanted(answer: Any, wanted: Any) -> Any:
-    """The answer as an array of numbers in the shape that is wanted, or a ``Check`` that says what it is instead."""
-    shape, asked = np.shape(wanted), _in_words(np.shape(wanted))
+    """The answer as an array of numbers, or a ``Check`` that says what it is instead."""
     try:
         numbers = np.asarray(answer)
         if numbers.dtype.kind in "US":
@@ -217,15 +236,19 @@ def _as_wanted(answer: Any, wanted: Any) -> Any:
         if numbers.dtype.kind not in "biuf":
             numbers = numbers.astype(float)
     except (TypeError, ValueError):
-        return hint(f"{asked} asked for; your function returns {_short(answer)}.")
-    if numbers.shape == shape:
-        return numbers
-    if numbers.size == 1 == np.size(wanted):
-        return numbers.reshape(shape)
-    return hint(f"{asked} asked for; yours has the shape {numbers.shape}.")
+        return hint(f"{_asked(wanted)} asked for; your function returns {_short(answer)}.")
+    return numbers.reshape(np.shape(wanted)) if numbers.size == 1 == np.size(wanted) else numbers
 
 
-def _in_words(shape: tuple[int, ...]) -> str:
+def _other_shape(found: Any, wanted: Any) -> str:
+    """The words for an answer of another shape than the one that is wanted, or nothing."""
+    if np.shape(found) == np.shape(wanted):
+        return ""
+    return f"{_asked(wanted)} asked for; yours has the shape {np.shape(found)}."
+
+
+def _asked(wanted: Any) -> str:
+    shape = np.shape(wanted)
     return "One number is" if shape == () else f"Numbers of the shape {shape} are"
 
 
@@ -276,25 +299,36 @@ def _usual_suspect(answers: Sequence, expected: Sequence, same: Callable) -> str
     return ""
 
 
-def _side_by_side(cases: Sequence[tuple], answers: Sequence, expected: Sequence, k: int) -> str:
+def _side_by_side(arguments: str, answer: Any, expected: Any) -> str:
     """One case that goes wrong, with one number of the answer beside the right one."""
-    if isinstance(expected[k], str | bool | None):
-        return f"For {_arguments(cases[k])} your function returns {answers[k]!r}; expected {expected[k]!r}."
-    found, wanted = np.asarray(answers[k], dtype=float), np.asarray(expected[k], dtype=float)
+    if isinstance(expected, str | bool | None):
+        return f"For {arguments} your function returns {answer!r}; expected {expected!r}."
+    found, wanted = np.asarray(answer, dtype=float), np.asarray(expected, dtype=float)
     gap = np.abs(found - wanted)
     at = np.unravel_index(int(np.argmax(np.where(np.isnan(gap), np.inf, gap))), gap.shape)
     yours, right = numbers_apart(float(found[at]), float(wanted[at]))
     place = f" at index {[int(i) for i in at]}" if at else ""
-    return f"For {_arguments(cases[k])} your function returns {yours}{place}; expected {right}."
+    return f"For {arguments} your function returns {yours}{place}; expected {right}."
 
 
-def _arguments(case: tuple) -> str:
-    """The arguments of a case where they are few and small, or in words."""
-    if sum(np.size(a) for a in case if not callable(a)) > 12 or any(callable(a) for a in case):
-        return "one of the cases of this check"
-    plain = [np.asarray(a).tolist() if isinstance(a, np.ndarray) else a for a in case]
-    shown = ", ".join(_short(_rounded(a)) for a in plain)
-    return f"({shown})" if len(shown) <= 100 else "one of the cases of this check"
+def _arguments(theirs: Callable, case: tuple) -> str:
+    """The arguments of a case by name: in numbers where they are few, by their shape where they are many."""
+    try:
+        names = list(inspect.signature(theirs).parameters)
+    except (TypeError, ValueError):  # some builtins have no signature
+        names = []
+    if len(names) != len(case):
+        names = [f"argument {k + 1}" for k in range(len(case))]
+    return ", ".join(f"{name} {_value(value)}" for name, value in zip(names, case, strict=True))
+
+
+def _value(value: Any) -> str:
+    """A number, a short list, or what it is in words."""
+    if callable(value):
+        return "(a function)"
+    if np.size(value) > 6:
+        return f"of the shape {np.shape(value)}"
+    return f"= {_short(_rounded(np.asarray(value).tolist() if isinstance(value, np.ndarray) else value))}"
 
 
 def _rounded(value: Any) -> Any:

@@ -213,8 +213,8 @@ def _candidates(at_node: np.ndarray, delta: np.ndarray, half_step: np.ndarray) -
 def _peaks(J: Callable, choice: np.ndarray, window: Window) -> np.ndarray:
     """Find the peak ``(n, 3)``, in steps from the best node, of a parabola through it and its neighbours on each axis.
 
-    ``J`` gives the objective at perturbations ``(..., n)`` of the n particles. Half a step each way at most, because no neighbour is
-    better; none across the border of the window or where J does not curve down.
+    ``J`` gives the objective at perturbations ``(..., n)`` of the n particles. Half a step each way at most, because no
+    neighbour is better; none across the border of the window or where J does not curve down.
     """
     index, sizes = np.array(np.unravel_index(choice, window.shape)), np.array(window.shape)[:, None]
     strides = np.array([[window.shape[1] * window.shape[2]], [window.shape[2]], [1]])
