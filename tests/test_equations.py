@@ -3,7 +3,13 @@
 import ast
 import json
 import re
+import sys
 from pathlib import Path
+
+from box_recording import box_recording
+
+from pfslam.cli.parser import main
+from pfslam.io.course import save_course
 
 ROOT = Path(__file__).resolve().parents[1]
 LABEL = re.compile(r"Implements Eq\. (\d+(?:, \d+)*)")
@@ -54,3 +60,29 @@ def test_a_chapter_shows_each_equation_beside_its_function():
     for number, name in EXPECTED.items():
         label = rf":label: eq-{number}\b"
         assert any(re.search(label, text) and re.search(rf"\b{name}\b", text) for text in texts), number
+
+
+NOT_IN_A_RUN = {2}  # a verdict over a whole run, which chapter 09 takes
+# For reading, pose by pose and pixel by pixel; tests show that what runs gives the same: the search the same integers
+# (test_correlation.py), whole images the same cells (test_texture.py).
+FOR_READING = {6: "score_volume", 8: "score_volume", 9: "score_volume", 4: "floor_pixels", 18: "floor_pixels"}
+
+
+def test_the_function_that_carries_a_label_is_the_one_that_runs(tmp_path):
+    """One run of the report's preset by the command line, with a map and a floor, calls every labelled function."""
+    save_course(box_recording(), 7, tmp_path, 1)
+    called = set()
+
+    def watch(frame, event, _):
+        if event == "call":
+            called.add(frame.f_code.co_qualname)
+
+    sys.setprofile(watch)
+    words = ["run", "7", "--data", str(tmp_path), "--method", "report", "--out", str(tmp_path / "out")]
+    try:
+        assert main(words) == 0
+    finally:
+        sys.setprofile(None)
+    missing = {number for number, name in EXPECTED.items() if not {name, f"{name}.__post_init__"} & called}
+    assert missing == NOT_IN_A_RUN | FOR_READING.keys()
+    assert set(FOR_READING.values()) <= called

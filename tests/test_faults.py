@@ -26,7 +26,6 @@ from pfslam.grid import LOG_4
 from pfslam.particles import Particles
 from pfslam.recording import LidarScans
 from pfslam.sensors import scan_points
-from pfslam.slam import Parts
 
 pytestmark = pytest.mark.slow
 
@@ -128,7 +127,7 @@ def test_one_faulty_part_leaves_the_others_as_they_are(hall):
         assert scheme == "stratified"
         return calls[-1][1]
 
-    run = lab_run(lab, config, Parts(resample=watched), seed=3)
+    run = faults.with_fault({"slam.resample": watched}, lab_run, lab, config, 3)
     resampled = [pair for info, pair in zip(run.infos, run.clouds, strict=True) if info.resampled]
     assert len(calls) == len(resampled) > 0
     for (before, after), (given, returned) in zip(resampled, calls, strict=True):

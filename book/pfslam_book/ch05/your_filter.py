@@ -46,7 +46,7 @@ class Settings:
 
 def scan_points(ranges, angles, lidar_xy):
     """End points (K, 2) of the valid beams of one scan, in the body frame."""
-    good = (ranges >= 0.1) & (ranges <= 30.0)
+    good = (ranges >= 0.1) & (ranges < 30.0)
     r, angle = ranges[good], angles[good]
     return np.column_stack([r * np.cos(angle), r * np.sin(angle)]) + lidar_xy
 
