@@ -26,7 +26,6 @@ from pfslam.grid import LOG_4
 from pfslam.particles import Particles
 from pfslam.recording import LidarScans
 from pfslam.sensors import scan_points
-from pfslam.slam import Parts
 
 pytestmark = pytest.mark.slow
 
@@ -116,24 +115,6 @@ def test_the_laboratory_runs_the_filter_of_the_package(hall):
     for info, (before, _), expected in zip(here.infos, here.clouds, there.infos[1:], strict=True):
         np.testing.assert_array_equal(info.estimate, expected.estimate)
         np.testing.assert_array_equal(before.poses, expected.particles.poses)
-
-
-def test_one_faulty_part_leaves_the_others_as_they_are(hall):
-    """Resampling is called with the cloud and the scheme of the configuration, and what it returns is the new cloud."""
-    lab, config = faults.scans_between(hall, 12.0, 16.0), replace(plain_filter(20), resampler="stratified")
-    calls = []
-
-    def watched(particles, rng, scheme):
-        calls.append((particles, faults.keep_weights(particles, rng, scheme)))
-        assert scheme == "stratified"
-        return calls[-1][1]
-
-    run = lab_run(lab, config, Parts(resample=watched), seed=3)
-    resampled = [pair for info, pair in zip(run.infos, run.clouds, strict=True) if info.resampled]
-    assert len(calls) == len(resampled) > 0
-    for (before, after), (given, returned) in zip(resampled, calls, strict=True):
-        np.testing.assert_array_equal(before.poses, given.poses)
-        assert after is returned
 
 
 # ---- what corrections give away, on made-up corrections
