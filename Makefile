@@ -11,7 +11,7 @@ NOTEBOOKS := $(sort $(wildcard notebooks/*.ipynb))
 WORKERS ?= 2
 # One thread for each worker: two workers of two threads would only wait for one another.
 PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
-USUAL := not nightly and not weekly and not browser and not lab
+USUAL := not nightly and not browser and not lab
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test quick nightly lint types unit notebooks check-book check-lab lab bench studies
@@ -48,11 +48,11 @@ quick: lint  ## Lint and the fast unit tests: what to run after each edit
 nightly: $(STAMP)  ## What takes long: every page and laboratory, every chapter in JupyterLab, many seeds, a release
 	@$(MAKE) book
 	@$(MAKE) release
-	PFSLAM_REQUIRE_BROWSER=1 $(PYTEST) --dist loadgroup -m "nightly or weekly" tests
+	PFSLAM_REQUIRE_BROWSER=1 $(PYTEST) --dist loadgroup -m nightly tests
 	PFSLAM_CASES=2000 $(PYTEST) --dist load tests/test_bad_input.py tests/test_settings.py
 
-bench: $(STAMP)  ## Speed and memory of whole runs on this machine (BENCH=--quick for a look)
-	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/bench.py $(BENCH)
+bench: $(STAMP)  ## Speed and memory of whole runs on this machine
+	OPENBLAS_NUM_THREADS=1 "$(BIN)/python" book/_tools/bench.py
 
 lint: $(STAMP)
 	"$(BIN)/ruff" check .

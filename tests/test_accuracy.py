@@ -45,7 +45,7 @@ def test_the_path_is_right_to_centimetres(recording, metres):
     assert found.heading_rmse_deg <= 0.2
 
 
-@pytest.mark.weekly
+@pytest.mark.nightly
 @both
 def test_three_centimetres_of_range_noise_cost_little(recording):
     ranges = recording.lidar.ranges.copy()
@@ -55,7 +55,7 @@ def test_three_centimetres_of_range_noise_cost_little(recording):
     assert error(noisy).ate_rmse_m <= 0.05
 
 
-@pytest.mark.weekly
+@pytest.mark.nightly
 def test_a_bare_corridor_does_not_hold_the_robot_back():
     """20 m whose ends are out of sight: only odometry knows how far it is."""
     data = pfslam.simulate(replace(pfslam.simulator.HALL, layout="corridor")).recording

@@ -117,24 +117,6 @@ def test_the_laboratory_runs_the_filter_of_the_package(hall):
         np.testing.assert_array_equal(before.poses, expected.particles.poses)
 
 
-def test_one_faulty_part_leaves_the_others_as_they_are(hall):
-    """Resampling is called with the cloud and the scheme of the configuration, and what it returns is the new cloud."""
-    lab, config = faults.scans_between(hall, 12.0, 16.0), replace(plain_filter(20), resampler="stratified")
-    calls = []
-
-    def watched(particles, rng, scheme):
-        calls.append((particles, faults.keep_weights(particles, rng, scheme)))
-        assert scheme == "stratified"
-        return calls[-1][1]
-
-    run = faults.with_fault({"slam.resample": watched}, lab_run, lab, config, 3)
-    resampled = [pair for info, pair in zip(run.infos, run.clouds, strict=True) if info.resampled]
-    assert len(calls) == len(resampled) > 0
-    for (before, after), (given, returned) in zip(resampled, calls, strict=True):
-        np.testing.assert_array_equal(before.poses, given.poses)
-        assert after is returned
-
-
 # ---- what corrections give away, on made-up corrections
 
 
