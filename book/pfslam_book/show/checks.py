@@ -62,12 +62,9 @@ def hint(message: str) -> Check:
 
 
 def unanswered() -> Check:
-    """The stub is as the book printed it, and what to do about it where the reader is."""
-    if output_mode() == "static":
-        return Check(
-            "unanswered", "Not answered yet: this check runs in JupyterLab, on what you write above."
-        )
-    return Check("unanswered", "Not answered yet: edit the cell above, run it, then run this one.")
+    """The stub is as the book printed it, and what to do about it where the reader can run it."""
+    where_to = "" if output_mode() == "static" else ": edit the cell above, run it, then run this one"
+    return Check("unanswered", f"Not answered yet{where_to}.")
 
 
 def is_unanswered(answer) -> bool:
