@@ -174,14 +174,21 @@ class Odometer:
         else:
             self._waiting.append((t, yaw_rate))
 
+    def reaches(self, t: float) -> bool:
+        """Whether samples go on to the last beam of a scan stamped ``t`` (s), so that its time has come."""
+        return len(self._t) > 1 and t + 0.5 * abs(self.robot.lidar.sweep) <= self._t[-1]
+
+    def covers(self, t: float) -> bool:
+        """Whether there are samples on both sides of a scan stamped ``t`` (s)."""
+        return self.reaches(t) and self._t[0] <= t
+
     def event(self, t: float, ranges, tilt: tuple[float, float] = LEVEL) -> ScanEvent:
         """Return the event of a scan with ``ranges (B,)`` (m); ``DataError`` while the odometry does not reach it.
 
         ``tilt`` is the (pitch, roll) of the body in rad.
         """
         lidar = self.robot.lidar
-        end = t + 0.5 * abs(lidar.sweep)
-        if len(self._t) < 2 or not self._t[0] <= t <= end <= self._t[-1]:
+        if not self.covers(t):
             found = f"[{self._t[0]:.6f}, {self._t[-1]:.6f}] s" if self._t else "no sample"
             raise DataError("Odometer.event", "odometry", found, f"samples on both sides of {t:.6f} s")
         # One more knot, so that a time on the last sample is read off like those on the others, not interpolated.

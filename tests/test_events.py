@@ -1,7 +1,9 @@
 """Scans of a scanner that takes its time: beams measured one after the other, from where the robot was by then."""
 
+import re
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from pfslam.recording import LidarScans
 from pfslam.refined import tilt
 from pfslam.run import run_slam, used_scans
 from pfslam.sensors import RobotModel
-from pfslam.slam import Belief, SlamConfig, slam_step
+from pfslam.slam import SlamConfig
 from pfslam.study.disturbances import first_seconds
 
 LEGS = [(1.0, 12, 0.0), (2.0, 0, 1.2), (1.0, 12, 0.0), (2.0, 6, -0.9)]
@@ -201,23 +203,13 @@ def test_an_odometer_refuses_what_it_cannot_use():
         odometer.event(2.1, np.full(1081, 2.0))
 
 
-def test_a_filter_fed_scan_by_scan_is_the_run_to_the_last_bit():
-    recording, config = drive(LEGS), replace(SlamConfig.refined(), particles=10)
-    whole = run_slam(recording, config)
-    odometer, rng, belief, poses = (
-        Odometer(recording.robot),
-        np.random.default_rng(0),
-        Belief.start(config),
-        [],
-    )
-    for t, counts in zip(recording.encoders.t, recording.encoders.counts, strict=True):
-        odometer.add_counts(t, counts)
-    for t, rate in zip(
-        recording.imu.t, recording.robot.imu.yaw_rate(recording.imu.angular_velocity), strict=True
-    ):
-        odometer.add_rate(t, rate)
-    for t, ranges in zip(recording.lidar.t, recording.lidar.ranges, strict=True):
-        belief, step = slam_step(belief, odometer.event(t, ranges), config, rng)
-        poses.append(step.estimate)
-    np.testing.assert_array_equal(poses, whole.trajectory.poses)
-    np.testing.assert_array_equal(belief.grid.log_odds, whole.grid.log_odds)
+@pytest.mark.slow
+def test_the_node_of_the_reference_is_the_run_to_the_last_bit():
+    """The lines that the page prints, run as they stand."""
+    page = (Path(__file__).resolve().parents[1] / "book" / "api.md").read_text(encoding="utf-8")
+    (lines,) = re.findall(r"```python\n(import heapq.*?)```", page, re.DOTALL)
+    node: dict = {}
+    exec(lines, node)
+    whole = run_slam(load("hall"))
+    np.testing.assert_array_equal(node["step"].estimate, whole.trajectory.poses[-1])
+    np.testing.assert_array_equal(node["belief"].grid.log_odds, whole.grid.log_odds)

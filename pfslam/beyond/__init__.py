@@ -1,0 +1,1 @@
+"""What lies beyond the report: a map for every particle, a robot lost in a known map, and loops that are closed."""

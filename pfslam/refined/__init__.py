@@ -1,0 +1,1 @@
+"""What makes the filter accurate and robust: the fast search, lines, outliers, covariance, tilt, and health."""
