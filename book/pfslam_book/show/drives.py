@@ -14,11 +14,6 @@ from pfslam.sensors import scan_points
 from pfslam_book.show.figures import map_along
 
 
-def length(trajectory: Trajectory) -> float:
-    """Length of a path (m): the sum of its steps."""
-    return float(np.hypot(*np.diff(trajectory.poses[:, :2], axis=0).T).sum())
-
-
 def at_rate(inputs: Controls, hertz: float) -> Controls:
     """The same drive with ``hertz`` controls a second: distance and turning cumulated, then read off evenly."""
     tau = np.diff(inputs.t)
