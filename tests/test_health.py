@@ -232,7 +232,7 @@ def test_after_it_the_scores_look_fine_again_though_the_robot_is_metres_off(carr
     assert np.nanmin(score_deviation(result.infos)[late]) > LOST_BELOW
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_sparse_real_scans_raise_no_alarm(real_data):
     log = pfslam.load(real_data / "intel" / "intel.log")
     result = run_slam(log, CONFIG)
@@ -251,7 +251,7 @@ def test_a_robot_that_was_carried_off_is_in_doubt_from_then_on(carried):
     assert first["to"] is None
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_in_noise_a_second_look_still_sees_that_the_robot_was_carried_off(carried):
     """Careful runs believe odometry, which knows nothing of the way in between; the walls contradict it."""
     taken, _ = carried
@@ -266,7 +266,7 @@ def test_in_noise_a_second_look_still_sees_that_the_robot_was_carried_off(carrie
     assert first["to"] is None
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_robot_among_people_says_that_it_was_dragged_along(real_data):
     """Seven people about, one walking ahead: one look is off by more than 0.3 m from 81 s on, and said so before."""
     recording = load_course("20", real_data / "hard" / "people20")

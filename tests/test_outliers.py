@@ -160,7 +160,7 @@ def test_noisy_ranges_must_end_farther_behind_a_hit_to_have_seen_through_it():
 FEW = replace(SlamConfig.refined(), particles=50)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_noisy_ranges_alone_ask_for_a_second_look():
     quiet = pfslam.load("hall")
     ranges = quiet.lidar.ranges
@@ -183,7 +183,7 @@ def test_the_second_look_stands_unless_it_is_more_in_doubt_and_always_in_noise()
     assert better_look(noisy, little, much) is much
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_among_people_a_second_look_finds_the_way():
     data = simulate("hall", hazards=Hazards(people=6)).recording
     first = run_slam(data, FEW, keep_particles=False, second_look=False)
@@ -194,7 +194,7 @@ def test_among_people_a_second_look_finds_the_way():
     assert second.config == FEW.robust()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_run_that_nothing_dragged_off_is_kept():
     data = pfslam.load("hall")
     once = run_slam(data, FEW, keep_particles=False, second_look=False)
@@ -203,14 +203,14 @@ def test_a_run_that_nothing_dragged_off_is_kept():
     np.testing.assert_array_equal(run.trajectory.poses, once.trajectory.poses)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_robust_settings_cost_little_where_nothing_moves():
     data = pfslam.load("hall")
     found = trajectory_error(run_slam(data, FEW.robust(), keep_particles=False).trajectory, data.truth)
     assert found.ate_rmse_m <= 0.03
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("name", "metres"), [("people20", 0.06), ("glass20", 0.06), ("everything20", 0.3)])
 def test_real_wheels_among_people_and_glass(real_data, name, metres):
     data = pfslam.load(20, real_data / "hard" / name)

@@ -176,7 +176,7 @@ def test_motions_asked_for_at_once_are_those_of_the_events_on_slopes_too():
     assert np.abs(one_by_one - flat).max() > 1e-4
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_slopes_are_driven_better_with_the_tilt_than_without():
     recording = simulate(RAMP).recording
     config = replace(SlamConfig.refined(), particles=5, every=10)
