@@ -49,7 +49,7 @@ _HOMES = {
     "write_tum": "io.formats",
 }
 __all__ = list(_HOMES)
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 
 def __getattr__(name: str):
