@@ -33,15 +33,16 @@ def average_angle(theta, weights=None) -> float:
     >>> round(float(np.degrees(average_angle(np.radians([170.0, -170.0])))))
     180
     """
-    return float(
-        np.arctan2(np.average(np.sin(theta), weights=weights), np.average(np.cos(theta), weights=weights))
-    )
+    sin, cos = np.sin(theta), np.cos(theta)
+    weights = np.ones_like(sin) if weights is None else np.asarray(weights)
+    return float(np.arctan2((sin * weights).sum() / weights.sum(), (cos * weights).sum() / weights.sum()))
 
 
 def average_pose(poses, weights=None) -> np.ndarray:
     """Weighted mean of poses ``(N, 3)`` as one pose ``(3,)``; the heading is averaged on the circle."""
     poses = np.asarray(poses, dtype=float)
-    x, y = np.average(poses[:, :2], axis=0, weights=weights)
+    weights = np.ones(len(poses)) if weights is None else np.asarray(weights)
+    x, y = (poses[:, :2] * weights[:, None]).sum(axis=0) / weights.sum()
     return np.array([x, y, average_angle(poses[:, 2], weights)])
 
 

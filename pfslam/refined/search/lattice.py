@@ -65,6 +65,8 @@ def _window_steps(window: Window) -> np.ndarray:
 
 def distinct_nodes(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the distinct rows ``(U, 3)`` of ``nodes (N, 3)`` in order, and which of them each row is ``(N,)``."""
+    if len(nodes) == 1:
+        return nodes, np.zeros(1, dtype=np.int64)
     low = nodes.min(axis=0)
     _, ny, nk = np.ptp(nodes, axis=0) + 1
     x, y, k = (nodes - low).T
