@@ -18,12 +18,14 @@ Conventions, everywhere in the package:
 from importlib import import_module
 
 _HOMES = {
+    "Belief": "slam",
     "DataError": "errors",
     "FloorTexture": "texture",
     "GridSpec": "grid",
     "LocalizationConfig": "beyond.localization",
     "LocalizationResult": "beyond.localization",
     "OccupancyGrid": "grid",
+    "Odometer": "events",
     "Recording": "recording",
     "RobotModel": "sensors",
     "SlamConfig": "slam",
