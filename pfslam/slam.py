@@ -59,9 +59,10 @@ def slam_step(
     if not belief.map.within_gate(event, fix.pose, prior):
         return belief.coast(event, prior, rejected=True)
     particles = particles.shifted(fix.pose - pose)
-    step = Step.of(event, prior, match, particles, log_evidence, fix, belief.map)
     # Eq. 13: resample where few particles carry the weight.
-    if step.effective_sample_size <= config.resample_below * len(particles):
+    n_eff = effective_sample_size(particles.weights)
+    step = Step.matched_scan(event, prior, match, particles, n_eff, log_evidence, fix, belief.map)
+    if n_eff <= config.resample_below * len(particles):
         particles, step = resample(particles, rng, config.resampler), replace(step, resampled=True)
     # Eq. 14, 15: draw the scan, if the robot has moved since the last one drawn.
     if belief.map.has_moved(fix.pose, config.draw_metres, config.draw_radians):
@@ -117,7 +118,7 @@ class Belief:
         inherited = self.covariance
         if inherited is not None:
             inherited = predicted_covariance(inherited, self.estimate, prior.pose, np.zeros(2))
-        step = Step.unmatched(
+        step = Step.coasted(
             event, prior.pose, prior.particles, prior.covariance(prior.pose), rejected=rejected
         )
         return Belief(prior.particles, prior.pose, self.map, prior.variance, inherited), step
@@ -141,7 +142,7 @@ def begin(
     belief = Belief.without_map(particles, pose, transform_points(pose, event.points_b), config)
     if seen:
         belief.map.draw(event, Fix(pose, belief.covariance))
-    return belief, Step.unmatched(event, pose, particles, belief.covariance, drawn=seen)
+    return belief, Step.coasted(event, pose, particles, belief.covariance, drawn=seen)
 
 
 def estimate_pose(particles: Particles, estimate: str) -> np.ndarray:
@@ -188,37 +189,32 @@ class Step:
     """
 
     @classmethod
-    def unmatched(cls, event: ScanEvent, pose, particles: Particles, covariance, **what) -> Step:
+    def coasted(cls, event: ScanEvent, pose, particles: Particles, covariance, **what) -> Step:
         """Describe a step whose scan was not matched."""
-        n_eff = effective_sample_size(particles.weights)
-        return cls(
-            event.t,
-            pose,
-            particles,
-            n_eff,
-            len(event.beams),
-            event.struck_floor,
-            covariance=covariance,
-            **what,
-        )
+        n_eff, beams = effective_sample_size(particles.weights), len(event.beams)
+        return cls(event.t, pose, particles, n_eff, beams, event.struck_floor, covariance=covariance, **what)
 
     @classmethod
-    def of(
+    def matched_scan(
         cls,
         event: ScanEvent,
         prior: Prior,
         match: Match,
         particles: Particles,
+        n_eff: float,
         log_evidence: float,
         fix: Fix,
         map: Map,
     ) -> Step:
         """Describe a step whose scan was matched, with the map as it was then."""
-        return cls.unmatched(
-            event,
+        return cls(
+            event.t,
             fix.pose,
             particles,
-            fix.covariance,
+            n_eff,
+            len(event.beams),
+            event.struck_floor,
+            covariance=fix.covariance,
             matched=True,
             scored=log_evidence > -np.inf,
             score=float(particles.weights @ match.score),
