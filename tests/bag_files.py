@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from rosbags import rosbag1, rosbag2
+from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -12,9 +13,6 @@ from pfslam.motion import dead_reckoning
 FORMATS = ("ros1", "sqlite3", "mcap", "mcap file")
 COMPRESSED = ("zstd files", "zstd messages")
 """As recorders compress on request: folders of sqlite3."""
-SCAN, ODOMETRY, IMU = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
-TF, IMAGE = "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/Image"
-INFO = "sensor_msgs/msg/CameraInfo"
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 UPSIDE_DOWN = (1.0, 0.0, 0.0, 0.0)
 """Half a turn about x, as a quaternion x, y, z, w."""
@@ -26,7 +24,8 @@ def store_of(is_old):
     """The standard types of ROS 1 or ROS 2."""
     store = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.LATEST)
     if is_old:
-        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
+        text = "geometry_msgs/TransformStamped[] transforms"
+        store.register(get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
     return store
 
 
@@ -38,120 +37,71 @@ class Messages:
         self.store = store_of(is_old)
 
     def make(self, kind, **fields):
-        return self.store.types[kind](**fields)
+        """A message with these fields, and nothing or zeros in all others."""
+        empty = {name: self._empty(*what) for name, what in self.store.fielddefs[kind][1]}
+        return self.store.types[kind](**(empty | fields))
+
+    def _empty(self, node, what):
+        if node == Nodetype.NAME:
+            return self.make(what)
+        if node == Nodetype.BASE:
+            return {"string": "", "bool": False}.get(what[0], 0.0 if "float" in what[0] else 0)
+        (node, inner), count = what
+        return np.zeros(count, dtype=inner[0]) if node == Nodetype.BASE and inner[0] != "string" else []
 
     def header(self, t, frame):
-        nanoseconds = round(float(t % 1.0) * 1e9)
-        stamp = self.make("builtin_interfaces/msg/Time", sec=int(t // 1.0), nanosec=nanoseconds)
-        extra = {"seq": 0} if self.is_old else {}
-        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **extra)
+        parts = {"sec": int(t // 1.0), "nanosec": round(float(t % 1.0) * 1e9)}
+        stamp = self.make("builtin_interfaces/msg/Time", **parts)
+        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
 
     def vector(self, xyz, kind="Vector3"):
-        return self.make(f"geometry_msgs/msg/{kind}", **dict(zip("xyz", map(float, xyz), strict=True)))
+        return self.make(f"geometry_msgs/msg/{kind}", **dict(zip("xyzw", map(float, xyz), strict=False)))
 
     def turn(self, xyzw):
-        return self.make("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", map(float, xyzw), strict=True)))
+        return self.vector(xyzw, "Quaternion")
 
-    def scan(self, t, ranges, lidar, frame="laser", sweep=0.0, **changes):
-        steps = max(len(ranges) - 1, 1)
-        fields = {
-            "angle_min": lidar.angle_min,
-            "angle_max": lidar.angle_max,
-            "angle_increment": lidar.increment,
-            "time_increment": sweep / steps,
-            "scan_time": 0.0,
-            "range_min": lidar.range_min,
-            "range_max": lidar.range_max,
-        }
-        ranges = np.array(ranges, dtype=np.float32, order="C")
-        none = np.zeros(0, dtype=np.float32)
-        return self.make(
-            SCAN, header=self.header(t, frame), ranges=ranges, intensities=none, **(fields | changes)
-        )
-
-    def other_scan(self, kind, t):
-        """An empty scan of a type that is not LaserScan."""
-        if kind == "PointCloud2":
-            fields = {"height": 1, "width": 0, "fields": [], "is_bigendian": False, "point_step": 12}
-            fields |= {"row_step": 0, "data": np.zeros(0, dtype=np.uint8), "is_dense": True}
-        else:
-            names = "angle_min angle_max angle_increment time_increment scan_time range_min range_max"
-            fields = dict.fromkeys(names.split(), 0.1) | {"ranges": [], "intensities": []}
-        return self.make(f"sensor_msgs/msg/{kind}", header=self.header(t, "laser"), **fields)
+    def scan(self, t, ranges, lidar, sweep=0.0):
+        fields = {name: getattr(lidar, name) for name in ("angle_min", "angle_max", "range_min", "range_max")}
+        fields |= {"angle_increment": lidar.increment, "time_increment": sweep / max(len(ranges) - 1, 1)}
+        fields["ranges"] = np.array(ranges, dtype=np.float32, order="C")
+        return self.make("sensor_msgs/msg/LaserScan", header=self.header(t, "laser"), **fields)
 
     def odometry(self, t, pose, child="base_link"):
         x, y, theta = pose
+        turn = self.turn((0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2)))
         place = self.make(
-            "geometry_msgs/msg/Pose",
-            position=self.vector((x, y, 0.0), "Point"),
-            orientation=self.turn((0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2))),
+            "geometry_msgs/msg/Pose", position=self.vector((x, y, 0), "Point"), orientation=turn
         )
-        still = self.make(
-            "geometry_msgs/msg/Twist", linear=self.vector((0,) * 3), angular=self.vector((0,) * 3)
-        )
-        unknown = np.zeros(36)
-        return self.make(
-            ODOMETRY,
-            header=self.header(t, "odom"),
-            child_frame_id=child,
-            pose=self.make("geometry_msgs/msg/PoseWithCovariance", pose=place, covariance=unknown),
-            twist=self.make("geometry_msgs/msg/TwistWithCovariance", twist=still, covariance=unknown),
-        )
+        covered = self.make("geometry_msgs/msg/PoseWithCovariance", pose=place)
+        fields = {"header": self.header(t, "odom"), "child_frame_id": child, "pose": covered}
+        return self.make("nav_msgs/msg/Odometry", **fields)
 
     def imu(self, t, rates, pushes, frame="imu_link"):
-        return self.make(
-            IMU,
-            header=self.header(t, frame),
-            orientation=self.turn(LEVEL),
-            orientation_covariance=np.zeros(9),
-            angular_velocity=self.vector(rates),
-            angular_velocity_covariance=np.zeros(9),
-            linear_acceleration=self.vector(pushes),
-            linear_acceleration_covariance=np.zeros(9),
-        )
+        fields = {"angular_velocity": self.vector(rates), "linear_acceleration": self.vector(pushes)}
+        return self.make("sensor_msgs/msg/Imu", header=self.header(t, frame), **fields)
 
     def transforms(self, t, *edges):
         """``edges`` are (parent, child, position, quaternion)."""
-        stamped = [
-            self.make(
-                "geometry_msgs/msg/TransformStamped",
-                header=self.header(t, parent),
-                child_frame_id=child,
-                transform=self.make(
-                    "geometry_msgs/msg/Transform", translation=self.vector(place), rotation=self.turn(turn)
-                ),
-            )
-            for parent, child, place, turn in edges
-        ]
-        return self.make(TF, transforms=stamped)
+        stamped = []
+        for parent, child, place, turn in edges:
+            parts = {"translation": self.vector(place), "rotation": self.turn(turn)}
+            fields = {"transform": self.make("geometry_msgs/msg/Transform", **parts), "child_frame_id": child}
+            fields["header"] = self.header(t, parent)
+            stamped.append(self.make("geometry_msgs/msg/TransformStamped", **fields))
+        return self.make("tf2_msgs/msg/TFMessage", transforms=stamped)
 
     def image(self, t, pixels, encoding, frame="optical", padding=0):
         """``pixels`` are (H, W) or (H, W, channels); ``padding`` bytes follow each row."""
         rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
         rows = np.pad(rows, ((0, 0), (0, padding)))
-        fields = {
-            "encoding": encoding,
-            "is_bigendian": int(pixels.dtype.byteorder == ">"),
-            "step": rows.shape[1],
-        }
-        size = {"height": pixels.shape[0], "width": pixels.shape[1]}
-        return self.make(IMAGE, header=self.header(t, frame), data=rows.ravel().copy(), **size, **fields)
+        fields = {"encoding": encoding, "is_bigendian": int(pixels.dtype.byteorder == ">")}
+        fields |= {"height": pixels.shape[0], "width": pixels.shape[1], "step": rows.shape[1]}
+        header = self.header(t, frame)
+        return self.make("sensor_msgs/msg/Image", header=header, data=rows.ravel().copy(), **fields)
 
     def camera_info(self, t, K, height, width):
-        names = "DKRP" if self.is_old else "dkrp"
-        values = np.zeros(5), K.ravel(), np.eye(3).ravel(), np.zeros(12)
-        region = self.make(
-            "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
-        )
-        fields = {
-            "height": height,
-            "width": width,
-            "distortion_model": "plumb_bob",
-            "binning_x": 0,
-            "binning_y": 0,
-        }
-        fields |= dict(zip(names, values, strict=True)) | {"roi": region}
-        return self.make(INFO, header=self.header(t, "optical"), **fields)
+        fields = {"height": height, "width": width, "K" if self.is_old else "k": K.ravel()}
+        return self.make("sensor_msgs/msg/CameraInfo", header=self.header(t, "optical"), **fields)
 
 
 def nanoseconds(t):
@@ -159,11 +109,11 @@ def nanoseconds(t):
 
 
 def write_bag(path, form, rows):
-    """Write rows of (topic, arrival in nanoseconds, message) and return the path to read."""
+    """Write rows of (topic, arrival in nanoseconds, message), as they arrive, and return the path to read."""
     path = Path(path)
     if form == "ros1":
-        writer, store = rosbag1.Writer(path.with_suffix(".bag")), store_of(True)
-        serialize = store.serialize_ros1
+        path, store = path.with_suffix(".bag"), store_of(True)
+        writer, serialize = rosbag1.Writer(path), store.serialize_ros1
     else:
         plugin = StoragePlugin.MCAP if "mcap" in form else StoragePlugin.SQLITE3
         writer, store = rosbag2.Writer(path, version=9, storage_plugin=plugin), store_of(False)
@@ -173,27 +123,23 @@ def write_bag(path, form, rows):
         serialize = store.serialize_cdr
     with writer:
         known = {}
-        for topic, arrived, message in rows:
+        for topic, arrived, message in sorted(rows, key=lambda row: row[1]):
             kind = message.__msgtype__
             if topic not in known:
                 known[topic] = writer.add_connection(topic, kind, typestore=store)
             writer.write(known[topic], arrived, serialize(message, kind))
-    if form == "ros1":
-        return path.with_suffix(".bag")
     return next(path.glob("*.mcap")) if form == "mcap file" else path
 
 
-def rows_of(recording, is_old=False, *, odometry=None, sweep=0.0, mount=None, child="base_link"):
+def rows_of(recording, is_old=False, *, sweep=0.0, mount=None, child="base_link"):
     """The messages of a recording: its scans and its odometry, with the LiDAR's place in two hops of /tf_static."""
-    messages, lidar = Messages(is_old), recording.robot.lidar
-    odometry = dead_reckoning(recording) if odometry is None else odometry
+    messages, lidar, odometry = Messages(is_old), recording.robot.lidar, dead_reckoning(recording)
     x, y, z = lidar.position_b
     mount = mount or [(child, "plate", (0.0, 0.0, z), LEVEL), ("plate", "laser", (x, y, 0.0), LEVEL)]
-    start = nanoseconds(odometry.t[0])
-    rows = [("/tf_static", start, messages.transforms(0.0, *mount))]
+    rows = [("/tf_static", nanoseconds(odometry.t[0]), messages.transforms(0.0, *mount))]
     for t, ranges in zip(recording.lidar.t, recording.lidar.ranges, strict=True):
-        stamp = t - 0.5 * sweep
-        rows.append(("/scan", nanoseconds(t) + LATER, messages.scan(stamp, ranges, lidar, sweep=sweep)))
+        scan = messages.scan(t - 0.5 * sweep, ranges, lidar, sweep)
+        rows.append(("/scan", nanoseconds(t) + LATER, scan))
     for t, pose in zip(odometry.t, odometry.poses, strict=True):
         rows.append(("/odom", nanoseconds(t) + LATER, messages.odometry(t, pose, child)))
-    return sorted(rows, key=lambda row: row[1])
+    return rows
