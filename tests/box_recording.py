@@ -61,3 +61,10 @@ def box_camera(start, count):
         np.arange(count),
         np.arange(count),
     )
+
+
+def rewrite(path, **changes):
+    """Write an archive again with some arrays changed (or removed, if None); ``__`` in a name is a dot."""
+    with np.load(path) as data:
+        arrays = {**data} | {name.replace("__", "."): values for name, values in changes.items()}
+    np.savez(path, **{name: values for name, values in arrays.items() if values is not None})

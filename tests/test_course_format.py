@@ -3,24 +3,25 @@
 import struct
 import zipfile
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from box_recording import box_recording
+from box_recording import box_recording, rewrite
 
 from pfslam.errors import DataError
 from pfslam.io.course import load_course, save_course
 from pfslam.io.files import atomic_write, read_npz
 from pfslam.motion import dead_reckoning
 
+BOX = box_recording()
+
 
 @pytest.fixture
 def folder(tmp_path):
     """The box recording as set 7, images included, in a folder whose name has a space and a dot."""
     folder = tmp_path / "my data.v2"
-    save_course(box_recording(), 7, folder, image_every=1)
+    save_course(BOX, 7, folder, image_every=1)
     return folder
 
 
@@ -29,26 +30,19 @@ def assert_same(a, b):
     np.testing.assert_array_equal(a, b)
 
 
-def rewrite(path, **changes):
-    """Write an archive again with some fields changed (or removed, if None)."""
-    with np.load(path) as data:
-        fields = {**data, **changes}
-    np.savez(path, **{key: value for key, value in fields.items() if value is not None})
-
-
 # ---- round trip --------------------------------------------------------------------------------
 
 
 def test_saving_and_loading_changes_nothing_and_saving_again_gives_the_same_bytes(folder, tmp_path):
-    before, after = box_recording(), load_course(7, folder)
+    after = load_course(7, folder)
     for name in ("encoders", "imu", "lidar", "truth", "camera"):
-        for field, values in vars(getattr(before, name)).items():
+        for field, values in vars(getattr(BOX, name)).items():
             if not field.startswith(("read_", "_")):
                 assert_same(getattr(getattr(after, name), field), values)
     for k in range(4):
-        assert_same(after.camera.read_disparity(k), before.camera.read_disparity(k))
-        assert_same(after.camera.read_rgb(k), before.camera.read_rgb(k))
-    assert after.robot == before.robot
+        assert_same(after.camera.read_disparity(k), BOX.camera.read_disparity(k))
+        assert_same(after.camera.read_rgb(k), BOX.camera.read_rgb(k))
+    assert after.robot == BOX.robot
     assert after.dropped == {}
     save_course(after, 7, tmp_path / "again", image_every=1)
     for path in (p for p in folder.rglob("*") if p.is_file()):
@@ -56,16 +50,14 @@ def test_saving_and_loading_changes_nothing_and_saving_again_gives_the_same_byte
 
 
 def test_what_a_recording_lacks_is_not_written_and_not_found(tmp_path):
-    poor = replace(box_recording(), lidar=None, truth=None, camera=None)
-    save_course(poor, 7, tmp_path, image_every=1)
+    save_course(replace(BOX, lidar=None, truth=None, camera=None), 7, tmp_path, image_every=1)
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["Encoders7.npz", "Imu7.npz"]
     back = load_course(7, tmp_path)
     assert (back.lidar, back.truth, back.camera) == (None, None, None)
-    assert_same(back.encoders.counts, poor.encoders.counts)
 
 
 def test_every_nth_image_pair_keeps_its_number_and_stamp(tmp_path):
-    save_course(box_recording(), 7, tmp_path, image_every=3)
+    save_course(BOX, 7, tmp_path, image_every=3)
     names = sorted(p.name for p in (tmp_path / "dataRGBD").rglob("*.png"))
     assert names == ["disparity7_1.png", "disparity7_4.png", "rgb7_1.png", "rgb7_4.png"]
     camera = load_course(7, tmp_path).camera
@@ -83,35 +75,17 @@ def test_capital_imu_data_folder_and_lower_case(folder):
     (folder / "Hokuyo7.npz").rename(folder / "data" / "hokuyo7.npz")
     (folder / "dataRGBD").rename(folder / "data" / "dataRGBD")
     recording = load_course("7", folder)
-    assert len(recording.lidar.t) == len(box_recording().lidar.t)
+    assert len(recording.lidar.t) == len(BOX.lidar.t)
     assert len(recording.camera.rgb_index) == 4
 
 
 def test_a_sweep_is_read_where_it_is_stated_and_written_with_the_set(tmp_path, folder):
-    assert load_course(7, folder).robot.lidar.sweep == 0.0
     rewrite(folder / "Hokuyo7.npz", sweep=np.array([0.025]))
-    recording = load_course(7, folder)
-    assert recording.robot.lidar.sweep == 0.025
-    save_course(recording, 8, tmp_path / "again")
+    save_course(load_course(7, folder), 8, tmp_path / "again")
     assert load_course(8, tmp_path / "again").robot.lidar.sweep == 0.025
 
 
-def test_lidar_camera_and_truth_may_be_absent(folder):
-    for name in ("Hokuyo7", "Kinect7", "truth7"):
-        (folder / f"{name}.npz").unlink()
-    recording = load_course(7, folder)
-    assert recording.lidar is recording.camera is recording.truth is None
-    assert recording.dropped == {"images without a stamp": 8}
-
-
-@pytest.mark.parametrize("name", ["Encoders7.npz", "Imu7.npz"])
-def test_encoders_and_imu_must_be_there(folder, name):
-    (folder / name).unlink()
-    with pytest.raises(DataError, match=name):
-        load_course(7, folder)
-
-
-@pytest.mark.parametrize("wrap", [float, np.array, lambda v: np.array([v]), lambda v: np.array([[v]])])
+@pytest.mark.parametrize("wrap", [float, np.array, lambda v: np.array([[v]])])
 def test_limits_may_be_numbers_or_arrays_of_one(folder, wrap):
     limits = {"angle_min": wrap(-1.0), "angle_max": wrap(1.0), "range_min": wrap(0.2), "range_max": wrap(9.0)}
     rewrite(folder / "Hokuyo7.npz", **limits, angle_increment=np.array([0, 0]))
@@ -120,23 +94,20 @@ def test_limits_may_be_numbers_or_arrays_of_one(folder, wrap):
     np.testing.assert_allclose(np.diff(lidar.angles), 2.0 / 1080)
 
 
-def test_ranges_that_are_not_numbers_are_counted_and_empty_scans_kept(folder):
-    ranges = box_recording().lidar.ranges.T.astype(float)
+def test_what_cannot_be_used_is_counted(folder):
+    ranges = BOX.lidar.ranges.T.astype(float)
     ranges[:3, 5] = np.nan
     ranges[:, 6] = np.inf
     rewrite(folder / "Hokuyo7.npz", ranges=ranges)
+    rewrite(folder / "Kinect7.npz", rgb_time_stamps=BOX.camera.rgb_t[:3])
     recording = load_course(7, folder)
-    assert recording.dropped == {"ranges that are not a number": 3}
+    assert recording.dropped == {"ranges that are not a number": 3, "images without a stamp": 1}
     valid = recording.robot.lidar.valid(recording.lidar.ranges)
     assert np.count_nonzero(~valid[5]) == 3
     assert not valid[6].any()
-
-
-def test_images_beyond_the_last_stamp_are_counted(folder):
-    rewrite(folder / "Kinect7.npz", rgb_time_stamps=box_recording().camera.rgb_t[:3])
-    recording = load_course(7, folder)
-    assert recording.dropped == {"images without a stamp": 1}
     np.testing.assert_array_equal(recording.camera.rgb_index, [0, 1, 2])
+    (folder / "Kinect7.npz").unlink()
+    assert load_course(7, folder).dropped["images without a stamp"] == 8
 
 
 # ---- real files --------------------------------------------------------------------------------
@@ -150,45 +121,31 @@ def test_the_real_sets_load_and_dead_reckoning_ends_where_it_is_known_to(real_da
     np.testing.assert_allclose(dead_reckoning(recording).poses[-1], end, atol=0.005)
 
 
-def test_the_half_real_set_loads(real_data):
-    recording = load_course(20, real_data / "corridor20")
-    assert recording.lidar.ranges.shape == (4928, 1081)
-    assert recording.robot.lidar.increment == pytest.approx(np.deg2rad(0.25))
-    np.testing.assert_array_equal(recording.truth.poses[0], 0.0)
-
-
 # ---- bad files: one line that names file, field, value -----------------------------------------
 
-GOOD = box_recording()
-LATER = GOOD.imu.t.copy()
+LATER = BOX.imu.t.copy()
 LATER[50] = LATER[49]
-BACKWARDS = GOOD.encoders.t.copy()
-BACKWARDS[9] = 12.0
-HOLES = GOOD.imu.angular_velocity.T.copy()
+HOLES = BOX.imu.angular_velocity.T.copy()
 HOLES[2, 3] = np.nan
 
 BAD_FIELDS = {
     "repeated stamp": ("Imu7", {"time_stamps": LATER}, r"time_stamps\[50\]"),
-    "backward stamp": ("Encoders7", {"time_stamps": BACKWARDS}, r"time_stamps\[9\]: found 12\.0"),
     "nan stamp": ("Encoders7", {"time_stamps": np.full(241, np.nan)}, r"time_stamps\[0\]: found nan"),
-    "stamps in ns": ("Encoders7", {"time_stamps": GOOD.encoders.t * 1e9}, "time_stamps: found 1.3e"),
+    "stamps in ns": ("Encoders7", {"time_stamps": BOX.encoders.t * 1e9}, "time_stamps: found 1.3e"),
     "degrees per second": ("Imu7", {"angular_velocity": np.full((3, 561), 2e3)}, "rad/s, at most 1000"),
     "no stamps": ("Imu7", {"time_stamps": np.zeros(0)}, "time_stamps"),
     "missing key": ("Encoders7", {"counts": None}, "a key named counts"),
     "transposed": ("Encoders7", {"counts": np.zeros((241, 4))}, r"expected numbers of shape \(4, 241\)"),
     "nan gyro": ("Imu7", {"angular_velocity": HOLES}, r"angular_velocity\[.*3.*\]: found nan"),
     "objects": ("Imu7", {"angular_velocity": np.array([{}, 1], dtype=object)}, "never objects"),
-    "complex": (
-        "Encoders7",
-        {"counts": np.zeros((4, 241), dtype=complex)},
-        "found an array of complex",
-    ),
-    "ranges by row": ("Hokuyo7", {"ranges": GOOD.lidar.ranges}, r"expected numbers of shape \(beams, 55\)"),
+    "complex": ("Encoders7", {"counts": np.zeros((4, 241), dtype=complex)}, "found an array of complex"),
+    "ranges by row": ("Hokuyo7", {"ranges": BOX.lidar.ranges}, r"expected numbers of shape \(beams, 55\)"),
     "many beams": ("Hokuyo7", {"ranges": np.zeros((20_001, 55), dtype=np.int8)}, "at most 20000 beams"),
     "degrees": ("Hokuyo7", {"angle_min": -135.0, "angle_max": 135.0}, "radians"),
     "endless sweep": ("Hokuyo7", {"sweep": 25.0}, "sweep: found 25, expected seconds from the first beam"),
     "angles swapped": ("Hokuyo7", {"angle_min": 1.0, "angle_max": -1.0}, "increasing angles"),
     "nan limit": ("Hokuyo7", {"range_max": np.nan}, "range_max"),
+    "far limit": ("Hokuyo7", {"range_max": 1e9}, "range_min < range_max"),
 }
 
 
@@ -202,23 +159,19 @@ def test_a_bad_field_is_named(folder, case):
     assert "\n" not in str(raised.value)
 
 
-@pytest.mark.parametrize("keep", [0, 1, 30, 500, -1, -30])
-def test_a_truncated_archive_is_named(folder, keep):
-    path = folder / "Imu7.npz"
-    path.write_bytes(path.read_bytes()[:keep])
-    with pytest.raises(DataError, match=r"Imu7\.npz"):
-        load_course(7, folder)
-
-
 @pytest.mark.parametrize("number", ["", "-1", "2.5", "../20", "twenty", "1234567", 1.5, None])
 def test_a_set_number_is_digits(tmp_path, number):
     with pytest.raises(DataError, match="digits"):
         load_course(number, tmp_path)
 
 
-def test_a_missing_folder_is_named(tmp_path):
+def test_what_must_be_there_is_named(tmp_path, folder):
     with pytest.raises(DataError, match="no such folder"):
         load_course(7, tmp_path / "nowhere")
+    for name in ("Imu7.npz", "Encoders7.npz"):
+        (folder / name).unlink()
+        with pytest.raises(DataError, match=name):
+            load_course(7, folder)
 
 
 @pytest.mark.parametrize("header", ["(10**15,)", "(1000000000000,)", "(-1,)", "(2, 3.5)"])
@@ -245,35 +198,40 @@ def test_a_header_that_python_stumbles_over_is_read_again(tmp_path, monkeypatch)
 
     monkeypatch.setattr(np.lib.npyio.NpzFile, "__getitem__", stumbling)
     np.testing.assert_array_equal(read_npz(tmp_path / "good.npz", ("a",))["a"], np.arange(3))
-    stumbles += [SystemError("again"), SystemError("and again")]
-    with pytest.raises(DataError, match=r"good\.npz: a: found a damaged array"):
-        read_npz(tmp_path / "good.npz", ("a",))
+
+
+def half(path):
+    path.write_bytes(path.read_bytes()[:-20])
+
+
+def flipped(path):
+    data = bytearray(path.read_bytes())
+    data[60] ^= 1
+    path.write_bytes(data)
+
+
+def other_pixels(path):
+    cv2.imwrite(str(path), np.zeros((480, 640), np.uint8))
 
 
 BAD_IMAGES = {
-    "disparity of 8 bits": ("Disparity7/disparity7_2.png", np.zeros((480, 640), np.uint8), "8 bits"),
-    "grey for colour": ("RGB7/rgb7_2.png", np.zeros((480, 640), np.uint8), "1 channels"),
+    (
+        "Disparity7/disparity7_2.png",
+        other_pixels,
+    ): "found 640 x 480, 1 channels of 8 bits, expected .* 16 bits",
+    ("RGB7/rgb7_2.png", other_pixels): "found .* 1 channels of 8 bits, expected .* 3 channels",
+    ("RGB7/rgb7_2.png", half): r"rgb7_2\.png: image: found an end after",
+    ("RGB7/rgb7_2.png", flipped): r"rgb7_2\.png: image: found a damaged part at byte",
 }
 
 
-@pytest.mark.parametrize("case", BAD_IMAGES)
-def test_a_wrong_image_is_named(folder, case):
-    name, pixels, message = BAD_IMAGES[case]
-    cv2.imwrite(str(folder / "dataRGBD" / name), pixels)
+@pytest.mark.parametrize("case", BAD_IMAGES, ids=lambda case: f"{case[0]} {case[1].__name__}")
+def test_a_wrong_or_damaged_image_is_named(folder, case):
+    name, damage = case
+    damage(folder / "dataRGBD" / name)
     camera = load_course(7, folder).camera
-    with pytest.raises(DataError, match=message) as raised:
+    with pytest.raises(DataError, match=BAD_IMAGES[case]):
         camera.read_disparity(1), camera.read_rgb(1)
-    assert Path(name).name in str(raised.value)
-
-
-@pytest.mark.parametrize(
-    "damage", [lambda d: d[:-20], lambda d: d[:200], lambda d: b"", lambda d: b"\x00" * 100]
-)
-def test_a_damaged_image_is_named(folder, damage):
-    path = folder / "dataRGBD" / "RGB7" / "rgb7_1.png"
-    path.write_bytes(damage(path.read_bytes()))
-    with pytest.raises(DataError, match=r"rgb7_1\.png"):
-        load_course(7, folder).camera.read_rgb(0)
 
 
 def test_a_missing_image_is_not_in_the_index(folder):
@@ -318,13 +276,9 @@ def test_two_writers_of_one_file_never_mix(tmp_path):
 
 
 def test_what_cannot_be_saved_is_refused_before_anything_is_written(tmp_path):
-    box = box_recording()
-    log = replace(box, encoders=None, imu=None, odometry=box.truth)
+    log = replace(BOX, encoders=None, imu=None, odometry=BOX.truth)
     with pytest.raises(DataError, match="encoders and IMU"):
         save_course(log, 7, tmp_path)
     with pytest.raises(DataError, match="image_every: found 0, expected 1 or more"):
-        save_course(box, 7, tmp_path, image_every=0)
+        save_course(BOX, 7, tmp_path, image_every=0)
     assert list(tmp_path.iterdir()) == []
-    (tmp_path / "out").write_text("")
-    with pytest.raises(DataError, match="writable folder"):
-        save_course(box, 7, tmp_path / "out")
