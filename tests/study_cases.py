@@ -15,12 +15,12 @@ def write_box(folder):
     return folder
 
 
-def box_study(folder, seeds=20, **common):
+def box_study(folder, seeds):
     """Three variants with so many seeds each: a filter of three particles, one pose matched, dead reckoning."""
     return make_study(
         {
             "name": "box",
-            "common": {"dataset": 90, "data_dir": str(folder), "seed": {"count": seeds}} | common,
+            "common": {"dataset": 90, "data_dir": str(folder), "seed": {"count": seeds}},
             "variant": [
                 {"label": "filter", "particles": 3, "search.cells": [1, 2], "search.yaws": [1, 2]},
                 {"label": "matching", "method": "matching", "every": [5, 10]},
@@ -30,13 +30,8 @@ def box_study(folder, seeds=20, **common):
     )
 
 
-def deadly(case):
-    """As ``run_case``, but the run with seed 1 of the odometry takes its worker down, every time."""
+def deadly_with_row(case):
+    """What joblib's workers are given; the run with seed 1 of the odometry takes its worker down, every time."""
     if case.label == "odometry" and case.get("seed") == 1:
         os.kill(os.getpid(), signal.SIGKILL)
-    return run_case(case)
-
-
-def deadly_with_row(case):
-    """What joblib's workers are given."""
-    return case, deadly(case)
+    return case, run_case(case)

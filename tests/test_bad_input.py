@@ -57,17 +57,19 @@ def damage_field(path, rng):
         fields = dict(data)
     name = rng.choice([name for name, values in fields.items() if values.size])
     values = fields.pop(name)
-    spoiled = [
-        lambda: None,
-        lambda: with_one(values.astype(float), rng.choice(NUMBERS), rng),
-        lambda: values.T,
-        lambda: values[..., : rng.integers(3)] if values.ndim else values[None, None],
-        lambda: values.astype(rng.choice(TYPES)),
-        lambda: values[..., ::-1] if values.ndim else -values,
-        lambda: np.full(values.shape, rng.choice(NUMBERS)),
-        lambda: values.astype(float) * rng.choice([-1, 0, 1e-3, 1e3, 1e9]),
-        lambda: values[None],
-    ][rng.integers(9)]()
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")  # making the damage may overflow; reading it must not
+        spoiled = [
+            lambda: None,
+            lambda: with_one(values.astype(float), rng.choice(NUMBERS), rng),
+            lambda: values.T,
+            lambda: values[..., : rng.integers(3)] if values.ndim else values[None, None],
+            lambda: values.astype(rng.choice(TYPES)),
+            lambda: values[..., ::-1] if values.ndim else -values,
+            lambda: np.full(values.shape, rng.choice(NUMBERS)),
+            lambda: values.astype(float) * rng.choice([-1, 0, 1e-3, 1e3, 1e9]),
+            lambda: values[None],
+        ][rng.integers(9)]()
     np.savez(path, **fields, **({} if spoiled is None else {name: spoiled}))
 
 
@@ -75,11 +77,6 @@ def with_one(values, number, rng):
     values = values.copy()
     values.flat[rng.integers(values.size)] = number
     return values
-
-
-def load_all(folder):
-    """Load set 7, drive it by dead reckoning and look at every image."""
-    use(load_course(7, folder))
 
 
 def use(recording):
@@ -105,6 +102,15 @@ def works_or_says_why(load, path, names):
             assert any(name in line for name in names), line
 
 
+def damage(path, data, rng):
+    """Write a file with its bytes damaged or, of an archive, more often a field."""
+    path.write_bytes(data)
+    if path.suffix == ".npz" and rng.random() < 0.7:
+        damage_field(path, rng)
+    else:
+        path.write_bytes(damaged_bytes(data, rng))
+
+
 @pytest.mark.parametrize("seed", range(CASES // 2))
 def test_damaged_sets(good, tmp_path, seed):
     rng = np.random.default_rng(seed)
@@ -112,14 +118,9 @@ def test_damaged_sets(good, tmp_path, seed):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_bytes(data)
     victim = Path(rng.choice([str(name) for name in good]))
-    if victim.suffix == ".npz" and rng.random() < 0.7:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # making the damage may overflow; reading it must not
-            damage_field(tmp_path / victim, rng)
-    else:
-        (tmp_path / victim).write_bytes(damaged_bytes(good[victim], rng))
+    damage(tmp_path / victim, good[victim], rng)
     # Streams that no longer overlap are named by the set, everything else by the file.
-    works_or_says_why(load_all, tmp_path, [victim.name, "7: imu time_stamps"])
+    works_or_says_why(lambda p: use(load_course(7, p)), tmp_path, [victim.name, "7: imu time_stamps"])
 
 
 @pytest.mark.parametrize("seed", range(CASES // 4))
@@ -148,14 +149,8 @@ def whole_file(tmp_path_factory):
 
 @pytest.mark.parametrize("seed", range(CASES // 3))
 def test_damaged_recordings(whole_file, tmp_path, seed):
-    rng, path = np.random.default_rng(seed), tmp_path / "drive.npz"
-    path.write_bytes(whole_file)
-    if rng.random() < 0.7:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            damage_field(path, rng)
-    else:
-        path.write_bytes(damaged_bytes(whole_file, rng))
+    path = tmp_path / "drive.npz"
+    damage(path, whole_file, np.random.default_rng(seed))
     # Streams that no longer overlap are named by the recording, everything else by the file.
     works_or_says_why(lambda p: use(load_recording(p)), path, ["drive.npz", "box: imu time_stamps"])
 
@@ -164,9 +159,8 @@ def test_damaged_recordings(whole_file, tmp_path, seed):
 def bag(request, tmp_path_factory):
     """A good bag of each format: where it lies, and its files as bytes."""
     folder = tmp_path_factory.mktemp("bag")
-    path = write_bag(
-        folder / "drive", request.param, rows_of(box_recording(2.0, images=0), request.param == "ros1")
-    )
+    rows = rows_of(box_recording(2.0, images=0), request.param == "ros1")
+    path = write_bag(folder / "drive", request.param, rows)
     files = [p for p in sorted(folder.rglob("*")) if p.is_file()]
     return path.relative_to(folder), {p.relative_to(folder): p.read_bytes() for p in files}
 
@@ -196,18 +190,12 @@ def test_bags_of_damaged_messages(tmp_path, seed):
 
 def spoil(message, place, number):
     """Set one field of a message, chosen by ``place`` from 0 to 1, to a number, as far as the field can hold it."""
-    holders = []
-
-    def collect(part):
+    holders, parts = [], [message]
+    for part in parts:
         for name, value in vars(part).items():
-            if isinstance(value, (int, float)):
-                holders.append((part, name))
-            elif hasattr(value, "__msgtype__"):
-                collect(value)
-            for item in value if isinstance(value, list) else ():
-                collect(item)
-
-    collect(message)
+            inner = value if isinstance(value, list) else [value]
+            parts += [item for item in inner if hasattr(item, "__msgtype__")]
+            holders += [(part, name)] if isinstance(value, (int, float)) else []
     part, name = holders[int(place * len(holders))]
     is_whole = isinstance(getattr(part, name), int)
     limited = int(np.clip(np.nan_to_num(number), 0 if name == "nanosec" else -(2**31), 2**31 - 1))

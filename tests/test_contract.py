@@ -12,28 +12,26 @@ import pfslam
 DRIVE = drive([(0.5, 10, 0.4)])
 
 
-@pytest.mark.parametrize(
-    ("name", "parameters"),
-    [
-        ("load", ["dataset", "data_dir"]),
-        ("dead_reckoning", ["recording"]),
-        ("run_slam", ["recording", "config", "rng"]),
-        ("map_texture", ["recording", "trajectory", "grid"]),
-        ("map_correlation", ["occupied", "spec", "points_w"]),
-    ],
-)
-def test_functions_take_what_was_promised(name, parameters):
-    signature = inspect.signature(getattr(pfslam, name))
-    assert [p for p in signature.parameters if p in parameters] == parameters
-    required = [p.name for p in signature.parameters.values() if p.default is p.empty]
-    assert set(required) <= set(parameters)
-    assert all(
-        signature.parameters[p].default is None
-        for p in {"data_dir", "config", "rng", "grid"} & set(parameters)
-    )
+PROMISED = {
+    "load": ("dataset", "data_dir"),
+    "dead_reckoning": ("recording",),
+    "run_slam": ("recording", "config", "rng"),
+    "map_texture": ("recording", "trajectory", "grid"),
+    "map_correlation": ("occupied", "spec", "points_w"),
+}
 
 
-def test_a_generator_is_given_by_name_and_bad_input_is_a_value_error():
+@pytest.mark.parametrize("name", PROMISED)
+def test_functions_take_what_was_promised(name):
+    found = inspect.signature(getattr(pfslam, name)).parameters
+    assert [p for p in found if p in PROMISED[name]] == [*PROMISED[name]]
+    assert {p.name for p in found.values() if p.default is p.empty} <= set(PROMISED[name])
+    assert all(found[p].default is None for p in {"data_dir", "config", "rng", "grid"} & set(PROMISED[name]))
+
+
+def test_public_names_exist_and_bad_input_is_a_value_error():
+    assert all(getattr(pfslam, name).__name__ == name for name in pfslam.__all__)
+    assert set(pfslam.__all__) <= set(dir(pfslam))
     assert inspect.signature(pfslam.run_slam).parameters["rng"].kind is inspect.Parameter.KEYWORD_ONLY
     assert issubclass(pfslam.DataError, ValueError)
 

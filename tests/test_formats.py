@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from pfslam.errors import DataError
-from pfslam.evaluation.trajectory import relations_error
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.io.carmen import load_carmen
 from pfslam.io.formats import (
@@ -18,7 +17,6 @@ from pfslam.io.formats import (
     write_texture,
     write_tum,
 )
-from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 
 T = 1_298_445_265.123456 + np.arange(400) * 0.123456789
@@ -60,31 +58,32 @@ def test_covariances_round_trip(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("read", "text", "message"),
     [
-        ("", "poses: found none"),
-        ("1 2 3\n", "line 1: found 3 values"),
-        ("# c\n1 0 0 0 0 0 0 x\n", "line 2: found 'x'"),
-        ("1 0 0 0 0 0 0 nan\n", "line 1: found nan"),
-        ("1 0 0 0 0 0 0 0.5\n", "quaternion of length 0.5"),
-        ("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "increasing times"),
+        (read_tum, "", "poses: found none"),
+        (read_tum, "1 2 3\n", "line 1: found 3 values"),
+        (read_tum, "# c\n1 0 0 0 0 0 0 x\n", "line 2: found 'x'"),
+        (read_tum, "1 0 0 0 0 0 0 nan\n", "line 1: found nan"),
+        (read_tum, "1 0 0 0 0 0 0 0.5\n", "quaternion of length 0.5"),
+        (read_tum, "2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "increasing times"),
+        (read_covariances, "# t xx\n", "covariances: found none"),
+        (read_covariances, "1 2 3\n", "line 1: found 3 values"),
+        (read_relations, "1 2 3\n", "line 1: found 3 values, expected 8 values"),
     ],
 )
-def test_bad_tum_files(tmp_path, text, message):
+def test_bad_tables(tmp_path, read, text, message):
     (tmp_path / "bad.tum").write_text(text)
     with pytest.raises(DataError, match=message) as raised:
-        read_tum(tmp_path / "bad.tum")
+        read(tmp_path / "bad.tum")
     assert "bad.tum" in str(raised.value)
 
 
-@pytest.mark.parametrize("read", [read_covariances, read_relations])
-@pytest.mark.parametrize(
-    ("text", "message"), [("# t xx\n", "found none"), ("1 2 3\n", "line 1: found 3 values")]
-)
-def test_tables_that_are_none(tmp_path, read, text, message):
-    (tmp_path / "a.txt").write_text(text)
-    with pytest.raises(DataError, match=message):
-        read(tmp_path / "a.txt")
+def test_relations_by_hand(tmp_path):
+    """Those whose both ends are stamps of ours are kept, at our stamps."""
+    (tmp_path / "a.relations").write_text("1.0001 2.0 3 4 9 9 9 0.5\n2 7 1 1 0 0 0 1\n")
+    found = read_relations(tmp_path / "a.relations").at_stamps(np.array([1.0, 2.0, 6.5]))
+    assert (found.t1, found.t2) == ([1.0], [2.0])
+    np.testing.assert_array_equal(found.poses, [[3.0, 4.0, 0.5]])
 
 
 # ---- ROS maps ----------------------------------------------------------------------------------------------
@@ -101,13 +100,11 @@ def grid():
 @pytest.mark.parametrize("name", ["map.pgm", "map.png", "map"])
 def test_a_map_under_the_name_of_its_image_is_refused(tmp_path, grid, name):
     """Else the text would be written over the picture."""
-    seen = np.ones((3, 4), dtype=bool)
-    for write in (
-        lambda path: write_map(path, grid),
-        lambda path: write_texture(path, grid.spec, np.zeros((3, 4, 3), dtype=np.uint8), seen),
-    ):
-        with pytest.raises(DataError, match=r"file name: found .*, expected a name that ends in \.yaml"):
-            write(tmp_path / name)
+    seen, message = np.ones((3, 4), dtype=bool), r"file name: found .*, expected a name that ends in \.yaml"
+    with pytest.raises(DataError, match=message):
+        write_map(tmp_path / name, grid)
+    with pytest.raises(DataError, match=message):
+        write_texture(tmp_path / name, grid.spec, np.zeros((3, 4, 3), dtype=np.uint8), seen)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -127,15 +124,13 @@ def test_map_keys_and_pixels_by_hand(tmp_path, grid):
     np.testing.assert_array_equal(pixels, [[0, 205, 205, 205], [205, 205, 205, 205], [205, 205, 205, 254]])
 
 
-@pytest.mark.parametrize(
-    ("probability", "pixel"),
-    [(0.651, 0), (0.649, 205), (0.5, 205), (0.197, 205), (0.195, 254), (1.0, 0), (0.0, 254)],
-)
-def test_the_thresholds_are_probabilities(tmp_path, probability, pixel):
+def test_the_thresholds_are_probabilities(tmp_path):
+    probability = np.array([[0.651, 0.649, 0.5, 0.197, 0.195, 1.0, 0.0]])
     with np.errstate(divide="ignore"):
-        log_odds = np.log(probability) - np.log(1.0 - np.float64(probability))
-    write_map(tmp_path / "m.yaml", OccupancyGrid(GridSpec((0, 0), 1.0, (1, 1)), np.full((1, 1), log_odds)))
-    assert cv2.imread(str(tmp_path / "m.pgm"), cv2.IMREAD_UNCHANGED)[0, 0] == pixel
+        log_odds = np.log(probability) - np.log(1.0 - probability)
+    write_map(tmp_path / "m.yaml", OccupancyGrid(GridSpec((0, 0), 1.0, (1, 7)), log_odds))
+    pixels = cv2.imread(str(tmp_path / "m.pgm"), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(pixels, [[0, 205, 205, 205, 254, 0, 254]])
 
 
 def test_a_map_of_another_program(tmp_path):
@@ -158,15 +153,13 @@ def test_a_map_of_another_program(tmp_path):
 
 def test_a_map_with_a_png_image(tmp_path, grid):
     write_map(tmp_path / "map.yaml", grid)
-    spec, cells = read_map(tmp_path / "map.yaml")
-    assert spec == grid.spec
-    np.testing.assert_array_equal(cells, np.sign(grid.log_odds))
     pixels = cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_UNCHANGED)
     cv2.imwrite(str(tmp_path / "map.png"), pixels)
     (tmp_path / "png.yaml").write_text((tmp_path / "map.yaml").read_text().replace(".pgm", ".png"))
-    again, same = read_map(tmp_path / "png.yaml")
-    assert again == spec
-    np.testing.assert_array_equal(same, cells)
+    for name in ("map.yaml", "png.yaml"):
+        spec, cells = read_map(tmp_path / name)
+        assert spec == grid.spec
+        np.testing.assert_array_equal(cells, np.sign(grid.log_odds))
     cv2.imwrite(str(tmp_path / "map.png"), cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR))
     with pytest.raises(
         DataError, match=r"map\.png: image: found .* 3 channels of 8 bits, expected .* 1 channels"
@@ -174,35 +167,35 @@ def test_a_map_with_a_png_image(tmp_path, grid):
         read_map(tmp_path / "png.yaml")
 
 
+ORIGIN = "origin: [-10.25, 3.5, 0.0]"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("origin: [-10.25, 3.5, 0.0]", "origin: [0, 0, 0.3]", "rotated"),
-        ("origin: [-10.25, 3.5, 0.0]", "origin: [0, 0]", "origin: found 2 values"),
+        (ORIGIN, "origin: [0, 0, 0.3]", "origin: found a map rotated by 0.3 rad"),
+        (ORIGIN, "origin: [0, 0]", "origin: found 2 values"),
         ("negate: 0", "", "a key named negate"),
+        ("negate: 0", "negate: 2", "negate: found 2, expected 0 or 1"),
         ("resolution: 0.5", "resolution: big", "resolution: found 'big'"),
         ("resolution: 0.5", "resolution: -1", "resolution"),
-        ("map.pgm", "none.pgm", "none.pgm"),
+        ("free_thresh: 0.196", "free_thresh: 0.7", "probabilities, the lesser first"),
+        ("map.pgm", "none.pgm", r"none\.pgm: reading"),
         ("negate: 0", "negate: 0\nmode: raw", "mode: found raw, expected trinary"),
+        (None, b"", r"map\.pgm: header"),
+        (None, b"P5\n4 3\n255\n123", r"map\.pgm: pixels"),
+        (None, b"P5\n999999999 999999999\n255\n", r"map\.pgm: pixels"),
     ],
 )
-def test_bad_map_files(tmp_path, grid, old, new, message):
-    write_map(tmp_path / "map.yaml", grid)
-    text = (tmp_path / "map.yaml").read_text()
-    (tmp_path / "map.yaml").write_text(text.replace(old, new))
+def test_bad_maps(tmp_path, grid, old, new, message):
+    path = tmp_path / "map.yaml"
+    write_map(path, grid)
+    if old is None:
+        (tmp_path / "map.pgm").write_bytes(new)
+    else:
+        path.write_text(path.read_text().replace(old, new))
     with pytest.raises(DataError, match=message):
-        read_map(tmp_path / "map.yaml")
-
-
-@pytest.mark.parametrize(
-    "image",
-    [b"", b"P5\n4 3\n255\n123", b"P5\n999999999 999999999\n255\n"],
-)
-def test_bad_map_images(tmp_path, grid, image):
-    write_map(tmp_path / "map.yaml", grid)
-    (tmp_path / "map.pgm").write_bytes(image)
-    with pytest.raises(DataError, match=r"map\.pgm"):
-        read_map(tmp_path / "map.yaml")
+        read_map(path)
 
 
 # ---- floor texture -----------------------------------------------------------------------------------------
@@ -256,17 +249,6 @@ def test_the_intel_log_equals_the_table_of_the_same_log(real_data):
     np.testing.assert_array_equal(recording.robot.lidar.valid(recording.lidar.ranges), ~no_return)
     assert recording.default_every == 1
     assert recording.dropped == {}
-    assert len(dead_reckoning(recording)) == 910
-
-
-def test_relations_match_scan_stamps(real_data):
-    recording = load_carmen(real_data / "intel" / "intel.log")
-    relations = read_relations(real_data / "intel" / "intel.relations")
-    assert len(relations.t1) == 2984
-    known = relations.at_stamps(recording.lidar.t)
-    assert len(known.t1) == 97
-    metres, _ = relations_error(recording.odometry, known.t1, known.t2, known.poses)
-    assert metres.max() > 1.0  # raw odometry of that drive is far off: the relations are not the odometry
 
 
 @pytest.mark.parametrize(("count", "last_deg"), [(180, 89.0), (181, 90.0), (360, 89.5), (361, 90.0)])
@@ -276,9 +258,8 @@ def test_angles_of_the_old_laser_message(tmp_path, count, last_deg):
 
 
 def test_new_laser_message(tmp_path):
-    recording = load(
-        tmp_path, "# made by hand", robotlaser(10.5), robotlaser(10.75, robot="1.1 2 0", laser="1.3 2 0")
-    )
+    second = robotlaser(10.75, robot="1.1 2 0", laser="1.3 2 0")
+    recording = load(tmp_path, "# made by hand", robotlaser(10.5), second)
     lidar = recording.robot.lidar
     np.testing.assert_allclose(lidar.angles, [-1.0, 0.0, 1.0])
     np.testing.assert_allclose(lidar.position_b[:2], [0.2, 0.0], atol=1e-12)
@@ -288,25 +269,24 @@ def test_new_laser_message(tmp_path):
     np.testing.assert_array_equal(recording.lidar.ranges, [[1, 2, 3], [1, 2, 3]])
 
 
-def test_a_laser_mounted_askew_turns_its_beams(tmp_path):
-    recording = load(tmp_path, robotlaser(1.0, laser="1 2 0.25"))
-    np.testing.assert_allclose(recording.robot.lidar.angles, [-0.75, 0.25, 1.25])
-
-
 def test_raw_laser_with_odometry_lines(tmp_path):
     odometry = [f"ODOM {x} 0 0 0.1 0 0 {t} host 0.1" for x, t in ((0, 1.0), (1, 2.0), (2, 3.0))]
     recording = load(tmp_path, *odometry, rawlaser(1.5), rawlaser(2.5))
     np.testing.assert_allclose(recording.odometry.at(recording.lidar.t)[:, 0], [0.5, 1.5])
 
 
-def test_parameters_place_the_laser(tmp_path):
-    recording = load(tmp_path, "PARAM robot_frontlaser_offset 0.17 1 host 1", flaser(1.0))
-    assert recording.robot.lidar.position_b[:2] == (0.17, 0.0)
-
-
-def test_corrected_poses_are_not_taken_for_a_mounting(tmp_path):
-    recording = load(tmp_path, flaser(1.0, laser="1 2 0.5"), flaser(2.0, laser="1.4 2.1 0.6"))
-    assert recording.robot.lidar.position_b[:2] == (0.0, 0.0)
+@pytest.mark.parametrize(
+    ("lines", "place"),
+    [
+        ([robotlaser(1.0, laser="1 2 0.25")], (0.0, 0.0, 0.25)),  # askew
+        (["PARAM robot_frontlaser_offset 0.17 1 host 1", robotlaser(1.0)], (0.17, 0.0, 0.0)),
+        # Corrected poses are not taken for a mounting: their offset changes.
+        ([robotlaser(1.0, laser="1 2 0"), robotlaser(2.0, laser="1.4 2.1 0.1")], (0.0, 0.0, 0.0)),
+    ],
+)
+def test_where_the_laser_is_mounted(tmp_path, lines, place):
+    lidar = load(tmp_path, *lines).robot.lidar
+    np.testing.assert_allclose((*lidar.position_b[:2], lidar.angle_min + 1.0), place, atol=1e-12)
 
 
 def test_scans_come_in_the_order_of_their_stamps(tmp_path):
@@ -354,13 +334,10 @@ BAD_LOGS = {
     "angles in degrees": (robotlaser(1.0, start=-90.0), "line 1: found angles from -90"),
     "no odometry": (rawlaser(1.0), "odometry: found none"),
     "laser far away": (
-        "PARAM robot_frontlaser_offset 1e300 1 host 1\n" + flaser(1.0),
-        r"laser, position_b: found \(1e\+300",
+        f"PARAM robot_frontlaser_offset 1e300 1 host 1\n{flaser(1.0)}",
+        "laser, position_b: found .1e",
     ),
-    "laser sees nothing": (
-        robotlaser(1.0, maximum=0.01),
-        r"laser, range_min, range_max: found \(0.1, 0.0099",
-    ),
+    "laser sees nothing": (robotlaser(1.0, maximum=0.01), "laser, range_min, range_max: found .0.1, 0.0099"),
     "endless line": ("#" * (2**20 + 5), "line 1: found a longer"),
 }
 
