@@ -14,10 +14,9 @@ from box_recording import box_recording
 
 from pfslam.__main__ import main
 from pfslam.errors import DataError
-from pfslam.io.bags import load_bag
-from pfslam.io.carmen import load_carmen
-from pfslam.io.course import load_course, save_course
-from pfslam.io.recordings import load_recording, save
+from pfslam.io.course import save_course
+from pfslam.io.datasets import load
+from pfslam.io.recordings import save
 from pfslam.motion import dead_reckoning
 
 CASES = int(os.environ.get("PFSLAM_CASES", "60"))
@@ -30,12 +29,21 @@ LOG = "PARAM robot_frontlaser_offset 0.1 1 h 1\n" + "".join(
 )
 
 
-@pytest.fixture(scope="module")
-def good(tmp_path_factory):
-    """The files of a good set, by name, as bytes."""
-    folder = tmp_path_factory.mktemp("good")
-    save_course(box_recording(2.0), 7, folder, image_every=1)
-    return {p.relative_to(folder): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+@pytest.fixture(scope="module", params=["a set", "a log", "a recording", *FORMATS])
+def good(request, tmp_path_factory):
+    """A good recording of each kind: where it lies, and its files as bytes."""
+    folder, box = tmp_path_factory.mktemp("good"), box_recording(2.0, images=2)
+    path = folder / {"a set": "set", "a log": "a.log", "a recording": "drive.npz"}.get(request.param, "drive")
+    if request.param == "a set":
+        save_course(box, 7, path, image_every=1)
+    elif request.param == "a log":
+        path.write_text(LOG)
+    elif request.param == "a recording":
+        save(box, path)
+    else:
+        path = write_bag(path, request.param, rows_of(box, request.param == "ros1"))
+    files = [p for p in sorted(folder.rglob("*")) if p.is_file()]
+    return path.relative_to(folder), {p.relative_to(folder): p.read_bytes() for p in files}
 
 
 def damaged_bytes(data, rng):
@@ -89,12 +97,12 @@ def use(recording):
             recording.camera.read_rgb(k)
 
 
-def works_or_says_why(load, path, names):
-    """``load(path)`` works, or raises ``DataError`` with one line of sensible length that holds one of ``names``."""
+def works_or_says_why(path, names):
+    """A recording can be used, or ``DataError`` has one line of sensible length that holds one of ``names``."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            load(path)
+            use(load(path))
         except DataError as error:
             line = str(error)
             assert "\n" not in line
@@ -103,76 +111,29 @@ def works_or_says_why(load, path, names):
 
 
 def damage(path, data, rng):
-    """Write a file with its bytes damaged or, of an archive, more often a field."""
+    """Write a file with its bytes damaged or, more often, a field of an archive or a few words of a log."""
     path.write_bytes(data)
     if path.suffix == ".npz" and rng.random() < 0.7:
         damage_field(path, rng)
+    elif path.suffix == ".log" and rng.random() < 0.6:
+        words = data.decode().split(" ")
+        for at in rng.integers(len(words), size=rng.integers(1, 4)):
+            words[at] = rng.choice(LOG_WORDS)
+        path.write_text(" ".join(words), encoding="latin-1")
     else:
         path.write_bytes(damaged_bytes(data, rng))
 
 
-@pytest.mark.parametrize("seed", range(CASES // 2))
-def test_damaged_sets(good, tmp_path, seed):
-    rng = np.random.default_rng(seed)
-    for name, data in good.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_bytes(data)
-    victim = Path(rng.choice([str(name) for name in good]))
-    damage(tmp_path / victim, good[victim], rng)
-    # Streams that no longer overlap are named by the set, everything else by the file.
-    works_or_says_why(lambda p: use(load_course(7, p)), tmp_path, [victim.name, "7: imu time_stamps"])
-
-
 @pytest.mark.parametrize("seed", range(CASES // 4))
-def test_damaged_logs(tmp_path, seed):
-    rng = np.random.default_rng(seed)
-    data = LOG.encode()
-    if rng.random() < 0.6:
-        words = LOG.split(" ")
-        for at in rng.integers(len(words), size=rng.integers(1, 4)):
-            words[at] = rng.choice(LOG_WORDS)
-        data = " ".join(words).encode("latin-1")
-    else:
-        data = damaged_bytes(data, rng)
-    path = tmp_path / "a.log"
-    path.write_bytes(data)
-    works_or_says_why(lambda p: dead_reckoning(load_carmen(p)), path, ["a.log"])
-
-
-@pytest.fixture(scope="module")
-def whole_file(tmp_path_factory):
-    """A good recording in one file."""
-    path = tmp_path_factory.mktemp("whole") / "drive.npz"
-    save(box_recording(2.0, images=2), path)
-    return path.read_bytes()
-
-
-@pytest.mark.parametrize("seed", range(CASES // 3))
-def test_damaged_recordings(whole_file, tmp_path, seed):
-    path = tmp_path / "drive.npz"
-    damage(path, whole_file, np.random.default_rng(seed))
-    # Streams that no longer overlap are named by the recording, everything else by the file.
-    works_or_says_why(lambda p: use(load_recording(p)), path, ["drive.npz", "box: imu time_stamps"])
-
-
-@pytest.fixture(scope="module", params=FORMATS)
-def bag(request, tmp_path_factory):
-    """A good bag of each format: where it lies, and its files as bytes."""
-    folder = tmp_path_factory.mktemp("bag")
-    rows = rows_of(box_recording(2.0, images=0), request.param == "ros1")
-    path = write_bag(folder / "drive", request.param, rows)
-    files = [p for p in sorted(folder.rglob("*")) if p.is_file()]
-    return path.relative_to(folder), {p.relative_to(folder): p.read_bytes() for p in files}
-
-
-@pytest.mark.parametrize("seed", range(CASES // 4))
-def test_damaged_bags(bag, tmp_path, seed):
-    rng, (path, files) = np.random.default_rng(seed), bag
-    victim = Path(rng.choice([str(name) for name in files]))
+def test_damaged_files(good, tmp_path, seed):
+    rng, (path, files) = np.random.default_rng(seed), good
     for name, data in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_bytes(damaged_bytes(data, rng) if name == victim else data)
-    works_or_says_why(lambda p: use(load_bag(p)), tmp_path / path, [path.name])
+        (tmp_path / name).write_bytes(data)
+    victim = Path(rng.choice([str(name) for name in files]))
+    damage(tmp_path / victim, files[victim], rng)
+    # Streams that no longer overlap are named by the recording, everything else by the file.
+    works_or_says_why(tmp_path / path, [victim.name, path.name, ": imu time_stamps"])
 
 
 @pytest.mark.parametrize("seed", range(CASES // 4))
@@ -185,7 +146,7 @@ def test_bags_of_damaged_messages(tmp_path, seed):
     for message in messages if rng.random() < 0.5 else [messages[rng.integers(len(messages))]]:
         spoil(message, place, number)
     path = write_bag(tmp_path / "drive", "mcap", rows)
-    works_or_says_why(lambda p: use(load_bag(p)), path, ["drive"])
+    works_or_says_why(path, ["drive"])
 
 
 def spoil(message, place, number):
