@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -25,6 +26,12 @@ def naming(source: object, prefix: str = "") -> Iterator[None]:
         yield
     except DataError as error:
         raise DataError(source, prefix + error.field, error.found, error.expected) from None
+
+
+def need(package: str, extra: str) -> None:
+    """Raise ``DataError`` that says what to install if a package is not here, which only an extra of ours brings."""
+    if importlib.util.find_spec(package) is None:
+        raise DataError("pfslam", "package", f"no {package}", f"the extra: pip install pfslam[{extra}]")
 
 
 def _short(found: object) -> str:

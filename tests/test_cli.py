@@ -207,8 +207,6 @@ def test_simulate_writes_a_set_that_loads(tmp_path, monkeypatch):
     recording = load_course(21, out)
     assert len(recording.camera.rgb_index) == len(recording.camera.disparity_index) == 3
     assert recording.camera.read_rgb(recording.camera.rgb_index[1]).shape == (480, 640, 3)
-    with np.load(out / "truth21.npz") as truth:
-        assert truth["z"].shape == truth["pitch"].shape == truth["roll"].shape == recording.truth.t.shape
     assert not (tmp_path / "cache").exists()  # only the built-in building is kept
 
 
@@ -267,7 +265,7 @@ BAD_LINES = {
     "run 7 --data DATA --seed 1.5": "--seed: '1.5' is not a whole number from 0 to",
     "run 7 --data DATA --part 5": "unrecognized arguments: --part 5",
     "run 7 --data DATA --scan /scan": "no ROS bag",
-    "run 7 --data DATA --lidar-at 0 0 1e9": "--lidar-at: '1e9' is not a number below 1000",
+    "run 7 --data DATA --lidar-at 0 0 left": "--lidar-at: 'left' is not a number",
     "run 7 --data DATA --out DATA/Imu7.npz": "a folder that can be written",
     "run 7 --data DATA --out DATA/Imu7.npz/deeper": "a folder that can be written",
     "run 8 --data DATA --texture": "--texture: found no images",

@@ -143,9 +143,13 @@ BAD_FIELDS = {
     "many beams": ("Hokuyo7", {"ranges": np.zeros((20_001, 55), dtype=np.int8)}, "at most 20000 beams"),
     "degrees": ("Hokuyo7", {"angle_min": -135.0, "angle_max": 135.0}, "radians"),
     "endless sweep": ("Hokuyo7", {"sweep": 25.0}, "sweep: found 25, expected seconds from the first beam"),
-    "angles swapped": ("Hokuyo7", {"angle_min": 1.0, "angle_max": -1.0}, "increasing angles"),
+    "angles swapped": ("Hokuyo7", {"angle_min": 1.0, "angle_max": -1.0}, "the lesser first"),
     "nan limit": ("Hokuyo7", {"range_max": np.nan}, "range_max"),
-    "far limit": ("Hokuyo7", {"range_max": 1e9}, "range_min < range_max"),
+    "far limit": (
+        "Hokuyo7",
+        {"range_max": 1e9},
+        "range_max: found 1000000000.0, expected a number from 0 to 10000",
+    ),
 }
 
 

@@ -328,10 +328,13 @@ BAD_LOGS = {
     "absurd count": ("FLASER 999999999 1 2", "line 1, word 2: found 999999999"),
     "word for a range": (flaser(1.0, (1, "x", 3, 4)), "line 1: found a range that is no number"),
     "nan pose": (flaser(1.0, pose="nan 0 0"), "line 1: found nan"),
-    "far away": (flaser(1.0, pose="0 1e300 0"), r"line 1, odometry: found 0 1e\+300 0"),
-    "stamp in ns": (flaser(976052890244111000), "line 1: found stamp 9.76"),
+    "far away": (flaser(1.0, pose="0 1e300 0"), r"odometry\.pose: found 1e\+300, expected m and rad"),
+    "stamp in ns": (flaser(976052890244111000), "stamps: found 9.76.*, expected seconds"),
     "beams change": (flaser(1.0) + "\n" + flaser(2.0, (1, 2)), "line 2: found 2 beams"),
-    "angles in degrees": (robotlaser(1.0, start=-90.0), "line 1: found angles from -90"),
+    "angles in degrees": (
+        robotlaser(1.0, start=-90.0),
+        "laser: found angles from -90|laser, angle_min: found -90",
+    ),
     "no odometry": (rawlaser(1.0), "odometry: found none"),
     "laser far away": (
         f"PARAM robot_frontlaser_offset 1e300 1 host 1\n{flaser(1.0)}",

@@ -48,9 +48,9 @@ def test_all_chapters_are_copied_and_one_is_opened(tmp_path, opened, capsys):
 def test_the_readers_work_is_never_written_over(tmp_path, opened, capsys):
     (tmp_path / CHAPTERS[0].name).write_text("my answers")
     assert main(["lab", "--folder", str(tmp_path)]) == 0
-    assert main(["lab", "00", "--folder", str(tmp_path), "--copy-only"]) == 0
+    assert main(["lab", "00", "--folder", str(tmp_path)]) == 0
     assert (tmp_path / CHAPTERS[0].name).read_text() == "my answers"
-    assert [command[-1] for command in opened] == [str(tmp_path)]
+    assert [command[-1] for command in opened] == [str(tmp_path), str(tmp_path / CHAPTERS[0].name)]
     assert f"0 chapters copied, {len(CHAPTERS)} were there" in capsys.readouterr().out
 
 
@@ -72,7 +72,7 @@ def test_the_exit_code_is_that_of_jupyterlab(tmp_path, monkeypatch):
 
 BOOK = SimpleNamespace(submodule_search_locations=["/nowhere/a/pfslam_book"])
 INSTALLED = {
-    "no jupyterlab, expected pip install": find_spec("pfslam_book"),
+    "no jupyterlab, expected the extra: pip install pfslam[lab]": find_spec("pfslam_book"),
     "found none, expected notebooks in /nowhere/a/pfslam_book/chapters": BOOK,
     "package: found no pfslam_book": None,
 }

@@ -90,7 +90,6 @@ def test_a_row_says_what_the_same_run_by_hand_gives(box):
     assert (row["scans"], row["updates"]) == (len(result.trajectory), result.updates)
     assert row["error"] == ""
     assert row["cpu_seconds"] > 0
-    assert row["peak_mb"] is None or row["peak_mb"] > 20
 
 
 def test_the_built_in_hall_has_its_map_compared():
@@ -244,7 +243,7 @@ def test_a_bad_file_is_one_clear_line(text, tmp_path, capsys):
 def test_without_joblib_it_says_what_to_install(box, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "joblib", None)
     with pytest.raises(DataError, match=r"pip install pfslam\[study\]"):
-        run_study(box_study(box), tmp_path)
+        run_study(box_study(box, 1), tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -29,10 +29,11 @@ from pfslam.study.provenance import machine, versions
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1")
 RUN = """
 import sys
+from pathlib import Path
 from pfslam.__main__ import main
-from pfslam.study.run import peak_megabytes
-code = main(sys.argv[1:])
-print(peak_megabytes())
+code, status = main(sys.argv[1:]), Path("/proc/self/status")
+lines = status.read_text().splitlines() if status.exists() else []
+print(next((int(line.split()[1]) * 1024 / 1e6 for line in lines if line.startswith("VmHWM")), "nan"))
 sys.exit(code)
 """
 PARTICLES = (5, 50, 200, 1000, 5000)
@@ -48,8 +49,7 @@ def whole_run(*options: str | Path) -> tuple[float, float]:
         spent = time.perf_counter() - begin
     if done.returncode:
         raise SystemExit(done.stderr)
-    words = done.stdout.split()[-1]
-    return spent, float("nan") if words == "None" else float(words)
+    return spent, float(done.stdout.split()[-1])
 
 
 def used_scans(recording: Recording, every: int) -> int:

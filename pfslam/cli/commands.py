@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from pfslam.cli import words
 from pfslam.cli.figures import picture_of_search, report_figures
 from pfslam.cli.lab import lab_command as lab_command
 from pfslam.cli.parser import HAZARDS, TOPICS
-from pfslam.errors import DataError
+from pfslam.errors import DataError, need
 from pfslam.evaluation.checkup import check_up
 from pfslam.io.bags import BagOptions, choose_topics, is_bag, read_topics
 from pfslam.io.course import save_course
@@ -103,9 +102,7 @@ def simulate_command(arguments: Namespace) -> None:
     else:
         simulation = simulate(arguments.name, arguments.seed, progress=bar, hazards=hazards)
     number, recording = simulation.config.number, simulation.recording
-    extras = {name: getattr(simulation, name) for name in ("z", "pitch", "roll")}
-    bar = progress_bar("images")
-    save_course(recording, number, arguments.out, arguments.images, truth_extras=extras, progress=bar)
+    save_course(recording, number, arguments.out, arguments.images, progress=progress_bar("images"))
     print(f"set {number} ({arguments.name}) is in {arguments.out}")
 
 
@@ -226,15 +223,13 @@ def check_command(arguments: Namespace) -> int:
 def convert_command(arguments: Namespace) -> None:
     """Write a data set into one file that loads without ROS."""
     recording = load_dataset(arguments)
-    save(recording, arguments.out, images=arguments.images, progress=progress_bar("writing"))
+    save(recording, arguments.out, images=arguments.images)
     print(*words.said_by_the_loader(recording), f"the recording is in {arguments.out}", sep="\n")
 
 
 def report_command(arguments: Namespace) -> None:
     """Draw the report's figures as PNG files."""
-    if find_spec("matplotlib") is None:
-        extra = "the extra: pip install pfslam[plots]"
-        raise DataError("pfslam report", "package", "no matplotlib", extra)
+    need("matplotlib", "plots")
     out, count = out_folder(arguments), 0
     recording = load_dataset(arguments)
     check_writable(out)

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pfslam.errors import DataError
+from pfslam.errors import DataError, need
 from pfslam.io.files import atomic_write
 
 
@@ -22,11 +22,7 @@ def lab_command(arguments: argparse.Namespace) -> int:
     copied = copy_missing(chapters, arguments.folder)
     print(f"{arguments.folder}: {len(copied)} chapters copied, {len(chapters) - len(copied)} were there")
     page = arguments.folder / chosen.name if chosen else arguments.folder
-    if arguments.copy_only:
-        print(f"open {page} in JupyterLab")
-        return 0
-    if importlib.util.find_spec("jupyterlab") is None:
-        raise DataError("pfslam lab", "package", "no jupyterlab", 'pip install "pfslam[lab]"')
+    need("jupyterlab", "lab")
     sys.stdout.flush()
     server = subprocess.Popen([sys.executable, "-m", "jupyterlab", str(page)])
     while True:
@@ -43,9 +39,8 @@ def available_chapters() -> list[Path]:
     """
     spec = importlib.util.find_spec("pfslam_book")
     if spec is None or not spec.submodule_search_locations:
-        raise DataError(
-            "pfslam lab", "package", "no pfslam_book", "the book, which comes with a released wheel"
-        )
+        expected = "the book, which comes with a released wheel"
+        raise DataError("pfslam lab", "package", "no pfslam_book", expected)
     book = Path(spec.submodule_search_locations[0])
     for shelf in (book / "chapters", book.parents[1] / "notebooks"):
         if chapters := sorted(shelf.glob("[0-9][0-9]_*.ipynb")):
@@ -58,11 +53,10 @@ def chosen_chapter(chapters: list[Path], number: str | None) -> Path | None:
     """Choose the chapter with a number such as "05" or "5"; None without a number."""
     if number is None:
         return None
-    for path in chapters:
-        if number and path.name[:2] == f"{number:0>2}":
-            return path
-    known = ", ".join(path.name[:2] for path in chapters)
-    raise DataError("pfslam lab", "chapter", number, f"one of {known}")
+    by_number = {path.name[:2]: path for path in chapters}
+    if not number or f"{number:0>2}" not in by_number:
+        raise DataError("pfslam lab", "chapter", number, f"one of {', '.join(by_number)}")
+    return by_number[f"{number:0>2}"]
 
 
 def copy_missing(chapters: list[Path], folder: Path) -> list[Path]:

@@ -15,20 +15,13 @@ from pathlib import Path
 from pfslam.errors import DataError
 
 BAD_INPUT, INTERRUPTED, FAULT = 2, 130, 1
-CODES = (
-    "Exit codes: 0 all is well, 1 a check failed (or a fault in pfslam itself), 2 bad input, 130 interrupted."
-)
+CODES = "Exit codes: 0 all is well, 1 a check failed (or a fault of pfslam), 2 bad input, 130 interrupted."
 CHECK_CODES = "Exit codes: 0 no check failed, 1 at least one did, 2 the data set cannot be read."
 LONGEST_LINE = 600
 """Characters of a complaint; an argument can have any length."""
 METHODS = ("report", "refined", "per-particle", "matching")
-TOPICS = {
-    "scan": "LaserScan",
-    "odom": "Odometry",
-    "imu": "Imu",
-    "rgb": "colour Image",
-    "depth": "depth Image",
-}
+IMAGES = {"rgb": "colour Image", "depth": "depth Image"}
+TOPICS = {"scan": "LaserScan", "odom": "Odometry", "imu": "Imu"} | IMAGES
 HAZARDS = {
     "doors": (4, "four doors open or close while the robot does not see them"),
     "glass": (0.1, "a tenth of the walls is glass"),
@@ -69,14 +62,6 @@ def number(text: str) -> int | float:
     raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a number")
 
 
-def coordinate(text: str) -> float:
-    """Convert a finite number of metres or radians."""
-    value = float(number(text))
-    if not abs(value) < 1000.0:
-        raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a number below 1000")
-    return value
-
-
 SEED = whole(0, 2**63 - 1)
 YES_OR_NO = argparse.BooleanOptionalAction
 
@@ -99,10 +84,8 @@ def build_parser() -> Parser:
     command("info", "what a data set holds, and what a run would use", dataset)
     command("check", "nine questions to ask of a data set before a run", dataset, epilog=CHECK_CODES)
     _add_run(command("run", "trajectory, map and floor texture of a data set", dataset, out))
-    known = Parser(add_help=False)
-    known.add_argument(
-        "map", type=Path, metavar="MAP.yaml", help="a ROS map: the .yaml file beside its image"
-    )
+    known, what = Parser(add_help=False), "a ROS map: the .yaml file beside its image"
+    known.add_argument("map", type=Path, metavar="MAP.yaml", help=what)
     _add_locate(command("locate", "where a robot is in a known map, from its drive", known, dataset))
     command("report", "the report's figures for a data set", dataset, out)
     add = command("convert", "write a data set into one .npz file, which loads without ROS", dataset)
@@ -111,9 +94,8 @@ def build_parser() -> Parser:
     add = command("study", "many runs over parameters, seeds and data sets")
     add("file", type=Path, metavar="FILE", help="what to run, in TOML")
     add("--out", type=Path, metavar="DIR", help="folder to write to (default out/NAME)")
-    add(
-        "--jobs", type=whole(1, 10_000), default=-1, metavar="N", help="processes (default: one on each core)"
-    )
+    jobs = "processes (default: one on each core)"
+    add("--jobs", type=whole(1, 10_000), default=-1, metavar="N", help=jobs)
     _add_lab(command("lab", "the book's chapters as notebooks, in JupyterLab"))
     return parser
 
@@ -128,8 +110,8 @@ def _dataset() -> Parser:
     bags = parser.add_argument_group("for ROS bags", "Topics are found by their type if they are not named.")
     for name, kind in TOPICS.items():
         bags.add_argument(f"--{name}", metavar="TOPIC", help=f"the topic of {kind} to use")
-    place, axes = "place of the LiDAR in the robot's frame, m and rad (default: from /tf_static)", "X Y YAW"
-    bags.add_argument("--lidar-at", type=coordinate, nargs=3, metavar=tuple(axes.split()), help=place)
+    place = "place of the LiDAR in the robot's frame, m and rad (default: from /tf_static)"
+    bags.add_argument("--lidar-at", type=number, nargs=3, metavar=("X", "Y", "YAW"), help=place)
     return parser
 
 
@@ -139,12 +121,8 @@ def _add_simulate(add) -> None:
     add("--out", type=Path, required=True, metavar="DIR", help="folder to write to")
     add("--seed", type=SEED, metavar="S", help="another building for each seed")
     add("--images", type=whole(1, 10**6), metavar="N", help="write every N-th image pair (default none)")
-    add(
-        "--people",
-        type=number,
-        metavar="N",
-        help="people who walk ahead of the robot, across its way and past it",
-    )
+    people = "people who walk ahead of the robot, across its way and past it"
+    add("--people", type=number, metavar="N", help=people)
     sweep = "seconds from the first beam of a scan to the last, such as 0.025"
     add("--sweep", type=number, metavar="S", help=sweep)
     for name, (amount, what) in HAZARDS.items():
@@ -172,7 +150,6 @@ def _add_lab(add) -> None:
     add("chapter", nargs="?", metavar="NN", help="the chapter to open, such as 05")
     folder = "where the chapters are copied to, unless they are there already (default pfslam-chapters)"
     add("--folder", type=Path, default=Path("pfslam-chapters"), metavar="DIR", help=folder)
-    add("--copy-only", action="store_true", help="copy the chapters, and open nothing")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

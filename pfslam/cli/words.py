@@ -143,12 +143,10 @@ def _covariance(result: SlamResult, truth: Trajectory | None) -> dict[str, float
         return None
     position = np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
     heading = np.rad2deg(np.sqrt(covariances[:, 2, 2]))
-    found = {
-        "sigma_end_m": float(position[-1]),
-        "sigma_max_m": float(position.max()),
-        "heading_sigma_end_deg": float(heading[-1]),
-        "heading_sigma_max_deg": float(heading.max()),
-    }
+    names = "sigma_end_m", "sigma_max_m", "heading_sigma_end_deg", "heading_sigma_max_deg"
+    found = dict(
+        zip(names, map(float, (position[-1], position.max(), heading[-1], heading.max())), strict=True)
+    )
     if truth is not None and np.count_nonzero(truth.covers(result.trajectory.t)) > 1:
         against = covariance_consistency(result.infos, truth)
         found |= {"nees": float(against.nees.mean()), "truth_within_90": against.inside[0.9]}
@@ -158,12 +156,8 @@ def _covariance(result: SlamResult, truth: Trajectory | None) -> dict[str, float
 def _loops(revision: Revision, before: Trajectory) -> dict[str, Any]:
     """Say how many places were compared and found to be the same, and how far the path was moved (m)."""
     moved = np.hypot(*(revision.trajectory.poses - before.poses)[:, :2].T)
-    counts = {
-        "key_scans": len(revision.keys),
-        "candidates": revision.candidates,
-        "accepted": len(revision.loops),
-    }
-    return counts | {"largest_move_m": float(moved.max())}
+    counts = {"key_scans": len(revision.keys), "candidates": revision.candidates}
+    return counts | {"accepted": len(revision.loops), "largest_move_m": float(moved.max())}
 
 
 def summarise_search(recording: Recording, result: LocalizationResult) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from pfslam.errors import DataError, naming
+from pfslam.errors import DataError, naming, need
 from pfslam.io.headings import with_better_headings
 from pfslam.io.loading import GRAVITY_LIMIT, LONGEST_SWEEP, POSE_LIMIT, Log
 from pfslam.poses import Trajectory, chain_transforms, quaternion_to_rotation, rotation_matrix, transform
@@ -90,8 +90,8 @@ def load_bag(path: str | Path, options: BagOptions | None = None) -> Recording:
     if "info" in chosen:
         info = topics[chosen["info"]].contents[0]
         eye, camera = _images(log, read["depth"], read["rgb"], info, frames, base)
-    robot, said = RobotModel(lidar=model, camera=eye), (dict(log.dropped), tuple(log.notes))
-    return Recording(path.stem, robot, None, imu, odometry, lidar, camera, None, *said)
+    robot = RobotModel(lidar=model, camera=eye)
+    return Recording(path.stem, robot, imu=imu, odometry=odometry, lidar=lidar, camera=camera, **log.said())
 
 
 def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) -> dict[str, str]:
@@ -175,11 +175,10 @@ def read_topics(path: Path, wanted: Collection[str] = (), at: float | None = Non
 
     Of images, the pixels are kept only where one is read alone: what reached the bag ``at`` this time (s).
     """
-    try:
-        from rosbags import rosbag1, rosbag2
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    except ImportError as error:
-        raise DataError(path, "package", f"no {error.name}", "the extra: pip install pfslam[ros]") from error
+    need("rosbags", "ros")
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
     is_old, place = path.suffix.lower() == ".bag", "bag"
     store = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.LATEST)
     store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))

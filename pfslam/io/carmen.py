@@ -17,7 +17,7 @@ import numpy as np
 from pfslam.errors import DataError, naming
 from pfslam.io.files import reason
 from pfslam.io.formats import numbers
-from pfslam.io.loading import POSE_LIMIT, STAMP_LIMIT, Log
+from pfslam.io.loading import Log, check_size
 from pfslam.poses import Trajectory, between
 from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import MAX_BEAMS, LidarModel, RobotModel
@@ -62,25 +62,27 @@ def load_carmen(path: str | Path) -> Recording:
     lidar = LidarScans(t[order], np.stack([log.scans[k].ranges for k in order]))
     log.leave_out("ranges that are not a number", np.isnan(lidar.ranges))
     if all(scan.poses for scan in log.scans):
-        odometry = Trajectory(t[order], np.array([log.scans[k].poses[3:] for k in order]))
+        rows = np.array([[log.scans[k].t, *log.scans[k].poses[3:]] for k in order])
     elif log.odometry and not any(scan.poses for scan in log.scans):
         rows = np.array(log.odometry)
         rows = rows[log.in_order("poses of the odometry", rows[:, 0])]
-        odometry = Trajectory(rows[:, 0], rows[:, 1:])
     else:
         raise DataError(log.path, "odometry", "none for some scans", "poses in the scans, or ODOM lines")
-    robot, said = RobotModel(lidar=_lidar(log)), (dict(log.dropped), tuple(log.notes))
-    return Recording(log.path.stem, robot, None, None, odometry, lidar, None, None, *said)
+    for key, values in (("stamps", lidar.t), ("odometry.t", rows[:, 0]), ("odometry.pose", rows[:, 1:])):
+        check_size(log.path, key, values)
+    odometry, robot = Trajectory(rows[:, 0], rows[:, 1:]), RobotModel(lidar=_lidar(log))
+    return Recording(log.path.stem, robot, odometry=odometry, lidar=lidar, **log.said())
 
 
 def _lidar(log: CarmenLog) -> LidarModel:
     """Describe the laser: angles and range limit from its messages, mounting from PARAM lines or the poses."""
     x, y, yaw = _mounting(log).tolist()
     low, high = (float(angle + yaw) for angle in log.angles)
+    if high - low > 2.0 * np.pi + 1e-3:
+        raise DataError(log.path, "laser", f"angles from {low:g} to {high:g}", "radians, at most one turn")
+    beams, place = len(log.scans[0].ranges), (x, y, SENSOR_HEIGHT)
     with naming(log.path, "laser, "):
-        return LidarModel(
-            low, high, len(log.scans[0].ranges), range_max=log.range_max, position_b=(x, y, SENSOR_HEIGHT)
-        )
+        return LidarModel(low, high, beams, range_max=log.range_max, position_b=place)
 
 
 def _mounting(log: CarmenLog) -> np.ndarray:
@@ -153,12 +155,6 @@ def _add_scan(
         found = f"{len(words)} beams from {angles[0]:.4f} to {angles[1]:.4f} rad"
         expected = f"{beams} from {log.angles[0]:.4f} to {log.angles[1]:.4f} rad as before"
         raise DataError(log.path, line, found, expected)
-    if not (abs(start) < 7.0 and 0.0 <= angles[1] - start <= 2.0 * np.pi + 1e-3):
-        found = f"angles from {start:g} to {angles[1]:g}"
-        raise DataError(log.path, line, found, "increasing radians, at most one turn")
-    if abs(stamp) > STAMP_LIMIT[0]:
-        raise DataError(log.path, line, f"stamp {stamp:g}", f"seconds, at most {STAMP_LIMIT[0]:g}")
-    _check_pose(log, line, poses[3:])
     try:
         with np.errstate(over="ignore"):
             ranges = np.array(words, dtype=float).astype(np.float32)
@@ -171,17 +167,7 @@ def _add_scan(
 def _odom(log: CarmenLog, line: str, words: list[str]) -> None:
     """x, y, theta, speeds and acceleration, ipc time, host, logger time."""
     _expect(log, line, words, 9)
-    row = numbers(log.path, line, [words[6], *words[:3]], 4)
-    _check_pose(log, line, row[1:])
-    log.odometry.append(row)
-
-
-def _check_pose(log: CarmenLog, line: str, pose: list[float]) -> None:
-    """Refuse a pose that no robot can have reached."""
-    limit, unit = POSE_LIMIT
-    if any(abs(value) > limit for value in pose):
-        found = " ".join(f"{value:g}" for value in pose)
-        raise DataError(log.path, f"{line}, odometry", found, f"{unit}, at most {limit:g}")
+    log.odometry.append(numbers(log.path, line, [words[6], *words[:3]], 4))
 
 
 def _param(log: CarmenLog, line: str, words: list[str]) -> None:

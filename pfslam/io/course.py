@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pfslam.errors import DataError
+from pfslam.errors import DataError, naming
 from pfslam.io.files import MAX_PNG_BYTES, decode_png, read_bytes, read_npz, write_npz, write_png
 from pfslam.io.loading import LONGEST_SWEEP, Log, readings, stamps
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream, image_pairs
-from pfslam.sensors import MAX_BEAMS, MAX_RANGE, LidarModel, RgbdModel, RobotModel
+from pfslam.sensors import MAX_BEAMS, LidarModel, RgbdModel, RobotModel
 
 LIMITS = ("angle_min", "angle_max", "range_min", "range_max")
 FULL_TURN = 2.0 * np.pi + 1e-3
@@ -63,7 +63,7 @@ def load_course(number: int | str, data_dir: str | Path) -> Recording:
     camera = _load_camera(folder, number, robot.camera, log)
     path = find_file(folder, f"truth{number}.npz")
     truth = _load_truth(path) if path else None
-    return Recording(number, robot, encoders, imu, None, lidar, camera, truth, dict(log.dropped))
+    return Recording(number, robot, encoders, imu, None, lidar, camera, truth, **log.said())
 
 
 def find_file(folder: Path, *parts: str) -> Path | None:
@@ -111,17 +111,14 @@ def _load_lidar(path: Path, log: Log) -> tuple[LidarModel, LidarScans]:
 
 def _lidar_model(path: Path, numbers: dict[str, float], beams: int) -> LidarModel:
     low, high, least, most = (numbers[key] for key in LIMITS)
-    span, sweep = high - low, numbers.get("sweep", 0.0)
-    if not (0.0 < span <= FULL_TURN or (beams == 1 and span == 0.0)) or abs(low) > FULL_TURN:
-        expected = "increasing angles in radians, at most one turn"
-        raise DataError(path, "angle_min, angle_max", f"{low:g} to {high:g}", expected)
-    if not 0.0 <= least < most <= MAX_RANGE:
-        expected = f"metres, 0 <= range_min < range_max <= {MAX_RANGE:g}"
-        raise DataError(path, "range_min, range_max", f"{least:g} to {most:g}", expected)
+    sweep = numbers.get("sweep", 0.0)
+    if abs(low) > FULL_TURN or high - low > FULL_TURN:
+        raise DataError(path, "angle_min, angle_max", f"{low:g} to {high:g}", "radians, at most one turn")
     if abs(sweep) > LONGEST_SWEEP:
         expected = f"seconds from the first beam to the last, at most {LONGEST_SWEEP:g}"
         raise DataError(path, "sweep", f"{sweep:g}", expected)
-    return LidarModel(low, high, beams, least, most, sweep=sweep)
+    with naming(path):
+        return LidarModel(low, high, beams, least, most, sweep=sweep)
 
 
 def _scalar(path: Path, data: Mapping[str, np.ndarray], key: str) -> float:
@@ -179,14 +176,12 @@ def save_course(
     out_dir: str | Path,
     image_every: int | None = None,
     *,
-    truth_extras: Mapping[str, np.ndarray] | None = None,
     progress: Callable | None = None,
 ) -> None:
     """Write a recording as set ``number`` into ``out_dir``; each file appears when it is whole.
 
-    ``image_every`` writes every n-th pair of images, none by default. ``truth_extras`` are further arrays for
-    the truth file, such as height and pitch. ``progress`` wraps the list of images to write. The robot's
-    calibration is not part of the format.
+    ``image_every`` writes every n-th pair of images, none by default. ``progress`` wraps the list of images to
+    write. The robot's calibration is not part of the format.
     """
     number, out_dir = set_number(number), Path(out_dir)
     if recording.encoders is None or recording.imu is None:
@@ -194,13 +189,13 @@ def save_course(
         raise DataError(recording.name, "recording", "odometry poses only", expected)
     if image_every is not None and image_every < 1:
         raise DataError("save_course", "image_every", image_every, "1 or more")
-    for name, arrays in _tables(recording, truth_extras or {}).items():
+    for name, arrays in _tables(recording).items():
         write_npz(out_dir / f"{name}{number}.npz", **arrays)
     if recording.camera is not None and image_every is not None:
         _save_images(recording.camera, number, out_dir / "dataRGBD", image_every, progress or iter)
 
 
-def _tables(recording: Recording, truth_extras: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
+def _tables(recording: Recording) -> dict[str, dict[str, np.ndarray]]:
     """List the arrays of every ``.npz`` file, by the file's name without its number."""
     encoders, imu = recording.wheels_and_gyro()
     lidar, camera, truth = recording.lidar, recording.camera, recording.truth
@@ -219,7 +214,7 @@ def _tables(recording: Recording, truth_extras: Mapping[str, np.ndarray]) -> dic
     if camera is not None:
         tables["Kinect"] = {"disparity_time_stamps": camera.disparity_t, "rgb_time_stamps": camera.rgb_t}
     if truth is not None:
-        tables["truth"] = {"time_stamps": truth.t, "pose": truth.poses, **truth_extras}
+        tables["truth"] = {"time_stamps": truth.t, "pose": truth.poses}
     return tables
 
 

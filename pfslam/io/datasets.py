@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from pfslam.errors import DataError
@@ -41,43 +43,34 @@ def load(
     1081
     """
     text = str(dataset)
-    if bag not in (None, BagOptions()) and not _holds_bag(Path(text)):
+    reads = _reader(text)
+    if bag not in (None, BagOptions()) and reads is not load_bag:
         expected = "a .bag, .mcap or .db3 file or its folder"
         raise DataError(text[:200], "options for ROS bags", "no ROS bag", expected)
     if text in BUILT_IN:
         return _built_in(text, progress)
     if text.isascii() and text.isdigit():
         return load_course(text, data_folder(data_dir))
-    recording = _from_path(Path(text), bag)
-    if recording is None:
+    if reads is None:
         accepted = (
             f"{', '.join(BUILT_IN)}, the number of a set in {data_folder(data_dir)}, or the path of a ROS bag, "
             "of an .npz recording, of a folder with one set, or of a CARMEN log"
         )
         raise DataError("pfslam", "data set", repr(text[:200]), accepted)
-    return recording
+    return load_bag(text, bag) if reads is load_bag else reads(text)
 
 
-def _from_path(path: Path, bag: BagOptions | None) -> Recording | None:
-    """Load what lies at a path, by its kind; None if nothing does."""
-    if _holds_bag(path):
-        return load_bag(path, bag)
-    try:
-        is_file, is_folder = path.is_file(), path.is_dir()
-    except (OSError, ValueError):  # a name too long for the system, or with a zero byte
-        return None
-    if is_file:
-        return load_recording(path) if path.suffix == ".npz" else load_carmen(path)
-    if is_folder and len(numbers := numbers_in(path)) == 1:
-        return load_course(numbers[0], path)
+def _reader(text: str) -> Callable[..., Recording] | None:
+    """Find what reads the file or folder of this name, by its kind; None if there is none."""
+    path = Path(text)
+    with suppress(OSError, ValueError):  # a name too long for the system, or with a zero byte
+        if path.exists() and is_bag(path):
+            return load_bag
+        if path.is_file():
+            return load_recording if path.suffix == ".npz" else load_carmen
+        if path.is_dir() and len(numbers := numbers_in(path)) == 1:
+            return partial(load_course, numbers[0])
     return None
-
-
-def _holds_bag(path: Path) -> bool:
-    try:
-        return path.exists() and is_bag(path)
-    except (OSError, ValueError):
-        return False
 
 
 def data_folder(data_dir: str | Path | None = None) -> Path:

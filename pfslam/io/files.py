@@ -84,18 +84,15 @@ def read_text(path: str | Path) -> str:
     return read_bytes(path, MAX_TEXT_BYTES).decode("utf-8", errors="replace")
 
 
-def write_npz(path: str | Path, **arrays) -> None:
-    """Write named arrays without compression, whole or not at all; the same arrays give the same bytes.
+def write_npz(path: str | Path, **arrays: Any) -> None:
+    """Write named arrays into an archive, whole or not at all; the same arrays give the same bytes.
 
-    Compression would halve the size of scans, but takes a hundred times as long as writing them.
+    A function in the place of an array makes it when it is written. Compression would halve the size of scans, but
+    takes a hundred times as long as writing them.
     """
-    write_arrays(path, arrays.items())
-
-
-def write_arrays(path: str | Path, arrays: Iterable[tuple[str, object]]) -> None:
-    """Write named arrays, made one after the other, into a NumPy archive that is whole or not there at all."""
     with atomic_write(path) as file, ZipFile(file, "w") as archive:
-        for name, values in arrays:
+        for name, values in arrays.items():
+            values = values() if callable(values) else values
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 write_array(member, np.asanyarray(values), allow_pickle=False)
 

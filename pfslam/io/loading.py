@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -60,6 +61,10 @@ class Log:
     path: Path
     dropped: Counter[str] = field(default_factory=Counter)
     notes: list[str] = field(default_factory=list)
+
+    def said(self) -> dict[str, Any]:
+        """Return both as the fields of a recording."""
+        return {"dropped": dict(self.dropped), "notes": tuple(self.notes)}
 
     def leave_out(self, what: str, number: int | np.ndarray = 1) -> None:
         """Count items that are left out; of an array, those that are true."""

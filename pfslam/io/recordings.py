@@ -8,7 +8,8 @@ line; ``dropped``, lines of a count and its reason) are kept as their UTF-8 byte
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from pfslam.errors import DataError, naming
-from pfslam.io.files import decode_png, encode_png, read_npz, write_arrays
-from pfslam.io.loading import check_size, readings, stamps
+from pfslam.io.files import decode_png, encode_png, read_npz, write_npz
+from pfslam.io.loading import check_size, stamps
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream
 from pfslam.sensors import RgbdModel, RobotModel
@@ -35,47 +36,38 @@ STREAMS: dict[str, tuple[type, tuple[str, ...]]] = {
 """Streams of numbers: their types, and the names of their arrays."""
 CAMERA = ("disparity_t", "rgb_t", "disparity_index", "rgb_index")
 TEXTS = ("name", "notes", "dropped")
+NONE = np.zeros(0, dtype=int)
 LONGEST_TEXT = 2**20
 """Bytes."""
 
 
-def save(
-    recording: Recording, path: str | Path, *, images: bool = True, progress: Callable | None = None
-) -> None:
+def save(recording: Recording, path: str | Path, *, images: bool = True) -> None:
     """Write a recording into one ``.npz`` file, which ``load`` reads back as it was.
 
-    ``images=False`` leaves the pictures out and keeps their stamps. ``progress`` may wrap the list of arrays, as tqdm
-    does. The file appears when it is whole. Raises ``DataError`` for a name that does not end in ``.npz``.
+    ``images=False`` leaves the pictures out and keeps their stamps. The file appears when it is whole. Raises
+    ``DataError`` for a name that does not end in ``.npz``.
     """
     if Path(path).suffix != ".npz":
         raise DataError(path, "file name", Path(path).suffix or "no extension", "a name that ends in .npz")
-    arrays = dict(_arrays(recording, images))
-    names = list(arrays) if progress is None else progress(list(arrays))
-    write_arrays(path, ((name, arrays[name]()) for name in names))
+    write_npz(path, **dict(_arrays(recording, images)))
 
 
-def _arrays(recording: Recording, images: bool) -> Iterator[tuple[str, Callable[[], np.ndarray]]]:
-    """List the arrays of the file by name, each to be made when it is written: pictures are many."""
+def _arrays(recording: Recording, images: bool) -> Iterator[tuple[str, Any]]:
+    """List the arrays of the file by name; of pictures, which are many, what makes them when they are written."""
     dropped = "\n".join(f"{count} {reason}" for reason, count in recording.dropped.items())
-    texts = dict(zip(TEXTS, (recording.name, "\n".join(recording.notes), dropped), strict=True))
-    values: dict[str, Any] = {"format": FORMAT}
-    values |= {key: np.frombuffer(text.encode(), dtype=np.uint8) for key, text in texts.items()}
-    values |= {f"robot.{key}": value for key, value in _robot_values(recording.robot)}
+    texts = {"name": recording.name, "notes": "\n".join(recording.notes), "dropped": dropped}
+    yield "format", FORMAT
+    yield from ((key, np.frombuffer(text.encode(), dtype=np.uint8)) for key, text in texts.items())
+    yield from ((f"robot.{key}", value) for key, value in _robot_values(recording.robot))
     for stream, (_, names) in STREAMS.items():
         if (part := getattr(recording, stream)) is not None:
-            values |= {f"{stream}.{name}": getattr(part, name) for name in names}
+            yield from ((f"{stream}.{name}", getattr(part, name)) for name in names)
     if (camera := recording.camera) is not None:
-        none = {} if images else dict.fromkeys(("disparity_index", "rgb_index"), np.zeros(0, dtype=int))
-        values |= {f"camera.{name}": none.get(name, getattr(camera, name)) for name in CAMERA}
-    yield from ((name, partial(np.asarray, value)) for name, value in values.items())
-    if camera is not None and images:
+        kept = camera if images else replace(camera, disparity_index=NONE, rgb_index=NONE)
+        yield from ((f"camera.{name}", getattr(kept, name)) for name in CAMERA)
         for kind, read in (("disparity", camera.read_disparity), ("rgb", camera.read_rgb)):
-            for k in getattr(camera, f"{kind}_index").tolist():
-                yield f"camera.{kind}.{k}", partial(_encoded, read, k)
-
-
-def _encoded(read: Callable[[int], np.ndarray], k: int) -> np.ndarray:
-    return encode_png(read(k))
+            for k in getattr(kept, f"{kind}_index").tolist():
+                yield f"camera.{kind}.{k}", lambda read=read, k=k: encode_png(read(k))
 
 
 def _robot_values(robot: RobotModel) -> Iterator[tuple[str, Any]]:
@@ -138,14 +130,11 @@ def _stream(path: Path, data: Mapping[str, np.ndarray], stream: str) -> Any:
         raise DataError(path, stream, ", ".join(held), f"an array named {stream}.{missing[0]} as well")
     arrays = {name: data[f"{stream}.{name}"] for name in names}
     arrays["t"] = stamps(path, arrays["t"], f"{stream}.t")
-    for name, values in list(arrays.items())[1:]:
-        key = f"{stream}.{name}"
-        if name == "poses":
-            readings(path, values, key, (len(arrays["t"]), 3))
-        elif name != "ranges":
-            check_size(path, key, values)
-        elif values.dtype.kind not in "fiu":
-            raise DataError(path, key, values.dtype, "numbers")
+    for name in names[1:]:
+        if arrays[name].dtype.kind not in "fiu":
+            raise DataError(path, f"{stream}.{name}", arrays[name].dtype, "numbers")
+        if name != "ranges":
+            check_size(path, f"{stream}.{name}", arrays[name])
     with naming(path, f"{stream}."):
         return kind(**arrays)
 

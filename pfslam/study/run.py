@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -45,23 +44,13 @@ def run_case(case: Case) -> dict[str, Any]:
     Errors become rows so that they do not stop a study.
     """
     row: dict[str, Any] = {"label": case.label} | dict(case.settings)
-    with suppress(OSError):  # on Linux this resets the count of the peak
-        Path("/proc/self/clear_refs").write_text("5")
     begin = time.process_time()
     try:
         row |= figures(case) | {"error": ""}
     except Exception as error:
         row["error"] = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-    row |= {"cpu_seconds": round(time.process_time() - begin, 3), "peak_mb": peak_megabytes()}
+    row["cpu_seconds"] = round(time.process_time() - begin, 3)
     return {key: None if value != value else value for key, value in row.items()}
-
-
-def peak_megabytes() -> float | None:
-    """Return this process's peak memory (MB) since the count was reset; None where the system does not tell."""
-    with suppress(OSError, StopIteration):
-        lines = Path("/proc/self/status").read_text().splitlines()
-        return round(next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) * 1024 / 1e6, 1)
-    return None
 
 
 def figures(case: Case) -> dict[str, Any]:

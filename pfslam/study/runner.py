@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from pfslam.errors import DataError
+from pfslam.errors import DataError, need
 from pfslam.io.files import check_writable, write_text
 from pfslam.study.definition import Case, Study, read_study
 from pfslam.study.provenance import machine, version_key, versions
@@ -67,13 +67,11 @@ def kept(path: Path) -> Row | None:
 
 def _on_this_machine(cases: list[Case], jobs: int) -> Iterator[tuple[Case, Row]]:
     """Yield cases with their rows from joblib's processes, in the order in which they finish."""
-    try:
-        import joblib
-    except ImportError as error:
-        raise DataError("pfslam study", "package", error.name, "joblib: pip install pfslam[study]") from error
-    pool = joblib.Parallel(
-        n_jobs=jobs, return_as="generator_unordered", initializer=_leave_ctrl_c_to_the_caller
-    )
+    need("joblib", "study")
+    import joblib
+
+    how = {"return_as": "generator_unordered", "initializer": _leave_ctrl_c_to_the_caller}
+    pool = joblib.Parallel(n_jobs=jobs, **how)
     try:
         yield from pool(joblib.delayed(_with_row)(case) for case in cases)
     except BrokenProcessPool:
