@@ -84,7 +84,7 @@ def test_the_sweep_is_stamped_at_its_first_beam(tmp_path):
     """This package stamps the middle beam: with the sweep known, the direct stamps come back."""
     found = loaded(tmp_path, rows_of(BOX, sweep=0.09))
     assert found.robot.lidar.sweep == pytest.approx(0.09, rel=1e-6)
-    np.testing.assert_allclose(found.lidar.t, BOX.lidar.t, atol=1e-6)
+    np.testing.assert_allclose(found.lidar.t, BOX.lidar.t, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("base", ["base_link", "base_footprint"])
@@ -390,7 +390,7 @@ def test_what_is_left_out_is_counted_and_what_is_odd_is_said(tmp_path, change):
     if change is nothing_measured:
         assert not found.robot.lidar.valid(found.lidar.ranges[4])[:6].any()
     if change is no_stamps:
-        np.testing.assert_allclose(found.lidar.t, BOX.lidar.t + LATER * 1e-9, atol=1e-6)
+        np.testing.assert_allclose(found.lidar.t, BOX.lidar.t + LATER * 1e-9, rtol=0, atol=1e-6)
     if change is uneven_sweep:
         assert found.robot.lidar.sweep == pytest.approx(0.08, rel=1e-6)
     if change in (out_of_order, recorder_stalls):
@@ -401,8 +401,8 @@ def test_what_is_left_out_is_counted_and_what_is_odd_is_said(tmp_path, change):
 # ---- what cannot be used is refused by name ----------------------------------------------------
 
 
-def mounted(*edge):
-    return rows_of(BOX, mount=[edge])
+def mounted(child, place, turn):
+    return rows_of(BOX, mount=[("base_link", child, place, turn)])
 
 
 def moving(topic, parent, child):
@@ -429,34 +429,20 @@ def only_no_poses():
     return rows
 
 
-NO_POSE = (
-    r"/tf .base_link -> laser. at 0\.000: found only messages that are no poses, .* quaternion of length 1"
-)
-NO_ODOMETRY = "odometry: found none, expected nav_msgs/Odometry, or odom -> base_link"
+NO_POSE = r"/tf .base_link -> laser. at 0\.000: found only messages that are no poses"
+LEANING = (0.0, np.sin(0.2), 0.0, np.cos(0.2))
 REFUSED = [
-    (
-        partial(mounted, "base_link", "camera", (0, 0, 0), LEVEL),
-        "no fixed chain of frames from base_link to laser",
-    ),
-    (
-        partial(mounted, "base_link", "laser", (0, 0, 1), (0.0, np.sin(0.2), 0.0, np.cos(0.2))),
-        "a lean of 23 deg",
-    ),
-    (partial(mounted, "base_link", "laser", (0, 0, 1), (0, 0, 0, 0)), NO_POSE),
-    (partial(mounted, "base_link", "laser", (0, 0, np.nan), LEVEL), NO_POSE),
-    (partial(moving, "/tf_static", "base_link", "laser"), "/scan, place of the LiDAR: found no fixed chain"),
-    (
-        partial(moving, "/odom", "world", "base_link"),
-        "odometry: found world -> base_link on /tf, expected nav_msgs",
-    ),
-    (partial(without, "/odom"), NO_ODOMETRY),
-    (list, NO_ODOMETRY),
+    (partial(mounted, "camera", (0, 0, 0), LEVEL), "no fixed chain of frames from base_link to laser"),
+    (partial(mounted, "laser", (0, 0, 1), LEANING), "a lean of 23 deg"),
+    (partial(mounted, "laser", (0, 0, 1), (0, 0, 0, 0)), NO_POSE),
+    (partial(mounted, "laser", (0, 0, np.nan), LEVEL), NO_POSE),
+    (partial(moving, "/tf_static", "base_link", "laser"), "place of the LiDAR: found no fixed chain"),
+    (partial(moving, "/odom", "world", "base_link"), "odometry: found world -> base_link on /tf, expected"),
+    (partial(without, "/odom"), "odometry: found none, expected nav_msgs/Odometry, or odom -> base_link"),
+    (list, "odometry: found none, expected nav_msgs/Odometry, or odom -> base_link"),
     (only_no_poses, r"/odom at 1300000000\.200: found only messages that are no poses"),
     (partial(every_scan, angle_increment=0.1), "/scan.* beams over at most one turn"),
-    (
-        partial(every_scan, angle_increment=0.0),
-        r"/scan at 1300000000\.300: found only messages without usable angles",
-    ),
+    (partial(every_scan, angle_increment=0.0), r"/scan at 1300000000\.300: .* without usable angles"),
     (partial(every_scan, angle_min=np.nan), "/scan.* beams over at most one turn"),
     (partial(every_scan, range_max=0.05), "/scan, range_min, range_max"),
     (partial(every_scan, range_max=np.inf), "/scan, range_max: found inf"),

@@ -36,14 +36,6 @@ def test_public_names_exist_and_bad_input_is_a_value_error():
     assert issubclass(pfslam.DataError, ValueError)
 
 
-def test_dead_reckoning_gives_a_trajectory():
-    found = pfslam.dead_reckoning(DRIVE)
-    assert isinstance(found, pfslam.Trajectory)
-    assert found.at(found.t[3]).shape == (3,)
-    with pytest.raises(ValueError):
-        found.at(found.t[-1] + 1.0)
-
-
 def test_defaults_of_a_run_are_the_refined_filter_and_seed_0():
     result = pfslam.run_slam(DRIVE)
     assert result.config == pfslam.SlamConfig.refined()
@@ -56,12 +48,6 @@ def test_defaults_of_a_run_are_the_refined_filter_and_seed_0():
 def test_report_preset_takes_standard_deviations():
     defaults = {p.name: p.default for p in inspect.signature(pfslam.SlamConfig.report).parameters.values()}
     assert defaults == {"sigma_v": np.sqrt(0.1), "sigma_omega": np.sqrt(0.02)}
-
-
-def test_map_correlation_takes_a_grid_specification():
-    spec = pfslam.GridSpec(origin=(0.0, 0.0), resolution=0.5, shape=(2, 3))
-    occupied = np.array([[True, False, False], [False, False, True]])
-    assert pfslam.map_correlation(occupied, spec, np.array([[0.1, 0.1], [1.4, 0.9], [0.6, 0.1]])) == 2
 
 
 @pytest.mark.parametrize("thing", [DRIVE, DRIVE.truth, pfslam.SlamConfig.refined(), DRIVE.robot])

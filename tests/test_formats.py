@@ -281,7 +281,7 @@ def test_raw_laser_with_odometry_lines(tmp_path):
         ([robotlaser(1.0, laser="1 2 0.25")], (0.0, 0.0, 0.25)),  # askew
         (["PARAM robot_frontlaser_offset 0.17 1 host 1", robotlaser(1.0)], (0.17, 0.0, 0.0)),
         # Corrected poses are not taken for a mounting: their offset changes.
-        ([robotlaser(1.0, laser="1 2 0"), robotlaser(2.0, laser="1.4 2.1 0.1")], (0.0, 0.0, 0.0)),
+        ([robotlaser(1.0), robotlaser(2.0, laser="1.4 2.1 0.1")], (0.0, 0.0, 0.0)),
     ],
 )
 def test_where_the_laser_is_mounted(tmp_path, lines, place):
@@ -290,12 +290,14 @@ def test_where_the_laser_is_mounted(tmp_path, lines, place):
 
 
 def test_scans_come_in_the_order_of_their_stamps(tmp_path):
-    """By hand: the first range of each scan is its stamp."""
+    """By hand: the first range of each scan is its stamp. Of doubled stamps the first counts."""
     stamps = np.random.default_rng(0).permutation(300) + 1.0
-    scans = load(tmp_path, *(flaser(t, (t, 3, 3, 3), pose=f"{t} 0 0") for t in stamps))
+    lines = [flaser(t, (t, 3, 3, 3), pose=f"{t} 0 0") for t in stamps]
+    scans = load(tmp_path, *lines, *(flaser(t) for t in stamps))
     np.testing.assert_array_equal(scans.lidar.t, np.arange(1.0, 301.0))
     np.testing.assert_array_equal(scans.lidar.ranges[:, 0], scans.lidar.t)
     np.testing.assert_array_equal(scans.odometry.poses[:, 0], scans.lidar.t)
+    assert scans.dropped == {"scans with the stamp of another": 300}
 
 
 def test_lines_out_of_order_and_silences_are_spoken_of(tmp_path):
@@ -333,8 +335,9 @@ BAD_LOGS = {
     "beams change": (flaser(1.0) + "\n" + flaser(2.0, (1, 2)), "line 2: found 2 beams"),
     "angles in degrees": (
         robotlaser(1.0, start=-90.0),
-        "laser: found angles from -90|laser, angle_min: found -90",
+        "laser, angle_min: found -90",
     ),
+    "more than a turn": (robotlaser(1.0, step=4.0), "laser: found angles from -1 to 7, expected radians"),
     "no odometry": (rawlaser(1.0), "odometry: found none"),
     "laser far away": (
         f"PARAM robot_frontlaser_offset 1e300 1 host 1\n{flaser(1.0)}",

@@ -52,17 +52,12 @@ def progress_bar(what: str) -> Callable:
     return partial(tqdm, desc=what, file=sys.stderr, **look)
 
 
-class Stopwatch:
-    """Measures the seconds of each stage of a run."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        begin = time.perf_counter()
-        yield
-        self.seconds[name] = round(time.perf_counter() - begin, 3)
+@contextmanager
+def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    """Measure the seconds of a stage of a run."""
+    begin = time.perf_counter()
+    yield
+    seconds[stage] = round(time.perf_counter() - begin, 3)
 
 
 def load_dataset(arguments: Namespace) -> Recording:
@@ -109,37 +104,37 @@ def simulate_command(arguments: Namespace) -> None:
 def run_command(arguments: Namespace) -> None:
     """Run dead reckoning, the filter and the texture of one data set; all results go to one folder."""
     config = changed(PRESETS[arguments.method](), given(arguments, "particles", "every"), "run", "--")
-    out, watch = out_folder(arguments), Stopwatch()
-    with watch.stage("load"):
+    out, seconds = out_folder(arguments), dict[str, float]()
+    with timed(seconds, "load"):
         recording = load_dataset(arguments)
     wants_texture = has_images(recording) if arguments.texture is None else arguments.texture
     check_wishes(recording, wants_texture, arguments.loops)
     check_writable(out)
-    with watch.stage("dead_reckoning"):
+    with timed(seconds, "dead_reckoning"):
         odometry = dead_reckoning(recording)
     result, texture, revision = None, None, None
     if recording.lidar is not None:
-        with watch.stage("slam"):
+        with timed(seconds, "slam"):
             rng = np.random.default_rng(arguments.seed)
             result = run_slam(recording, config, rng=rng, progress=progress_bar("SLAM"), keep_particles=False)
         if arguments.loops:
             from pfslam.beyond.loops.closing import close_loops  # SciPy takes a while to load
 
-            with watch.stage("loops"):
+            with timed(seconds, "loops"):
                 revision = close_loops(recording, result)
         if wants_texture:
-            with watch.stage("texture"):
+            with timed(seconds, "texture"):
                 bar = progress_bar("texture")
                 texture = map_texture(recording, result.trajectory, result.grid, progress=bar)
         # At the stamps of the estimate, so that the two files compare line by line.
         odometry = Trajectory(result.trajectory.t, odometry.at(result.trajectory.t))
-    with watch.stage("write"):
+    with timed(seconds, "write"):
         files = write_results(out, odometry, result, texture, revision)
     summary = words.summarise(recording, odometry, result, texture, revision)
     ran = config if result is None else result.config
     about = {"dataset": recording.name, "method": arguments.method, "seed": arguments.seed}
     about |= {"config": replace(ran, every=ran.every or recording.default_every).as_dict()}
-    write_summary(out, about | {"seconds": watch.seconds, "files": [*files, "summary.json"]} | summary)
+    write_summary(out, about | {"seconds": seconds, "files": [*files, "summary.json"]} | summary)
     print(words.closing_words(recording, summary, out))
 
 
@@ -181,19 +176,19 @@ def locate_command(arguments: Namespace) -> None:
     if (most := arguments.particles) is not None:
         config = changed(replace(config, least=1), {"particles": most}, "locate", "--")
         config = replace(config, first=10 * most, least=min(LocalizationConfig.least, most))
-    grid, watch = read_known_map(arguments.map), Stopwatch()
+    grid, seconds = read_known_map(arguments.map), dict[str, float]()
     out = out_folder(arguments, "-located")
-    with watch.stage("load"):
+    with timed(seconds, "load"):
         recording = load_dataset(arguments)
     check_writable(out)
-    with watch.stage("locate"):
+    with timed(seconds, "locate"):
         rng, bar = np.random.default_rng(arguments.seed), progress_bar("locating")
         result = locate(grid, recording, config, rng=rng, progress=bar, keep_particles=False)
     write_tum(out / "trajectory.tum", result.trajectory)
     write_png(out / "located.png", picture_of_search(grid, result))
     about = {"map": str(arguments.map), "dataset": recording.name, "seed": arguments.seed}
     about |= {"config": replace(config, every=config.every or recording.default_every)}
-    about |= {"seconds": watch.seconds, "files": ["trajectory.tum", "located.png", "summary.json"]}
+    about |= {"seconds": seconds, "files": ["trajectory.tum", "located.png", "summary.json"]}
     write_summary(out, about | words.summarise_search(recording, result))
     print(words.closing_words_of_search(recording, result, out))
 

@@ -79,9 +79,7 @@ def report_noise(recording: Recording) -> ControlNoise:
         x, y, z = recording.imu.acceleration_g.T
         if np.mean(np.abs(np.arctan2(x, np.hypot(y, z))) > STEEP) > STEEP_SHARE:
             variance = 0.05
-    noise = SlamConfig.report(sigma_omega=float(np.sqrt(variance))).noise
-    assert isinstance(noise, ControlNoise)
-    return noise
+    return ControlNoise(sigma_omega=float(np.sqrt(variance)))
 
 
 def prediction_fan(

@@ -25,7 +25,7 @@ from pfslam.slam import SlamConfig
 from pfslam.study.definition import Case, Disturbances
 from pfslam.study.disturbances import disturb
 
-COSTS = ("cpu_seconds", "peak_mb")
+COSTS = ("cpu_seconds",)
 """Columns that say what a run cost; they differ from run to run and are never compared."""
 
 

@@ -23,7 +23,7 @@ RESULTS = (
     *("scans", "updates", "resamplings", "ate_rmse_m", "ate_max_m", "heading_rmse_deg"),
     *("odometry_ate_rmse_m", "n_eff_median", "score_median", "end_error_m", "relation_xy_m", "relation_deg"),
     *("nees_median", "inside_50", "inside_90", "inside_99", "cloud_claimed_m", "cloud_actual_m"),
-    *("map_iou_occupied", "map_iou_free", "error", "cpu_seconds", "peak_mb"),
+    *("map_iou_occupied", "map_iou_free", "error", "cpu_seconds"),
 )
 Table = dict[str, np.ndarray]
 
