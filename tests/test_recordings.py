@@ -116,7 +116,7 @@ def test_numpy_alone_reads_it(tmp_path):
         ({"robot__lidar__beams": np.array(2.5)}, "robot.lidar.beams: found 2.5, expected a whole number"),
         ({"robot__lidar__angle_min": np.array(9.0)}, "robot.lidar.angle_min, angle_max"),
         ({"camera__rgb_index": np.array([0, 7])}, "whole numbers from 0 to 3"),
-        ({"camera__rgb_index": np.array([2, 1])}, "increasing"),
+        ({"camera__rgb_index": np.array([0, 2, 1, 3])}, "increasing"),
         ({"camera__rgb_t": None}, "an array named camera.rgb_t as well"),
         ({"name": np.array([255, 255], dtype=np.uint8)}, "name: found uint8"),
         ({"dropped": np.frombuffer(b"many scans", dtype=np.uint8)}, "lines of a count and its reason"),

@@ -37,8 +37,6 @@ STREAMS: dict[str, tuple[type, tuple[str, ...]]] = {
 CAMERA = ("disparity_t", "rgb_t", "disparity_index", "rgb_index")
 TEXTS = ("name", "notes", "dropped")
 NONE = np.zeros(0, dtype=int)
-LONGEST_TEXT = 2**20
-"""Bytes."""
 
 
 def save(recording: Recording, path: str | Path, *, images: bool = True) -> None:
@@ -102,7 +100,7 @@ def load_recording(path: str | Path) -> Recording:
 def _text(path: Path, data: Mapping[str, np.ndarray], key: str) -> str:
     value = data.get(key, np.zeros(0, dtype=np.uint8))
     try:
-        if value.dtype != np.uint8 or value.ndim != 1 or len(value) > LONGEST_TEXT:
+        if value.dtype != np.uint8 or value.ndim != 1:
             raise ValueError
         return value.tobytes().decode()
     except ValueError:
@@ -111,13 +109,11 @@ def _text(path: Path, data: Mapping[str, np.ndarray], key: str) -> str:
 
 def _counts(path: Path, text: str) -> dict[str, int]:
     """Read lines of a count and its reason."""
-    counts = {}
-    for line in filter(None, text.split("\n")):
-        count, _, reason = line.partition(" ")
-        if not (count.isascii() and count.isdigit() and len(count) < 19):
-            raise DataError(path, "dropped", repr(line)[:80], "lines of a count and its reason")
-        counts[reason] = int(count)
-    return counts
+    lines = (line.partition(" ") for line in text.split("\n") if line)
+    try:
+        return {reason: int(count) for count, _, reason in lines}
+    except ValueError:
+        raise DataError(path, "dropped", repr(text), "lines of a count and its reason") from None
 
 
 def _stream(path: Path, data: Mapping[str, np.ndarray], stream: str) -> Any:

@@ -47,7 +47,8 @@ def run_study(
         if not row["error"]:
             write_text(path, json.dumps(row) + "\n")
     table = [rows[path] | {"label": case.label} for path, case in zip(paths, study.cases, strict=True)]
-    write_table(folder / f"{study.name}.csv", table)
+    settings = (key for case in study.cases for key, _ in case.settings)
+    write_table(folder / f"{study.name}.csv", table, settings)
     write_text(folder / f"{study.name}.json", json.dumps(provenance(study, table), indent=2) + "\n")
     return folder / f"{study.name}.csv"
 

@@ -19,24 +19,12 @@ from pfslam.errors import DataError
 from pfslam.io.files import read_text, write_csv
 
 TEXT_COLUMNS = ("label", "dataset", "data_dir", "method", "error")
-RESULTS = (
-    *("scans", "updates", "resamplings", "ate_rmse_m", "ate_max_m", "heading_rmse_deg"),
-    *("odometry_ate_rmse_m", "n_eff_median", "score_median", "end_error_m", "relation_xy_m", "relation_deg"),
-    *("nees_median", "inside_50", "inside_90", "inside_99", "cloud_claimed_m", "cloud_actual_m"),
-    *("map_iou_occupied", "map_iou_free", "error", "cpu_seconds"),
-)
 Table = dict[str, np.ndarray]
 
 
-def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
-    """List settings in the order in which they occur, then results in their usual order."""
-    found = dict.fromkeys(key for row in rows for key in row)
-    return [key for key in found if key not in RESULTS] + [key for key in RESULTS if key in found]
-
-
-def write_table(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Write the rows as CSV."""
-    columns = columns_of(rows)
+def write_table(path: Path, rows: list[dict[str, Any]], settings: Iterable[str]) -> None:
+    """Write the rows as CSV: first the columns of settings, then the others, in the order in which they occur."""
+    columns = list(dict.fromkeys(["label", *settings, *(key for row in rows for key in row)]))
     write_csv(path, [columns, *([_cell(row.get(column)) for column in columns] for row in rows)])
 
 
