@@ -102,6 +102,9 @@ def test_harm_follows_from_the_seed_and_leaves_the_original_alone():
     alone = disturb(BOX, {"missing_beams": 0.5}, 7).lidar.ranges[: len(once)]
     lit = ~((BOX.lidar.t >= START + 1.0) & (BOX.lidar.t <= START + 1.5))[: len(once)]
     np.testing.assert_array_equal((once == 0)[lit], (alone == 0)[lit])
+    # Two kinds do not hit the same beams: of those lost, half read a random range afterwards.
+    both = disturb(BOX, {"missing_beams": 0.5, "random_ranges": 0.5}, 7).lidar.ranges
+    assert np.mean(both == 0) == pytest.approx(0.25, abs=0.01)
     # Noise leaves beams without return alone.
     dark = blind(BOX, 0.0, 6.0)
     np.testing.assert_array_equal(disturb(dark, {"range_noise": 1.0}, 0).lidar.ranges, dark.lidar.ranges)

@@ -138,13 +138,18 @@ def files_in(folder):
 
 def test_a_table_reads_back_to_the_last_bit(box, tmp_path):
     endless = {"dataset": 90, "data_dir": str(box), "particles": 2, "draw_metres": math.inf}
-    study = study_of(endless, {"label": "a"}, {"label": "b", "method": "dead-reckoning", "every": [5, 10]})
+    study = study_of(
+        endless,
+        {"label": "a", "search.prior": True},
+        {"label": "b", "method": "dead-reckoning", "every": [5, 10]},
+    )
     path = run_study(study, tmp_path, jobs=1)
     table, fresh = read_table(path), run_case(study.cases[0])
     assert [*table["label"]] == [c.label for c in study.cases] == ["a", "b", "b"]
     assert table["ate_rmse_m"][0] == fresh["ate_rmse_m"]
     assert [*table["draw_metres"]] == [math.inf] * 3
     assert np.isnan(table["every"][0])
+    assert (table["search.prior"][0], np.isnan(table["search.prior"][1])) == (1.0, True)
     assert [*select(table, every=10)["label"]] == ["b"]
     assert set(table["error"]) == {""}
     about = json.loads(path.with_suffix(".json").read_text())
@@ -213,6 +218,7 @@ BAD = {
     "[common]\n'map.free' = { count = 3 }": "a count only for a key of whole numbers",
     "[common]\nsearch.field = ['distance', 'blur']": "search.field: found 'blur', expected one of occupied, distance",
     "[common]\n'disturb.missing_beams' = 1.5": "disturb.missing_beams: found 1.5, expected a number from 0 to 1",
+    "[common]\n'disturb.kidnap' = [nan, 1]": "disturb.kidnap: found [nan, 1], expected a list of 2",
     "[common]\n'disturb.blind' = 3": "disturb.blind: found 3, expected a list",
     '[common]\nmethod = "magic"': "method: found 'magic', expected one of report",
     "[common]\nmethod = 'report'\n'lines.rho' = 0.1": "lines.rho: found is off",

@@ -29,8 +29,8 @@ def write_table(path: Path, rows: list[dict[str, Any]], settings: Iterable[str])
 
 
 def _cell(value: Any) -> str:
-    """Write a value as text: nothing for None and NaN, true and false, lists as in JSON."""
-    if value is None or value != value:
+    """Write a value as text: nothing for None, true and false, lists as in JSON."""
+    if value is None:
         return ""
     return value if isinstance(value, str) else json.dumps(value)
 
