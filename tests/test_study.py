@@ -16,6 +16,7 @@ from study_cases import box_study, deadly_with_row, write_box
 from pfslam import DataError, SlamConfig, load, run_slam, trajectory_error
 from pfslam.__main__ import main
 from pfslam.evaluation.cloud import cloud_consistency
+from pfslam.evaluation.trajectory import aligned_at_first
 from pfslam.particles import ControlNoise
 from pfslam.settings import type_hints
 from pfslam.study import Case, make_study, read_table, run_case, run_study
@@ -87,6 +88,8 @@ def test_a_row_says_what_the_same_run_by_hand_gives(box):
     error = trajectory_error(result.trajectory, recording.truth)
     assert row["ate_rmse_m"] == error.ate_rmse_m
     assert row["heading_rmse_deg"] == error.heading_rmse_deg
+    poses, truth = aligned_at_first(result.trajectory, recording.truth)
+    assert row["end_error_m"] == np.hypot(*(poses[-1] - truth[-1])[:2])
     assert (row["scans"], row["updates"]) == (len(result.trajectory), result.updates)
     assert row["error"] == ""
     assert row["cpu_seconds"] > 0
