@@ -49,6 +49,7 @@ def test_the_readers_work_is_never_written_over(tmp_path, opened, capsys):
     (tmp_path / CHAPTERS[0].name).write_text("my answers")
     assert main(["lab", "--folder", str(tmp_path)]) == 0
     assert main(["lab", "00", "--folder", str(tmp_path)]) == 0
+    assert main(["lab", "01", "--folder", str(tmp_path), "--copy-only"]) == 0
     assert (tmp_path / CHAPTERS[0].name).read_text() == "my answers"
     assert [command[-1] for command in opened] == [str(tmp_path), str(tmp_path / CHAPTERS[0].name)]
     assert f"0 chapters copied, {len(CHAPTERS)} were there" in capsys.readouterr().out

@@ -269,7 +269,7 @@ MARK = box(7.0, -1.5, 7.5, -0.9)
 """Half a turn about the origin leaves the corridor as it was; the mark is on one end only."""
 
 
-SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(1, 10))]
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in (1, 2))]
 
 
 @pytest.mark.parametrize("seed", SEEDS)

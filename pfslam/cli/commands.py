@@ -97,7 +97,8 @@ def simulate_command(arguments: Namespace) -> None:
     else:
         simulation = simulate(arguments.name, arguments.seed, progress=bar, hazards=hazards)
     number, recording = simulation.config.number, simulation.recording
-    save_course(recording, number, arguments.out, arguments.images, progress=progress_bar("images"))
+    extras, bar = {name: getattr(simulation, name) for name in ("z", "pitch", "roll")}, progress_bar("images")
+    save_course(recording, number, arguments.out, arguments.images, truth_extras=extras, progress=bar)
     print(f"set {number} ({arguments.name}) is in {arguments.out}")
 
 
@@ -218,7 +219,7 @@ def check_command(arguments: Namespace) -> int:
 def convert_command(arguments: Namespace) -> None:
     """Write a data set into one file that loads without ROS."""
     recording = load_dataset(arguments)
-    save(recording, arguments.out, images=arguments.images)
+    save(recording, arguments.out, images=arguments.images, progress=progress_bar("writing"))
     print(*words.said_by_the_loader(recording), f"the recording is in {arguments.out}", sep="\n")
 
 

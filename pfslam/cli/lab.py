@@ -22,6 +22,9 @@ def lab_command(arguments: argparse.Namespace) -> int:
     copied = copy_missing(chapters, arguments.folder)
     print(f"{arguments.folder}: {len(copied)} chapters copied, {len(chapters) - len(copied)} were there")
     page = arguments.folder / chosen.name if chosen else arguments.folder
+    if arguments.copy_only:
+        print(f"open {page} in JupyterLab")
+        return 0
     need("jupyterlab", "lab")
     sys.stdout.flush()
     server = subprocess.Popen([sys.executable, "-m", "jupyterlab", str(page)])

@@ -150,6 +150,7 @@ def _add_lab(add) -> None:
     add("chapter", nargs="?", metavar="NN", help="the chapter to open, such as 05")
     folder = "where the chapters are copied to, unless they are there already (default pfslam-chapters)"
     add("--folder", type=Path, default=Path("pfslam-chapters"), metavar="DIR", help=folder)
+    add("--copy-only", action="store_true", help="copy the chapters, and open nothing")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

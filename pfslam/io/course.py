@@ -176,12 +176,14 @@ def save_course(
     out_dir: str | Path,
     image_every: int | None = None,
     *,
+    truth_extras: Mapping[str, np.ndarray] | None = None,
     progress: Callable | None = None,
 ) -> None:
     """Write a recording as set ``number`` into ``out_dir``; each file appears when it is whole.
 
-    ``image_every`` writes every n-th pair of images, none by default. ``progress`` wraps the list of images to
-    write. The robot's calibration is not part of the format.
+    ``image_every`` writes every n-th pair of images, none by default. ``truth_extras`` are further arrays for the
+    truth file, such as height and pitch on slopes. ``progress`` wraps the list of images to write. The robot's
+    calibration is not part of the format.
     """
     number, out_dir = set_number(number), Path(out_dir)
     if recording.encoders is None or recording.imu is None:
@@ -189,13 +191,13 @@ def save_course(
         raise DataError(recording.name, "recording", "odometry poses only", expected)
     if image_every is not None and image_every < 1:
         raise DataError("save_course", "image_every", image_every, "1 or more")
-    for name, arrays in _tables(recording).items():
+    for name, arrays in _tables(recording, truth_extras or {}).items():
         write_npz(out_dir / f"{name}{number}.npz", **arrays)
     if recording.camera is not None and image_every is not None:
         _save_images(recording.camera, number, out_dir / "dataRGBD", image_every, progress or iter)
 
 
-def _tables(recording: Recording) -> dict[str, dict[str, np.ndarray]]:
+def _tables(recording: Recording, truth_extras: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
     """List the arrays of every ``.npz`` file, by the file's name without its number."""
     encoders, imu = recording.wheels_and_gyro()
     lidar, camera, truth = recording.lidar, recording.camera, recording.truth
@@ -214,7 +216,7 @@ def _tables(recording: Recording) -> dict[str, dict[str, np.ndarray]]:
     if camera is not None:
         tables["Kinect"] = {"disparity_time_stamps": camera.disparity_t, "rgb_time_stamps": camera.rgb_t}
     if truth is not None:
-        tables["truth"] = {"time_stamps": truth.t, "pose": truth.poses}
+        tables["truth"] = {"time_stamps": truth.t, "pose": truth.poses, **truth_extras}
     return tables
 
 

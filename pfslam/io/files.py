@@ -11,7 +11,7 @@ import os
 import secrets
 import struct
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -84,14 +84,15 @@ def read_text(path: str | Path) -> str:
     return read_bytes(path, MAX_TEXT_BYTES).decode("utf-8", errors="replace")
 
 
-def write_npz(path: str | Path, **arrays: Any) -> None:
+def write_npz(path: str | Path, /, progress: Callable = iter, **arrays: Any) -> None:
     """Write named arrays into an archive, whole or not at all; the same arrays give the same bytes.
 
     A function in the place of an array makes it when it is written. Compression would halve the size of scans, but
-    takes a hundred times as long as writing them.
+    takes a hundred times as long as writing them. ``progress`` wraps the list of names.
     """
     with atomic_write(path) as file, ZipFile(file, "w") as archive:
-        for name, values in arrays.items():
+        for name in progress(list(arrays)):
+            values = arrays[name]
             values = values() if callable(values) else values
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 write_array(member, np.asanyarray(values), allow_pickle=False)

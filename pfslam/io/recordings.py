@@ -8,7 +8,7 @@ line; ``dropped``, lines of a count and its reason) are kept as their UTF-8 byte
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -39,15 +39,17 @@ TEXTS = ("name", "notes", "dropped")
 NONE = np.zeros(0, dtype=int)
 
 
-def save(recording: Recording, path: str | Path, *, images: bool = True) -> None:
+def save(
+    recording: Recording, path: str | Path, *, images: bool = True, progress: Callable | None = None
+) -> None:
     """Write a recording into one ``.npz`` file, which ``load`` reads back as it was.
 
-    ``images=False`` leaves the pictures out and keeps their stamps. The file appears when it is whole. Raises
-    ``DataError`` for a name that does not end in ``.npz``.
+    ``images=False`` leaves the pictures out and keeps their stamps; ``progress`` wraps the list of what is written. The
+    file appears when it is whole. Raises ``DataError`` for a name that does not end in ``.npz``.
     """
     if Path(path).suffix != ".npz":
         raise DataError(path, "file name", Path(path).suffix or "no extension", "a name that ends in .npz")
-    write_npz(path, **dict(_arrays(recording, images)))
+    write_npz(path, progress or iter, **dict(_arrays(recording, images)))
 
 
 def _arrays(recording: Recording, images: bool) -> Iterator[tuple[str, Any]]:
