@@ -84,7 +84,7 @@ def read_text(path: str | Path) -> str:
     return read_bytes(path, MAX_TEXT_BYTES).decode("utf-8", errors="replace")
 
 
-def write_npz(path: str | Path, /, progress: Callable = iter, **arrays: Any) -> None:
+def write_npz(path: str | Path, progress: Callable = iter, /, **arrays: Any) -> None:
     """Write named arrays into an archive, whole or not at all; the same arrays give the same bytes.
 
     A function in the place of an array makes it when it is written. Compression would halve the size of scans, but
