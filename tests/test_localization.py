@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from rooms import ROOM, box, distance_to_walls, scan
@@ -26,7 +27,6 @@ from pfslam.beyond.localization import (
     spread,
 )
 from pfslam.cli.words import closing_words_of_search
-from pfslam.errors import DataError
 from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.io.formats import read_tum, write_map
@@ -89,15 +89,13 @@ def weight_near(info, pose):
 # ---- how many particles
 
 
-@pytest.mark.parametrize("epsilon", [0.01, 0.05, 0.3])
-@pytest.mark.parametrize("delta", [0.001, 0.01, 0.1])
+@pytest.mark.parametrize(("epsilon", "delta"), [(0.01, 0.1), (0.05, 0.01), (0.3, 0.001)])
 def test_the_bound_is_the_chi_square_quantile(epsilon, delta):
-    bins = np.array([10, 30, 100, 1000, 20_000])
+    bins = np.array([2, 10, 30, 100, 1000, 20_000])
     exact = chi2.ppf(1.0 - delta, bins - 1) / (2.0 * epsilon)
-    np.testing.assert_allclose(kld_bound(bins, epsilon, delta), exact, rtol=0.008)
-    np.testing.assert_allclose(
-        kld_bound(2, epsilon, delta), chi2.ppf(1.0 - delta, 1) / (2 * epsilon), rtol=0.06
-    )
+    found = kld_bound(bins, epsilon, delta)
+    np.testing.assert_allclose(found[1:], exact[1:], rtol=0.008)
+    assert found[0] == pytest.approx(exact[0], rel=0.06)
     assert kld_bound(1, epsilon, delta) == 1.0
 
 
@@ -125,14 +123,6 @@ def test_particles_are_counted_until_they_suffice():
     assert enough(poses[:50], least) == 50
 
 
-def test_the_number_follows_the_extent_of_the_cloud():
-    grid, rng, config = known_map(ROOM), np.random.default_rng(2), LocalizationConfig()
-    wide = Particles(spread(grid, 10_000, rng), np.zeros(10_000))
-    narrow = Particles(np.array([1.0, 0.0, 0.0]) + 0.02 * rng.standard_normal((10_000, 3)), np.zeros(10_000))
-    assert len(resample_adaptively(wide, 0.0, grid, config, rng)) > 5000
-    assert len(resample_adaptively(narrow, 0.0, grid, config, rng)) == config.least
-
-
 def test_mean_offspring_follow_the_weights():
     grid, rng, config = (
         known_map(ROOM),
@@ -140,10 +130,11 @@ def test_mean_offspring_follow_the_weights():
         LocalizationConfig(least=1000, particles=1000),
     )
     poses = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [2.0, 1.0, 2.0]])
-    drawn = resample_adaptively(Particles(poses, np.log([0.6, 0.25, 0.15])), 0.0, grid, config, rng)
+    particles = Particles(poses, np.log([0.6, 0.25, 0.15]))
+    drawn = resample_adaptively(particles, 0.0, grid, config, rng)
     counts = [(drawn.poses == pose).all(axis=1).sum() for pose in poses]
     np.testing.assert_allclose(counts, [600, 250, 150], atol=1)
-    half = resample_adaptively(Particles(poses, np.log([0.6, 0.25, 0.15])), 0.5, grid, config, rng)
+    half = resample_adaptively(particles, 0.5, grid, config, rng)
     assert 0.45 < 1.0 - np.isin(half.poses[:, 0], poses[:, 0]).mean() < 0.55
 
 
@@ -180,12 +171,7 @@ def test_the_true_pose_explains_a_scan_best_and_outside_explains_nothing():
     assert outside == pytest.approx(5.0 * np.log(0.1))
     in_a_wall = known.log_likelihood(np.array([[1.5, 1.95, 0.7]]), points)  # inside a pillar
     assert in_a_wall[0] == pytest.approx(5.0 * np.log(0.1))
-
-
-def test_many_particles_are_scored_as_few_are():
-    known = KnownMap.of(known_map(ROOM), LocalizationConfig())
-    poses = spread(known.grid, 25_000, np.random.default_rng(6))
-    points = scan_points(scan(ROOM, np.zeros(3), LIDAR), LIDAR)
+    poses = spread(known.grid, 25_000, np.random.default_rng(6))  # more than are scored together
     together = known.log_likelihood(poses, points)
     np.testing.assert_array_equal(together[::100], known.log_likelihood(poses[::100], points))
 
@@ -200,10 +186,6 @@ def event_of(pose, motion, t=0.0):
 
 
 SMALL = np.vstack([box(-1.5, -1.0, 1.5, 1.0), box(0.6, 0.4, 1.1, 0.8)])
-
-
-def total_variation(p, q):
-    return 0.5 * np.abs(p - q).sum()
 
 
 @pytest.mark.slow
@@ -243,8 +225,8 @@ def test_the_cloud_agrees_with_a_histogram_filter():
         belief /= belief.sum()
         state, info = localization_step(state, event, known, np.random.default_rng(8))
         exact = coarse(nodes, belief)
-        apart.append(total_variation(exact, coarse(info.particles.poses, info.particles.weights)))
-        still.append(total_variation(exact, coarse(nodes, np.full(len(nodes), 1.0 / len(nodes)))))
+        apart.append(0.5 * np.abs(exact - coarse(info.particles.poses, info.particles.weights)).sum())
+        still.append(0.5 * np.abs(exact - coarse(nodes, np.full(len(nodes), 1.0 / len(nodes)))).sum())
     assert max(apart) < 0.12, apart
     assert min(still) > 0.35, still  # so that the bound says something
 
@@ -317,51 +299,40 @@ def test_the_estimate_is_one_cloud_and_never_between_two():
     assert share == pytest.approx(0.6, abs=0.02)
 
 
-# ---- bad input
-
-
-def test_maps_without_walls_or_floor_are_refused():
-    spec = GridSpec((0.0, 0.0), 0.05, (20, 20))
-    recording = recorded(ROOM, straight((0.0, 0.0, 0.0), 0.5))
-    for value, words in ((-1.0, "occupied cells"), (1.0, "free cells"), (0.0, "occupied cells")):
-        grid = OccupancyGrid(spec, np.full(spec.shape, value, dtype=np.float32))
-        with pytest.raises(DataError, match=words):
-            locate(grid, recording)
-
-
 # ---- the command line
 
 
 @pytest.fixture
 def files(tmp_path):
     write_map(tmp_path / "room.yaml", OccupancyGrid(known_map(ROOM).spec, 5.0 * known_map(ROOM).log_odds))
-    recording = recorded(
-        ROOM, np.vstack([straight((-1.5, -0.8, 0.0), 3.0), straight((1.45, -0.8, 1.2), 2.0)])
-    )
-    pfslam.save(recording, tmp_path / "drive.npz")
+    path = [straight((-1.5, -0.8, 0.0), 3.0), straight((1.45, -0.8, 1.2), 2.0)]
+    pfslam.save(recorded(ROOM, np.vstack(path)), tmp_path / "drive.npz")
     return tmp_path
 
 
 def test_locate_writes_trajectory_summary_and_picture(files, capsys):
-    out = files / "out"
-    assert main(["locate", str(files / "room.yaml"), str(files / "drive.npz"), "--out", str(out)]) == 0
+    for name in ("a", "b"):
+        options = ["--out", str(files / name), "--seed", "3", "--particles", "3000"]
+        assert main(["locate", str(files / "room.yaml"), str(files / "drive.npz"), *options]) == 0
     assert "found after" in capsys.readouterr().out
-    assert sorted(p.name for p in out.iterdir()) == ["located.png", "summary.json", "trajectory.tum"]
-    summary = json.loads((out / "summary.json").read_text())
+    assert sorted(p.name for p in (files / "a").iterdir()) == [
+        "located.png",
+        "summary.json",
+        "trajectory.tum",
+    ]
+    assert (files / "a/trajectory.tum").read_bytes() == (files / "b/trajectory.tum").read_bytes()
+    summary = json.loads((files / "a/summary.json").read_text())
     assert summary["located_at_end"]
     assert 0.0 <= summary["seconds_to_find"] < 4.0
-    assert summary["particles"]["most"] == 100_000
+    assert summary["particles"]["most"] == 30_000
     assert summary["config"]["every"] == 1
-    path = read_tum(out / "trajectory.tum")
-    truth = pfslam.load(str(files / "drive.npz")).truth
+    path, truth = read_tum(files / "a/trajectory.tum"), pfslam.load(str(files / "drive.npz")).truth
     assert np.hypot(*(path.poses[-1] - truth.at(path.t[-1]))[:2]) < 0.1
-    from cv2 import imread
-
-    assert imread(str(out / "located.png")).shape[:2] == known_map(ROOM).spec.shape
+    assert cv2.imread(str(files / "a/located.png")).shape[:2] == known_map(ROOM).spec.shape
 
 
-def test_a_place_lost_again_is_said_to_be_a_guess(files):
-    recording = pfslam.load(str(files / "drive.npz"))
+def test_a_place_lost_again_is_said_to_be_a_guess():
+    recording = recorded(ROOM, straight((-1.5, -0.8, 0.0), 3.0))
     result = locate(known_map(ROOM), recording, LocalizationConfig(every=1))
     assert "now at" in closing_words_of_search(recording, result, Path("out"))
     lost = replace(result, infos=(*result.infos[:-1], replace(result.infos[-1], share=0.1)))
@@ -370,42 +341,39 @@ def test_a_place_lost_again_is_said_to_be_a_guess(files):
     assert "is it the map of this building?" in words
 
 
-def test_the_seed_and_the_number_are_the_users(files):
-    for name in ("a", "b"):
-        options = ["--out", str(files / name), "--seed", "3", "--particles", "300"]
-        assert main(["locate", str(files / "room.yaml"), str(files / "drive.npz"), *options]) == 0
-    assert (files / "a/trajectory.tum").read_bytes() == (files / "b/trajectory.tum").read_bytes()
-    assert json.loads((files / "a/summary.json").read_text())["particles"]["most"] == 3000
+def image(change):
+    """Replace grey values of a map's image, whose values begin with 254, 205 and 0."""
+    return lambda folder: (folder / "room.pgm").write_bytes(change((folder / "room.pgm").read_bytes()))
+
+
+def text(old, new):
+    def change(folder):
+        assert old in (folder / "room.yaml").read_text()
+        (folder / "room.yaml").write_text((folder / "room.yaml").read_text().replace(old, new))
+
+    return change
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("change", "words"),
     [
-        ("image: room.pgm", "image: none.pgm", "none.pgm"),
-        ("resolution: 0.05", "resolution: 0", "room.yaml: resolution: found 0"),
-        ("resolution: 0.05", "resolution: -0.05", "room.yaml: resolution: found -0.05"),
-        ("resolution: 0.05", "size: 0.05", "a key named resolution"),
-        (", 0.0]", ", 0.5]", "rotated by 0.5"),
-        ("negate: 0", "negate: maybe", "negate: found 'maybe'"),
-        ("negate: 0", "negate: 2", "room.yaml: negate: found 2, expected 0 or 1"),
-        ("free_thresh: 0.196", "free_thresh: 0.9", "free_thresh, occupied_thresh"),
+        (text("image: room.pgm", "image: none.pgm"), "none.pgm"),
+        (text("resolution: 0.05", "resolution: 0"), "room.yaml: resolution: found 0"),
+        (text("resolution: 0.05", "size: 0.05"), "a key named resolution"),
+        (text(", 0.0]", ", 0.5]"), "rotated by 0.5"),
+        (text("negate: 0", "negate: maybe"), "negate: found 'maybe'"),
+        (text("negate: 0", "negate: 2"), "room.yaml: negate: found 2, expected 0 or 1"),
+        (text("free_thresh: 0.196", "free_thresh: 0.9"), "free_thresh, occupied_thresh"),
+        (image(lambda pixels: pixels.replace(b"\xfe", b"\xcd")), "no free cell"),
+        (image(lambda pixels: pixels.replace(b"\x00", b"\xcd")), "occupied cell"),
+        (lambda folder: (folder / "room.yaml").unlink(), "room.yaml"),
     ],
 )
-def test_bad_maps_are_one_clear_line(files, capsys, old, new, words):
-    text = (files / "room.yaml").read_text()
-    assert old in text
-    (files / "room.yaml").write_text(text.replace(old, new))
+def test_a_bad_map_is_one_clear_line(files, capsys, change, words):
+    change(files)
     code = main(["locate", str(files / "room.yaml"), str(files / "drive.npz"), "--out", str(files / "out")])
     complaint = capsys.readouterr()
     assert code == 2
     assert complaint.err.count("\n") == 1
     assert words in complaint.err
     assert not (files / "out").exists()
-
-
-def test_a_map_without_floor_or_file_is_one_clear_line(files, capsys):
-    pixels = (files / "room.pgm").read_bytes()
-    (files / "room.pgm").write_bytes(pixels.replace(b"\xfe", b"\xcd"))
-    for name, words in (("room.yaml", "no free cell"), ("nowhere.yaml", "nowhere.yaml")):
-        assert main(["locate", str(files / name), str(files / "drive.npz")]) == 2
-        assert words in capsys.readouterr().err

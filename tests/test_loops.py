@@ -8,7 +8,7 @@ from drives import simulated
 from scipy.optimize import least_squares
 
 from pfslam.beyond.loops import graph
-from pfslam.beyond.loops.closing import Revision, carried, close_loops, confirming, softened
+from pfslam.beyond.loops.closing import Revision, close_loops, confirming, softened
 from pfslam.beyond.loops.graph import Edges, jacobians, relax, residuals
 from pfslam.beyond.loops.places import Place, align, compare, search_window
 from pfslam.evaluation.trajectory import trajectory_error
@@ -116,16 +116,6 @@ def test_loops_that_agree_with_the_path_leave_it_alone_and_one_that_does_not_pul
     held = confirming(loops, truth)
     assert held.pose[:2] == pytest.approx(between(truth[ends[:2, 0]], truth[ends[:2, 1]]))
     assert np.array_equal(held.pose[2], loops.pose[2])
-
-
-def test_poses_between_key_scans_are_carried_by_both():
-    poses = np.column_stack([np.linspace(0.0, 4.0, 5), np.zeros(5), np.full(5, 3.1)])
-    keys, shift = np.array([1, 3]), np.array([[0.0, 0.1, 0.0], [0.0, 0.3, 0.1]])
-    found = carried(poses, keys, poses[keys] + shift)
-    assert found[[1, 3]] == pytest.approx(np.column_stack([[1, 3], [0.1, 0.3], [3.1, 3.2 - 2 * np.pi]]))
-    assert between(found[0], found[1]) == pytest.approx(between(poses[0], poses[1]))
-    # The first key scan says y = 0.1, the second, turned by 0.1, says 0.3 - 0.1.
-    assert found[2] == pytest.approx([2.0, 0.15, 3.15 - 2 * np.pi], abs=0.01)
 
 
 def corridor_place(rng, jambs=()) -> Place:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from pfslam_book.show.texture_error import nearest_floor, pattern_shifts, texture_error, visible_floor
 
-from pfslam.errors import DataError
 from pfslam.grid import GridSpec
 from pfslam.sensors import RgbdModel
 
@@ -36,25 +35,12 @@ def test_a_known_shift_comes_back_with_its_sign(shift):
     assert np.median(shifts, axis=0) == pytest.approx(shift, abs=0.1)
 
 
-def test_a_shift_beyond_the_search_is_not_called_small():
-    truth, moved = (blobs(np.random.default_rng(1), s) for s in ((0, 0), (9, 0)))
-    assert np.median(np.hypot(*pattern_shifts(moved, ALL, truth, ALL).T)) > 3
-
-
 def test_patches_that_cannot_tell_a_shift_are_left_out():
     plain = np.full((*SPEC.shape, 3), 90, np.uint8)
     stripes = plain.copy()
     stripes[:, ::8] = 200  # moving along the stripes changes nothing
-    for pattern in (plain, stripes):
-        assert len(pattern_shifts(pattern, ALL, pattern, ALL)) == 0
-
-
-def test_half_seen_patches_count_and_less_do_not():
-    truth = blobs(np.random.default_rng(2))
-    seen = ALL.copy()
-    seen[:60] = False
-    assert len(pattern_shifts(truth, seen, truth, ALL)) == 3 * 8
-    assert len(pattern_shifts(truth, np.zeros_like(ALL), truth, ALL)) == 0
+    for pattern, seen in ((plain, ALL), (stripes, ALL), (blobs(np.random.default_rng(2)), ~ALL)):
+        assert len(pattern_shifts(pattern, seen, pattern, ALL)) == 0
 
 
 def test_the_figures_of_a_texture_made_by_hand():
@@ -72,19 +58,6 @@ def test_the_figures_of_a_texture_made_by_hand():
     assert error.colour_mean == error.colour_median == 0.0
     lighter = np.minimum(truth.astype(int) + 7, 255).astype(np.uint8)
     assert texture_error(texture(lighter, seen), truth, floor, visible).colour_median == 7
-
-
-def test_nothing_seen_is_no_error_but_no_number_either():
-    truth = blobs(np.random.default_rng(4))
-    error = texture_error(texture(truth, np.zeros_like(ALL)), truth, ALL)
-    assert error.coverage == 0.0
-    assert error.patches == 0
-    assert np.isnan([error.position_median_cells, error.colour_median, error.beyond_floor]).all()
-
-
-def test_a_truth_of_another_shape_is_refused():
-    with pytest.raises(DataError, match="true_rgb"):
-        texture_error(texture(blobs(np.random.default_rng(5))), np.zeros((2, 2, 3)), ALL)
 
 
 def test_the_visible_floor_is_a_wedge_behind_the_blind_ring():
@@ -111,12 +84,3 @@ def test_walls_block_the_line_of_sight():
     assert not behind[: SPEC.world_to_cell([0.0, 0.4])[1], at:].any()
     assert behind[:, at + 1 :].any()
     assert (behind[:, :at] == open_view[:, :at]).all()
-
-
-def test_a_robot_off_the_grid_or_facing_away_sees_none_of_its_floor():
-    """The grid ends at x = 6 m: 20 m away it is out of reach, and 0.1 m beyond its edge the camera looks outwards."""
-    clear = np.zeros_like(ALL)
-    for pose in ((20.0, 0.0, 0.0), (6.1, 0.0, 0.0)):
-        assert not visible_floor(SPEC, pose, RgbdModel(), clear, max_depth=3.0).any()
-    both = visible_floor(SPEC, [(20.0, 0.0, 0.0), (0.0, 0.0, 0.0)], RgbdModel(), clear, max_depth=3.0)
-    assert (both == visible_floor(SPEC, (0.0, 0.0, 0.0), RgbdModel(), clear, max_depth=3.0)).all()

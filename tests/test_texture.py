@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from floor_oracle import TILE, colour_image, disparity_image, tile_colour
 
-from pfslam.errors import DataError
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording, RgbdStream
@@ -100,37 +99,15 @@ def test_leaving_out_columns_leaves_out_no_cell():
     assert inner <= set(map(tuple, chosen.cells.tolist()))
 
 
-def test_psi_takes_the_pixel_at_the_image_centre_to_the_cell_on_the_optical_axis():
-    camera = replace(RgbdModel(), centre_u=320.0, centre_v=240.0)
-    ahead = 0.38001 / np.tan(np.deg2rad(18.0))
-    depth = 0.38001 / np.sin(np.deg2rad(18.0))
-    disparity = (3.31 - 1.03 / depth) / 0.00304
-    pixel = project_floor(320, 240, disparity, (1.0, 0.0, np.pi / 2), camera, SPEC, REPORT)
-    assert pixel.points_w == pytest.approx(np.array([[1.0, 0.16766 + ahead]]))
-    assert pixel.cells.tolist() == [[int((1.0 + 1.0) / 0.05), int((0.16766 + ahead + 3.0) / 0.05)]]
-    assert pixel.depth == pytest.approx([depth])
-
-
 # Step 6
 
 
-def test_the_last_view_wins_in_the_report_and_the_smallest_code_in_the_refined_map():
-    cells, codes = np.array([[1, 0], [1, 0], [2, 1], [1, 0]]), np.array([7, 3, 9, 5])
-    last, best = np.full((2, 3), EMPTY), np.full((2, 3), EMPTY)
-    paint(last, cells, codes, "last")
-    paint(best, cells, codes, "best")
-    assert last[0, 1] == 5
-    assert best[0, 1] == 3
-    assert last[1, 2] == best[1, 2] == 9
-    assert np.count_nonzero(last == EMPTY) == np.count_nonzero(best == EMPTY) == 4
-
-
-@pytest.mark.parametrize("view", ["last", "best"])
-def test_points_outside_the_canvas_are_counted_and_written_nowhere(view):
+@pytest.mark.parametrize(("view", "kept"), [("last", 5), ("best", 3)])
+def test_the_last_view_of_a_cell_stays_or_the_best_and_what_lies_outside_is_counted(view, kept):
+    cells = np.array([[1, 0], [-1, 0], [1, 0], [2, 1], [0, -1], [1, 0], [3, 0], [0, 2]])
     canvas = np.full((2, 3), EMPTY)
-    outside = np.array([[-1, 0], [0, -1], [3, 0], [0, 2], [0, 0]])
-    assert paint(canvas, outside, np.arange(5), view) == 4
-    assert np.argwhere(canvas != EMPTY).tolist() == [[0, 0]]
+    assert paint(canvas, cells, np.array([7, 1, 3, 9, 1, 5, 1, 1]), view) == 4
+    assert canvas.tolist() == [[EMPTY, kept, EMPTY], [EMPTY, EMPTY, 9]]
 
 
 def test_a_nearer_view_beats_a_better_placed_one_and_that_beats_a_darker_one():
@@ -142,18 +119,6 @@ def test_a_nearer_view_beats_a_better_placed_one_and_that_beats_a_darker_one():
     assert near_centre < near_corner < far_centre < EMPTY
     assert view_code(black, np.array([0.75]), corner, SPEC) < near_corner
     assert colour_code(np.array([1, 2, 3], np.uint8)) == 0x010203
-
-
-def test_the_best_view_does_not_depend_on_the_order_of_pixels():
-    rng = np.random.default_rng(5)
-    cells = rng.integers(0, 20, (5000, 2))
-    points = SPEC.cell_to_world(cells) + rng.uniform(-0.02, 0.02, cells.shape)
-    codes = view_code(rng.integers(0, 256, (5000, 3)), rng.uniform(0.5, 3, 5000), points, SPEC)
-    canvases = []
-    for order in (np.arange(5000), rng.permutation(5000)):
-        canvases.append(np.full((20, 20), EMPTY))
-        paint(canvases[-1], cells[order], codes[order], "best")
-    assert (canvases[0] == canvases[1]).all()
 
 
 # Whole drives
@@ -197,13 +162,6 @@ def test_a_rising_floor_is_found_by_its_plane():
     assert refined.seen.sum() > 500
 
 
-def test_a_lower_floor_is_found_by_its_height():
-    pose, rays = np.zeros(3), PixelRays.of(RgbdModel(), REFINED, 0.05)
-    level = floor_pixels(disparity_image(pose), rays, pose, pose, SPEC, REFINED)
-    lower = floor_pixels(disparity_image(pose, floor_height=-0.05), rays, pose, pose, SPEC, REFINED)
-    assert len(lower.depth) > 0.8 * len(level.depth)
-
-
 def test_one_image_of_a_ramp_does_not_turn_the_camera():
     def read(k):
         return disparity_image((0, 0, 0), slope=0.1 if k == 0 else 0.0)
@@ -215,31 +173,45 @@ def test_one_image_of_a_ramp_does_not_turn_the_camera():
 
 # What is left out is counted
 
-
-def test_pairs_without_partner_or_state_are_counted():
-    t = np.array([0.0, 1.0, 2.0, 3.0])
-    camera = stream([0.0, 1.0, 2.0], t + 0.01, None, None)
-    truth = Trajectory([0.0, 0.5, 1.0, 1.5], np.zeros((4, 3)))
-    pairs = posed_pairs(camera, truth, REFINED)
-    assert pairs.disparity.tolist() == [0, 1]
-    assert pairs.dropped == {"pairs: no partner in time": 1, "pairs: outside the trajectory": 1}
+CLOCK = 0.1 * np.arange(11)
 
 
-def test_a_hole_in_the_trajectory_is_not_bridged():
-    camera = stream([0.0, 2.0, 4.0], [0.0, 2.0, 4.0], None, None)
-    holed = Trajectory([0.0, 0.1, 3.9, 4.0], np.zeros((4, 3)))
-    pairs = posed_pairs(camera, holed, REFINED)
-    assert pairs.disparity.tolist() == [0, 2]
-    assert pairs.dropped == {"pairs: no state near in time": 1}
-
-
-def test_in_the_report_a_state_takes_its_nearest_pair_and_that_pairs_time_is_the_states():
-    t = 0.1 * np.arange(11)
-    states = Trajectory([0.0, 0.52, 1.0], [(0, 0, 0), (1, 0, 0), (2, 0, 0)])
-    pairs = posed_pairs(stream(t, t, None, None), states, REPORT)
-    assert pairs.disparity.tolist() == [0, 5, 10]
-    assert pairs.pose_disparity[:, 0].tolist() == [0.0, 1.0, 2.0]
-    assert pairs.dropped == {"pairs: no state of their own": 8}
+@pytest.mark.parametrize(
+    ("times", "states", "config", "kept", "x", "dropped"),
+    [
+        (
+            ([0.0, 1.0, 2.0], [0.01, 1.01, 2.01, 3.01]),
+            [0.0, 0.5, 1.0, 1.5],
+            REFINED,
+            [0, 1],
+            [0.0, 2.0],
+            {"pairs: no partner in time": 1, "pairs: outside the trajectory": 1},
+        ),
+        (
+            ([0.0, 2.0, 4.0], [0.0, 2.0, 4.0]),
+            [0.0, 0.1, 3.9, 4.0],  # a hole is not bridged
+            REFINED,
+            [0, 2],
+            [0.0, 3.0],
+            {"pairs: no state near in time": 1},
+        ),
+        # In the report a state takes its nearest pair, and that pair's time is the state's.
+        (
+            (CLOCK, CLOCK),
+            [0.0, 0.52, 1.0],
+            REPORT,
+            [0, 5, 10],
+            [0.0, 1.0, 2.0],
+            {"pairs: no state of their own": 8},
+        ),
+    ],
+)
+def test_pairs_without_partner_or_state_are_counted(times, states, config, kept, x, dropped):
+    way = np.column_stack([np.arange(len(states)), np.zeros((len(states), 2))])
+    pairs = posed_pairs(stream(*times, None, None), Trajectory(states, way), config)
+    assert pairs.disparity.tolist() == kept
+    assert pairs.pose_disparity[:, 0].tolist() == x
+    assert pairs.dropped == dropped
 
 
 def test_a_grid_that_is_too_small_is_filled_and_the_rest_counted():
@@ -263,50 +235,4 @@ def test_cropping_keeps_only_what_the_map_knows():
     assert whole.seen[60:].any()
 
 
-def test_an_image_without_floor_is_counted_and_its_colours_are_not_read():
-    def wall(k):
-        return np.full((480, 640), 2047, np.uint16)
-
-    recording, truth = drive(STANDING)
-    camera = stream([0.0, 0.1], [0.0, 0.1], wall, None)
-    texture = map_texture(replace(recording, camera=camera), truth)
-    assert texture.dropped == {"pairs: no floor": 2}
-    assert not texture.seen.any()
-    assert texture.pairs == 0
-
-
 # Bad input
-
-
-@pytest.mark.parametrize(
-    ("disparity", "rgb", "named"),
-    [
-        (np.zeros((240, 320), np.uint16), None, "disparity image 1"),
-        (np.zeros((480, 640), np.uint8), None, "disparity image 1"),
-        (None, np.zeros((480, 640), np.uint8), "rgb image 1"),
-        (None, np.zeros((240, 320, 3), np.uint8), "rgb image 1"),
-    ],
-)
-def test_an_image_of_the_wrong_kind_is_named(disparity, rgb, named):
-    camera = stream(
-        [0.0],
-        [0.0],
-        lambda k: disparity_image((0, 0, 0)) if disparity is None else disparity,
-        lambda k: colour_image((0, 0, 0)) if rgb is None else rgb,
-    )
-    recording, truth = drive(STANDING)
-    with pytest.raises(DataError, match=named):
-        map_texture(replace(recording, camera=camera), truth)
-
-
-def test_a_recording_without_camera_says_so():
-    recording, truth = drive(STANDING)
-    with pytest.raises(DataError, match=r"tiles: camera: found no images"):
-        map_texture(replace(recording, camera=None), truth)
-
-
-def test_the_steps_lead_from_the_report_to_the_refined_settings_one_change_at_a_time():
-    steps = list(TextureConfig.steps().values())
-    assert steps[0] == REPORT
-    assert steps[-1] == REFINED
-    assert len(set(steps)) == 7

@@ -32,7 +32,6 @@ def drive(name):
     return recording, grid, simulation.floor_image(spec), floor, visible
 
 
-@cache
 def error(name, preset) -> TextureError:
     recording, grid, colours, floor, visible = drive(name)
     texture = map_texture(recording, recording.truth, grid, PRESETS[preset], every=EVERY)
@@ -41,19 +40,12 @@ def error(name, preset) -> TextureError:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["hall", "ramp"])
-def test_the_refined_texture_lies_in_its_place(name):
-    refined = error(name, "refined")
+def test_the_refined_texture_lies_in_its_place_and_is_better_than_the_reports_in_every_figure(name):
+    report, refined = error(name, "report"), error(name, "refined")
     assert refined.patches >= 20
-    assert refined.position_median_cells <= 1.0
+    assert refined.position_median_cells <= min(1.0, report.position_median_cells - 1e-9)
     # The median colour error is that of the camera's noise and the floor's grain, a few levels of 255.
     assert refined.colour_median <= 8.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["hall", "ramp"])
-def test_the_refined_texture_is_better_than_the_reports_in_every_figure(name):
-    report, refined = error(name, "report"), error(name, "refined")
-    assert refined.position_median_cells < report.position_median_cells
     assert refined.position_p95_cells < report.position_p95_cells
     assert refined.colour_mean < report.colour_mean
     assert refined.beyond_floor <= report.beyond_floor
