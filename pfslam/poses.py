@@ -183,6 +183,34 @@ def apply_transform(T_ab: np.ndarray, points_b) -> np.ndarray:
     return np.asarray(points_b) @ T_ab[:3, :3].T + T_ab[:3, 3]
 
 
+def check_stamps(t: np.ndarray, source: str, field_name: str = "time_stamps") -> None:
+    """Raise ``DataError`` unless ``t`` is one finite, strictly increasing row of at least one stamp."""
+    t = np.asarray(t)
+    if t.ndim != 1 or len(t) == 0 or t.dtype.kind not in "fiu":
+        raise DataError(source, field_name, f"{t.dtype} of shape {t.shape}", "(K,) numbers with K >= 1")
+    if not np.isfinite(t).all():
+        at = int(np.argmin(np.isfinite(t)))
+        raise DataError(source, f"{field_name}[{at}]", t[at], "a finite time")
+    backwards = np.diff(t) <= 0
+    if backwards.any():
+        at = int(np.argmax(backwards)) + 1
+        raise DataError(
+            source, f"{field_name}[{at}]", f"{t[at]:.6f} after {t[at - 1]:.6f}", "strictly increasing times"
+        )
+
+
+def check_rows(values: np.ndarray, source: str, field_name: str, shape: tuple[int, ...]) -> None:
+    """Raise ``DataError`` unless ``values`` are finite numbers of the given shape."""
+    values = np.asarray(values)
+    if values.shape != shape or values.dtype.kind not in "fiu":
+        raise DataError(
+            source, field_name, f"{values.dtype} of shape {values.shape}", f"numbers of shape {shape}"
+        )
+    if not np.isfinite(values).all():
+        at = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
+        raise DataError(source, f"{field_name}{list(at)}", values[at], "a finite number")
+
+
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """Poses over time: ``t (K,)`` in seconds, strictly increasing, and ``poses (K, 3)``.
@@ -197,15 +225,8 @@ class Trajectory:
 
     def __post_init__(self):
         t, poses = np.asarray(self.t, dtype=float), np.asarray(self.poses, dtype=float)
-        if t.ndim != 1 or len(t) == 0 or poses.shape != (len(t), 3):
-            raise DataError(
-                "Trajectory", "t, poses", f"shapes {t.shape}, {poses.shape}", "(K,), (K, 3) with K >= 1"
-            )
-        if not (np.isfinite(t).all() and np.isfinite(poses).all()):
-            raise DataError("Trajectory", "t, poses", "NaN or infinity", "finite numbers")
-        if (np.diff(t) <= 0).any():
-            at = int(np.argmax(np.diff(t) <= 0)) + 1
-            raise DataError("Trajectory", f"t[{at}]", f"{t[at]!r} after {t[at - 1]!r}", "increasing times")
+        check_stamps(t, "Trajectory", "t")
+        check_rows(poses, "Trajectory", "poses", (len(t), 3))
         object.__setattr__(self, "t", t)
         object.__setattr__(self, "poses", np.column_stack([poses[:, :2], wrap_angle(poses[:, 2])]))
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.poses import Trajectory
+from pfslam.poses import Trajectory, check_rows, check_stamps
 from pfslam.sensors import RobotModel
 
 
@@ -103,16 +103,11 @@ class Recording:
 
     def __post_init__(self):
         if self.odometry is None and (self.encoders is None or self.imu is None):
-            raise DataError(
-                self.name, "odometry", "neither encoders with IMU nor odometry poses", "one of the two"
-            )
+            found = "neither encoders with IMU nor odometry poses"
+            raise DataError(self.name, "odometry", found, "one of the two")
         if self.lidar is not None and self.lidar.ranges.shape[1] != self.robot.lidar.beams:
-            raise DataError(
-                self.name,
-                "lidar ranges",
-                f"{self.lidar.ranges.shape[1]} beams",
-                f"{self.robot.lidar.beams} beams",
-            )
+            beams = (f"{n} beams" for n in (self.lidar.ranges.shape[1], self.robot.lidar.beams))
+            raise DataError(self.name, "lidar ranges", *beams)
 
     def wheels_and_gyro(self) -> tuple[Encoders, Imu]:
         """The encoders and the IMU; ``DataError`` if the recording lacks one of them."""
@@ -192,31 +187,3 @@ def image_pairs(camera: RgbdStream, max_gap: float = 0.1, every: int = 1) -> Pai
         camera.rgb_index[near][::every],
         int(np.count_nonzero(~near)),
     )
-
-
-def check_stamps(t: np.ndarray, source: str, field_name: str = "time_stamps") -> None:
-    """Raise ``DataError`` unless ``t`` is one finite, strictly increasing row of at least one stamp."""
-    t = np.asarray(t)
-    if t.ndim != 1 or len(t) == 0 or t.dtype.kind not in "fiu":
-        raise DataError(source, field_name, f"{t.dtype} of shape {t.shape}", "(K,) numbers with K >= 1")
-    if not np.isfinite(t).all():
-        at = int(np.argmin(np.isfinite(t)))
-        raise DataError(source, f"{field_name}[{at}]", t[at], "a finite time")
-    backwards = np.diff(t) <= 0
-    if backwards.any():
-        at = int(np.argmax(backwards)) + 1
-        raise DataError(
-            source, f"{field_name}[{at}]", f"{t[at]:.6f} after {t[at - 1]:.6f}", "strictly increasing times"
-        )
-
-
-def check_rows(values: np.ndarray, source: str, field_name: str, shape: tuple[int, ...]) -> None:
-    """Raise ``DataError`` unless ``values`` are finite numbers of the given shape."""
-    values = np.asarray(values)
-    if values.shape != shape or values.dtype.kind not in "fiu":
-        raise DataError(
-            source, field_name, f"{values.dtype} of shape {values.shape}", f"numbers of shape {shape}"
-        )
-    if not np.isfinite(values).all():
-        at = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
-        raise DataError(source, f"{field_name}{list(at)}", values[at], "a finite number")

@@ -180,17 +180,12 @@ class RgbdModel(Settings):
 
 @dataclass(frozen=True)
 class RobotModel(Settings):
-    """The instruments of one robot."""
+    """The instruments of one robot; the defaults are those of the report's."""
 
     encoders: EncoderModel = field(default_factory=EncoderModel)
     imu: ImuModel = field(default_factory=ImuModel)
     lidar: LidarModel = field(default_factory=LidarModel)
     camera: RgbdModel = field(default_factory=RgbdModel)
-
-    @classmethod
-    def report(cls) -> RobotModel:
-        """The robot as the report describes it (the default)."""
-        return cls()
 
 
 def nearest_ranges(angles: np.ndarray, first: float, increment: float, ranges: np.ndarray) -> np.ndarray:

@@ -36,6 +36,8 @@ NO_READING = 2047
 """The disparity that the depth camera reports where it saw nothing."""
 IMAGE_GAP, POSE_GAP = 0.1, 0.5
 """Longest time (s) from a colour image to its depth image; from an image to its state, or between two states."""
+CELL = 0.05
+"""Cell size (m) of a texture without a map."""
 MIN_POINTS = 200
 """An image with fewer floor pixels than this shows no floor."""
 MAX_SLOPE, MAX_HEIGHT, NEAR_PLANE = 0.4, 0.1, 0.02
@@ -69,8 +71,6 @@ class TextureConfig(Settings):
     """``last``: the last view of a cell stays. ``best``: the nearest, then the pixel nearest its centre."""
     crop: bool = False
     """Leave out what lies where the map knows nothing."""
-    resolution: Annotated[float, Range(0.001, 10.0)] | None = None
-    """Cell size (m); None is the map's, or 0.05 m without a map."""
 
     def __post_init__(self):
         super().__post_init__()
@@ -500,7 +500,7 @@ def camera_from_floor(
     Images with less than a quarter of their pixels on a plane are left out; with fewer than three left the
     camera stays as it is.
     """
-    rays, planes = PixelRays.of(camera, config, resolution=0.05), []
+    rays, planes = PixelRays.of(camera, config, CELL), []
     for k in np.unique(indices[np.linspace(0, len(indices) - 1, images).astype(int)]) if len(indices) else ():
         plane = rays.plane(rays.depths(read_disparity(stream, k, camera)), config)
         if np.count_nonzero(plane.inliers) >= max(len(plane.inliers) / 4, 3):
@@ -546,9 +546,8 @@ def map_texture(
     pairs = posed_pairs(stream, trajectory, config, every)
     if config.pitch == "floor plane":
         model = camera_from_floor(stream, pairs.disparity, model, config)
-    resolution = config.resolution or (grid.spec.resolution if grid is not None else 0.05)
-    rays = PixelRays.of(model, config, resolution)
-    spec = _texture_spec(grid, trajectory, rays, resolution)
+    rays = PixelRays.of(model, config, CELL if grid is None else grid.spec.resolution)
+    spec = _within_reach(trajectory, rays) if grid is None else grid.spec
     canvas, dropped, painted = np.full(spec.shape, EMPTY), Counter(pairs.dropped), 0
     for k in (progress or iter)(range(len(pairs.disparity))):
         disparity = read_disparity(stream, pairs.disparity[k], model)
@@ -559,7 +558,9 @@ def map_texture(
         dropped.update(_paint_pixels(canvas, pixels, read_rgb(stream, pairs.rgb[k], model), spec, config))
         painted += 1
     if grid is not None and config.crop:
-        dropped["cells: outside the map"] += _crop(canvas, spec, grid)
+        unknown = (canvas != EMPTY) & (grid.log_odds == 0)
+        canvas[unknown] = EMPTY
+        dropped["cells: outside the map"] += int(np.count_nonzero(unknown))
     return FloorTexture(spec, _colours(canvas), canvas != EMPTY, dict(+dropped), painted, model)
 
 
@@ -586,26 +587,8 @@ def _paint_pixels(
     return {"points: outside the colour image": hidden, "points: outside the grid": outside}
 
 
-def _texture_spec(
-    grid: OccupancyGrid | None, trajectory: Trajectory, rays: PixelRays, resolution: float
-) -> GridSpec:
-    """The grid's cells, or finer ones over the same ground; without a grid, all that the camera can reach."""
-    if grid is None:
-        sideways = np.hypot(*rays.direction[:2]).max(initial=0.0)
-        reach = np.hypot(*rays.camera.position_b[:2]) + rays.depth_limit * float(sideways)
-        return GridSpec.around(trajectory.poses[:, :2], resolution, margin=reach)
-    if resolution == grid.spec.resolution:
-        return grid.spec
-    ratio = grid.spec.resolution / resolution
-    height, width = (int(np.ceil(n * ratio - 1e-9)) for n in grid.spec.shape)
-    return replace(grid.spec, resolution=resolution, shape=(height, width))
-
-
-def _crop(canvas: np.ndarray, spec: GridSpec, grid: OccupancyGrid) -> int:
-    """Clear the painted cells whose centre lies where the map knows nothing; returns how many."""
-    iy, ix = np.nonzero(canvas != EMPTY)
-    cells = grid.spec.world_to_cell(spec.cell_to_world(np.column_stack([ix, iy])))
-    known = grid.spec.contains(cells)
-    known[known] = grid.log_odds[cells[known, 1], cells[known, 0]] != 0
-    canvas[iy[~known], ix[~known]] = EMPTY
-    return int(np.count_nonzero(~known))
+def _within_reach(trajectory: Trajectory, rays: PixelRays) -> GridSpec:
+    """Make a grid over all that the camera can reach from the trajectory."""
+    sideways = np.hypot(*rays.direction[:2]).max(initial=0.0)
+    reach = np.hypot(*rays.camera.position_b[:2]) + rays.depth_limit * float(sideways)
+    return GridSpec.around(trajectory.poses[:, :2], CELL, margin=reach)

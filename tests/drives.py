@@ -6,7 +6,8 @@ from functools import cache
 import numpy as np
 
 from pfslam.poses import compose, rotation_matrix
-from pfslam.simulator import PRESETS, GyroModel, Hazards, SlipModel, simulate
+from pfslam.simulator import PRESETS, Hazards, simulate
+from pfslam.simulator.config import GyroModel, SlipModel
 from pfslam.simulator.ground import height
 
 BEAMS = 361

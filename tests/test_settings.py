@@ -28,7 +28,7 @@ CASES = int(os.environ.get("PFSLAM_CASES", "60"))
 CONFIGURATIONS = [
     *(preset() for preset in PRESETS.values()),
     replace(SlamConfig.refined(), every=3),
-    replace(TextureConfig.refined(), resolution=0.1),
+    replace(TextureConfig.refined(), z_max=5.0),
     HALL,
 ]
 
@@ -267,7 +267,6 @@ def test_any_numbers_are_refused_by_name_or_make_a_run(seed):
 @pytest.mark.parametrize("seed", range(CASES // 10))
 def test_any_numbers_are_refused_by_name_or_make_a_texture(seed):
     rng, steps = np.random.default_rng(seed), list(TextureConfig.steps().values())
-    config = replace(steps[seed % len(steps)], resolution=0.05)
-    config, box = with_any_numbers(config, rng), box_recording(3.0, images=4)
+    config, box = with_any_numbers(steps[seed % len(steps)], rng), box_recording(3.0, images=4)
     texture = config and result_or_complaint(lambda: map_texture(box, box.truth, config=config))
     assert texture is None or (texture.rgb[texture.seen][:, 1:] == [20, 30]).all()

@@ -27,7 +27,8 @@ from pfslam.io.formats import read_relations
 from pfslam.poses import Trajectory, between
 from pfslam.recording import Recording
 from pfslam.run import SlamResult, run_slam
-from pfslam.simulator import HALL, RING, simulate
+from pfslam.simulator import HALL, simulate
+from pfslam.simulator.config import RING
 from pfslam.slam import SlamConfig
 
 CHANGES = (1.0, 0.98 / 1.02, 1.01 / 1.02)

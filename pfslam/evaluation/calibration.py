@@ -177,8 +177,7 @@ def scale(shown: np.ndarray, true: np.ndarray) -> tuple[float, float]:
     """
     if len(shown) < LEAST_BLOCKS:
         return 1.0, np.inf
-    value, error = _least_squares(shown[:, None], true)
-    return float(value[0]), float(error[0])
+    return _least_squares(shown[:, None], true)[0]
 
 
 def drift_and_scale(
@@ -191,13 +190,14 @@ def drift_and_scale(
     A = np.column_stack([seconds, shown])
     if len(true) < LEAST_BLOCKS or np.linalg.cond(A / np.linalg.norm(A, axis=0)) > INSEPARABLE:
         return (0.0, np.inf), (1.0, np.inf)
-    value, error = _least_squares(A, true)
-    return (float(value[0]), float(error[0])), (float(value[1]), float(error[1]))
+    drift, factor = _least_squares(A, true)
+    return drift, factor
 
 
-def _least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _least_squares(A: np.ndarray, b: np.ndarray) -> list[tuple[float, float]]:
     """Solve by least squares, with standard errors from each block's residual, so that slip counts in full."""
     inverse = np.linalg.inv(A.T @ A)
     value = inverse @ (A.T @ b)
     left = b - A @ value
-    return value, np.sqrt(np.diag(inverse @ ((A * left[:, None] ** 2).T @ A) @ inverse))
+    error = np.sqrt(np.diag(inverse @ ((A * left[:, None] ** 2).T @ A) @ inverse))
+    return list(zip(value.tolist(), error.tolist(), strict=True))

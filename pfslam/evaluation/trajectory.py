@@ -92,23 +92,20 @@ def share_of(part: np.ndarray, whole: np.ndarray) -> float:
     return np.count_nonzero(part) / np.count_nonzero(whole) if whole.any() else float("nan")
 
 
-def predicted_ranges(
-    grid: OccupancyGrid, pose_w: np.ndarray, lidar: LidarModel, step: float | None = None
-) -> np.ndarray:
+def predicted_ranges(grid: OccupancyGrid, pose_w: np.ndarray, lidar: LidarModel) -> np.ndarray:
     """Predict the ranges ``(beams,)`` (m) that the LiDAR should read at ``pose_w (3,)``: the h of Eq. 1 and 2.
 
-    Every beam walks from ``range_min`` in steps of ``step`` m (half a cell if None) to the first sample in an
-    occupied cell, so a range is at most one step too long; a shorter step misses fewer clipped corners.
+    Every beam walks from ``range_min`` in steps of half a cell to the first sample in an occupied cell, so a range is
+    at most one step too long.
     ``range_max`` where no cell on the way is occupied; outside the grid none is.
     """
-    step = 0.5 * grid.spec.resolution if step is None else step
     occupied = np.pad(grid.occupied, 1)  # a free rim stands for everything outside
     sensor = transform_points(pose_w, np.array([lidar.position_b[:2]]))[0]
     angles = pose_w[2] + lidar.angles
     direction = np.column_stack([np.cos(angles), np.sin(angles)])
     ranges = np.full(lidar.beams, lidar.range_max)
     walking, at_once = np.arange(lidar.beams), 64
-    distance = np.arange(lidar.range_min, lidar.range_max, step)
+    distance = np.arange(lidar.range_min, lidar.range_max, 0.5 * grid.spec.resolution)
     for some in np.split(distance, range(at_once, len(distance), at_once)):
         cells = grid.spec.world_to_cell(sensor + some[:, None] * direction[walking, None]) + 1
         ix, iy = np.clip(cells, 0, np.array(occupied.shape[::-1]) - 1).transpose(2, 0, 1)
@@ -134,25 +131,21 @@ class SlamCost:
     beams: int
 
 
-def slam_cost(
-    trajectory: Trajectory, grid: OccupancyGrid, recording: Recording, step: float | None = None
-) -> SlamCost:
+def slam_cost(trajectory: Trajectory, grid: OccupancyGrid, recording: Recording) -> SlamCost:
     """Compute the least-squares cost of a trajectory and a map. Implements Eq. 2.
 
     First sum: measured less predicted ranges, over the valid beams of each scan at one of the poses' times.
     Second sum: each pose less the motion model's prediction from the one before, heading on the circle; the
     odometry's own trajectory costs nothing there. Metres, radians and beams weigh alike, as in the report.
-    ``step`` is that of ``predicted_ranges``.
     """
-    if recording.lidar is None:
-        raise DataError(recording.name, "lidar", "no scans", "a recording with LiDAR")
+    lidar, measured = recording.robot.lidar, recording.scans()
     observation, scans, beams = 0.0, 0, 0
-    lidar, nearest = recording.robot.lidar, nearest_stamp(recording.lidar.t, trajectory.t)
+    nearest = nearest_stamp(measured.t, trajectory.t)
     for i, t, pose in zip(nearest, trajectory.t, trajectory.poses, strict=True):
-        z = recording.lidar.ranges[i]
+        z = measured.ranges[i]
         valid = lidar.valid(z)
-        if abs(recording.lidar.t[i] - t) <= SAME_TIME:
-            observation += float(np.sum((z - predicted_ranges(grid, pose, lidar, step))[valid] ** 2))
+        if abs(measured.t[i] - t) <= SAME_TIME:
+            observation += float(np.sum((z - predicted_ranges(grid, pose, lidar))[valid] ** 2))
             scans, beams = scans + 1, beams + int(np.count_nonzero(valid))
     if scans == 0:
         raise DataError(recording.name, "lidar time_stamps", "none at a pose's time", "poses at scan times")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.recording import check_rows, check_stamps
+from pfslam.poses import check_rows, check_stamps
 
 STAMP_LIMIT = (1e11, "seconds")  # the year 5138
 POSE_LIMIT = (1e8, "m and rad")

@@ -21,17 +21,7 @@ from pfslam.recording import LidarScans, Recording, RgbdStream
 from pfslam.settings import changed
 from pfslam.simulator.camera import CameraRenderer
 from pfslam.simulator.clocks import LIDAR_CLOCK, START_OF_TIME, camera_stamps, ticks_and_stamps, unix
-from pfslam.simulator.config import (
-    HALL,
-    PRESETS,
-    RAMP,
-    RING,
-    GyroModel,
-    Hazards,
-    SimulatorConfig,
-    SlipModel,
-    Timing,
-)
+from pfslam.simulator.config import HALL, PRESETS, RAMP, Hazards, SimulatorConfig
 from pfslam.simulator.drive import Drive, drive_path
 from pfslam.simulator.hazards import add_hazards
 from pfslam.simulator.lidar import measured, seen_through, true_ranges
@@ -40,21 +30,7 @@ from pfslam.simulator.world import World, make_world
 
 DEFAULT_SEED = 2021  # the building of the built-in sets
 
-__all__ = [
-    "HALL",
-    "PRESETS",
-    "RAMP",
-    "RING",
-    "Drive",
-    "GyroModel",
-    "Hazards",
-    "Simulation",
-    "SimulatorConfig",
-    "SlipModel",
-    "Timing",
-    "World",
-    "simulate",
-]
+__all__ = ["HALL", "PRESETS", "RAMP", "Hazards", "Simulation", "SimulatorConfig", "simulate"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +160,7 @@ def _camera(
     t = camera_stamps(begin, drive.duration + end, np.random.default_rng(disparity), jitter)
     t_rgb = camera_stamps(begin + 0.1445, drive.duration + end + 0.02, np.random.default_rng(rgb), jitter)
     t, t_rgb = (unix(stamps, config.quantised) - START_OF_TIME for stamps in (t, t_rgb))
-    return CameraRenderer(world, drive, config, t, t_rgb, images)
+    return CameraRenderer(world, drive, config, t, t_rgb, tuple(images.spawn(3)))
 
 
 def _stream(renderer: CameraRenderer, config: SimulatorConfig) -> RgbdStream:

@@ -43,21 +43,12 @@ def cached_simulation(name: str, progress: Callable | None = None) -> Simulation
     path = cache_folder() / f"{name}-{_key(PRESETS[name], DEFAULT_SEED)}.npz"
     if path.exists():
         try:
-            return simulate(name, ranges=_read_ranges(path))
+            return simulate(name, ranges=read_npz(path, ("ranges",))["ranges"])
         except DataError as error:
             log.warning("pfslam: simulating %s again, the cache is damaged: %s", name, error)
     simulation = simulate(name, progress=progress)
     _keep(path, name, simulation.recording.scans().ranges)
     return simulation
-
-
-def _read_ranges(path: Path) -> np.ndarray:
-    ranges = read_npz(path, ("ranges",))["ranges"]
-    if ranges.dtype != np.float32 or ranges.ndim != 2:
-        raise DataError(
-            path, "ranges", f"{ranges.dtype} of shape {ranges.shape}", "float32 of shape (K, beams)"
-        )
-    return ranges
 
 
 def _keep(path: Path, name: str, ranges: np.ndarray) -> None:

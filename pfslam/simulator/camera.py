@@ -38,43 +38,6 @@ PANEL = 1.2  # joints between wall panels (m)
 
 
 @dataclass(frozen=True, eq=False)
-class Pinhole:
-    """A pinhole camera.
-
-    ``focal`` and ``centre`` are (u, v) in pixels, ``position_o (3,)`` lies in the depth camera's frame (m).
-    """
-
-    focal: tuple[float, float]
-    centre: tuple[float, float]
-    position_o: tuple[float, float, float]
-
-    def rays_o(self, model: RgbdModel) -> np.ndarray:
-        """Compute the ray of each pixel, ``(3, height, width)`` in the optical frame, scaled to Z = 1."""
-        x = (np.arange(model.width) - self.centre[0]) / self.focal[0]
-        y = (np.arange(model.height) - self.centre[1]) / self.focal[1]
-        shape = (model.height, model.width)
-        return np.stack([np.broadcast_to(x, shape), np.broadcast_to(y[:, None], shape), np.ones(shape)])
-
-
-def depth_pinhole(model: RgbdModel) -> Pinhole:
-    """Build the depth camera (its skew must be 0)."""
-    return Pinhole((model.focal_u, model.focal_v), (model.centre_u, model.centre_v), (0.0, 0.0, 0.0))
-
-
-def rgb_pinhole(model: RgbdModel) -> Pinhole:
-    """Build the colour camera that Eq. 16 describes.
-
-    Eq. 16 turns u = f X/Z + c into a u_rgb linear in X/Z and 1/Z, which is a pinhole camera displaced along x.
-    """
-    scale = model.rgb_focal / model.rgb_divisor
-    focal = (scale * model.focal_u, scale * model.focal_v)
-    centre_u = scale * model.centre_u + model.rgb_offset_u / model.rgb_divisor
-    centre_v = scale * model.centre_v + model.rgb_offset_v / model.rgb_divisor
-    sideways = -model.rgb_baseline * model.depth_scale / model.rgb_divisor / focal[0]
-    return Pinhole(focal, (centre_u, centre_v), (sideways, 0.0, 0.0))
-
-
-@dataclass(frozen=True, eq=False)
 class View:
     """Rays of one camera on a body with some tilt, in the frame that follows the body's yaw but not its tilt.
 
@@ -111,10 +74,26 @@ class Eye:
     level: View
 
     @classmethod
-    def mounted(cls, camera: Pinhole, model: RgbdModel) -> Eye:
-        """Mount a camera where the model says."""
-        rays_b = np.einsum("ij,jhw->ihw", model.T_bo[:3, :3], camera.rays_o(model)).astype(np.float32)
-        return cls(rays_b, apply_transform(model.T_bo, camera.position_o), View.tilted(rays_b))
+    def mounted(cls, model: RgbdModel, focal, centre, sideways: float = 0.0) -> Eye:
+        """Mount a pinhole camera with ``focal``, ``centre`` (u, v) px, ``sideways`` (m) to the right of the model's."""
+        shape = (model.height, model.width)
+        x, y = ((np.arange(n) - c) / f for n, c, f in zip(shape[::-1], centre, focal, strict=True))
+        rays_o = [np.broadcast_to(x, shape), np.broadcast_to(y[:, None], shape), np.ones(shape)]
+        rays_b = np.einsum("ij,jhw->ihw", model.T_bo[:3, :3], np.stack(rays_o)).astype(np.float32)
+        return cls(rays_b, apply_transform(model.T_bo, (sideways, 0.0, 0.0)), View.tilted(rays_b))
+
+    @classmethod
+    def of_colour(cls, model: RgbdModel) -> Eye:
+        """Mount the colour camera that Eq. 16 describes.
+
+        Eq. 16 turns u = f X/Z + c into a u_rgb linear in X/Z and 1/Z, which is a pinhole camera displaced along x.
+        """
+        scale = model.rgb_focal / model.rgb_divisor
+        focal = (scale * model.focal_u, scale * model.focal_v)
+        centre_u = scale * model.centre_u + model.rgb_offset_u / model.rgb_divisor
+        centre_v = scale * model.centre_v + model.rgb_offset_v / model.rgb_divisor
+        sideways = -model.rgb_baseline * model.depth_scale / model.rgb_divisor / focal[0]
+        return cls.mounted(model, focal, (centre_u, centre_v), sideways)
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,14 +195,17 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class CameraRenderer:
-    """Renders images of a world along a drive; ``disparity_t`` and ``rgb_t`` are seconds from the first stamp."""
+    """Renders images of a world along a drive; ``disparity_t`` and ``rgb_t`` are seconds from the first stamp.
+
+    ``seeds`` are those of the floor, of the tiles of noise, and of where noise is cut from them.
+    """
 
     world: World
     drive: Drive
     config: SimulatorConfig
     disparity_t: np.ndarray
     rgb_t: np.ndarray
-    seed: np.random.SeedSequence
+    seeds: tuple[np.random.SeedSequence, ...]
 
     @property
     def model(self) -> RgbdModel:
@@ -232,27 +214,23 @@ class CameraRenderer:
     @cached_property
     def floor(self) -> Floor:
         """The painted floor."""
-        return paint_floor(self.world.plan, np.random.default_rng(self._streams[0]))
-
-    @cached_property
-    def _streams(self) -> list[np.random.SeedSequence]:
-        fresh = np.random.SeedSequence(self.seed.entropy, spawn_key=self.seed.spawn_key)
-        return fresh.spawn(3)
+        return paint_floor(self.world.plan, np.random.default_rng(self.seeds[0]))
 
     @cached_property
     def depth_eye(self) -> Eye:
         """The depth camera on this robot."""
-        return Eye.mounted(depth_pinhole(self.model), self.model)
+        model = self.model
+        return Eye.mounted(model, (model.focal_u, model.focal_v), (model.centre_u, model.centre_v))
 
     @cached_property
     def rgb_eye(self) -> Eye:
         """The colour camera on this robot."""
-        return Eye.mounted(rgb_pinhole(self.model), self.model)
+        return Eye.of_colour(self.model)
 
     @cached_property
     def _noise(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Tiles of normal noise, of uniform numbers and of colour noise."""
-        rng = np.random.default_rng(self._streams[1])
+        rng = np.random.default_rng(self.seeds[1])
         colour = np.rint(RGB_NOISE * rng.standard_normal((*TILE, 3), dtype=np.float32)).astype(np.int16)
         return rng.standard_normal(TILE, dtype=np.float32), rng.random(TILE, dtype=np.float32), colour
 
@@ -262,8 +240,7 @@ class CameraRenderer:
         model, config = self.model, self.config
         cut = self._cut(0, k)
         disparity = (model.depth_scale * inverse - np.float32(model.disparity_offset)) / model.disparity_slope
-        if config.disparity_noise:
-            disparity += np.float32(config.disparity_noise) * self._noise[0][cut]
+        disparity += np.float32(config.disparity_noise) * self._noise[0][cut]
         seen = (inverse <= 1.0 / NEAREST) & (inverse >= 1.0 / FARTHEST)
         seen &= self._noise[1][cut] >= config.missing_disparity
         return np.where(seen, np.rint(disparity), NO_READING).astype(np.uint16)
@@ -288,7 +265,11 @@ class CameraRenderer:
         origin = np.array([x, y, z]) + rotation_matrix(roll, pitch, yaw) @ eye.position_b
         around = skyline(self.world, origin[:2], yaw, t)
         wall = view.level * around.inverse_distance[view.column]
-        ground = ground_in_view(self.world.slopes, origin, yaw, view.ray)
+        c, s = np.float32(np.cos(yaw)), np.float32(np.sin(yaw))
+        ahead, aside, up = view.ray
+        slopes = [slope for slope in self.world.slopes if slope.may_be_seen(origin, yaw)]
+        in_plan = (c * ahead - s * aside, s * ahead + c * aside, up) if slopes else view.ray
+        ground = ground_in_view(slopes, origin, in_plan)
         return Sight(np.maximum(wall, ground), ground >= wall, view, around, origin, yaw)
 
     def _colours(self, sight: Sight) -> np.ndarray:
@@ -312,6 +293,6 @@ class CameraRenderer:
 
     def _cut(self, stream: int, index: int) -> tuple[slice, slice]:
         """Choose where the noise of one image is cut from the tiles."""
-        rng = np.random.default_rng([*self._streams[2].generate_state(2), stream, int(index)])
+        rng = np.random.default_rng([*self.seeds[2].generate_state(2), stream, int(index)])
         v, u = rng.integers(0, [TILE[0] - self.model.height, TILE[1] - self.model.width])
         return slice(v, v + self.model.height), slice(u, u + self.model.width)

@@ -101,7 +101,7 @@ class SimulatorConfig(Settings):
     cruise_speed: Annotated[float, Range(0.01, 100.0)] = 0.97
     top_yaw_rate: Annotated[float, Range(0.01, 100.0)] = 1.5
     slopes: bool = False
-    robot: RobotModel = field(default_factory=RobotModel.report)
+    robot: RobotModel = field(default_factory=RobotModel)
     timing: Timing = field(default_factory=Timing)
     slip: SlipModel = field(default_factory=SlipModel)
     gyro: GyroModel = field(default_factory=GyroModel)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,19 +27,16 @@ class Slope:
             return replace(self, sides=(-self.sides[1], -self.sides[0]))
         return replace(self, knots=tuple(-k for k in self.knots[::-1]), heights=self.heights[::-1])
 
-    def along_across(self, points_p) -> tuple[np.ndarray, np.ndarray]:
-        """Split points ``(..., 2)`` into their coordinates along the hump's axis and across it."""
-        points_p = np.asarray(points_p)
-        return (
-            (points_p[..., 0], points_p[..., 1]) if self.axis == "x" else (points_p[..., 1], points_p[..., 0])
-        )
+    def may_be_seen(self, origin: np.ndarray, yaw: float) -> bool:
+        """Return whether any corner lies in front of a camera that looks along ``yaw`` (rad), or just behind it."""
+        corners = np.array([(u, v) for u in (self.knots[0], self.knots[-1]) for v in self.sides])
+        corners = corners if self.axis == "x" else corners[:, ::-1]
+        return bool(((corners - origin[:2]) @ [np.cos(yaw), np.sin(yaw)] > -0.5).any())
 
     def faces(self) -> list[tuple[float, float, float, float]]:
         """List the planes above the flat ground as (from, to, height at 0, slope) along the axis."""
         faces = []
-        for a, b, ha, hb in zip(
-            self.knots[:-1], self.knots[1:], self.heights[:-1], self.heights[1:], strict=True
-        ):
+        for (a, ha), (b, hb) in pairwise(zip(self.knots, self.heights, strict=True)):
             slope = (hb - ha) / (b - a)
             if ha or hb:
                 faces.append((a, b, ha - slope * a, slope))
@@ -49,7 +48,7 @@ def height(slopes: tuple[Slope, ...], points_p) -> np.ndarray:
     points_p = np.asarray(points_p, dtype=float)
     z = np.zeros(points_p.shape[:-1])
     for slope in slopes:
-        along, across = slope.along_across(points_p)
+        along, across = (points_p[..., k] for k in ((0, 1) if slope.axis == "x" else (1, 0)))
         inside = (across >= slope.sides[0]) & (across <= slope.sides[1])
         z = np.where(inside, np.maximum(z, np.interp(along, slope.knots, slope.heights)), z)
     return z
@@ -85,58 +84,29 @@ def rotations(roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> np.ndarra
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def ground_distance(slopes: tuple[Slope, ...], origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Find t ``(...)`` so that ``origin + t direction``, both ``(..., 3)``, lies on the ground; infinity if never.
+def ground_in_view(slopes: Sequence[Slope], origin, direction) -> np.ndarray:
+    """Compute the inverse of the t at which rays ``origin + t direction`` meet the ground, 0 where they never do.
 
-    The plane z = 0 runs on below the humps, where a ray reaches a face first, so the nearest of all is right.
+    ``origin`` is x, y, z in the plan, three numbers or arrays; ``direction`` three arrays, and the result is like them.
+    A plane's 1 / t is linear in the direction, which makes images fast. The plane z = 0 runs on below the humps, where
+    a ray reaches a face first, so the nearest of all is right.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = origin[..., 2] / -direction[..., 2]
-        t = np.where(t > 0.0, t, np.inf)
-        for slope in slopes:
-            at, aside = slope.along_across(origin[..., :2])
-            along, across = slope.along_across(direction[..., :2])
-            for begin, end, base, rise in slope.faces():
-                face = (base + rise * at - origin[..., 2]) / (direction[..., 2] - rise * along)
-                u, v = at + face * along, aside + face * across
-                on = (face > 0.0) & (u >= begin) & (u <= end) & (v >= slope.sides[0]) & (v <= slope.sides[1])
-                t = np.where(on, np.minimum(t, face), t)
-    return t
+    x, y, z = direction
 
+    def like(value):
+        return np.asarray(value, dtype=z.dtype)
 
-def ground_in_view(slopes: tuple[Slope, ...], origin: np.ndarray, yaw: float, ray: np.ndarray) -> np.ndarray:
-    """Compute the inverse depth ``(H, W)`` float32 of the ground along camera rays ``(3, H, W)``.
-
-    ``yaw`` turns the rays into the plan. The ground is that of ``ground_distance``; a plane's inverse depth is linear
-    in the ray, which makes images fast.
-    """
-    inverse = ray[2] * np.float32(-1.0 / origin[2])
-    np.maximum(inverse, np.float32(0.0), out=inverse)
-    c, s = np.cos(yaw), np.sin(yaw)
+    inverse = np.maximum(z * like(-1.0 / origin[2]), like(0.0))
     for slope in slopes:
-        if not _may_be_seen(slope, origin, (c, s)):
-            continue
-        at, aside = slope.along_across(origin[:2])
-        ways = (
-            np.float32(c) * ray[0] - np.float32(s) * ray[1],
-            np.float32(s) * ray[0] + np.float32(c) * ray[1],
-        )
-        along, across = ways if slope.axis == "x" else ways[::-1]
+        at, aside = origin[:2] if slope.axis == "x" else origin[1::-1]
+        along, across = (x, y) if slope.axis == "x" else (y, x)
         for begin, end, base, rise in slope.faces():
             above = origin[2] - base - rise * at
-            if above <= 0.0:  # the camera is behind this plane, which faces away
-                continue
-            face = (np.float32(rise) * along - ray[2]) * np.float32(1.0 / above)
-            first, last = face * np.float32(begin - at), face * np.float32(end - at)
-            on = (face > inverse) & (along >= first) & (along <= last)
-            left, right = face * np.float32(slope.sides[0] - aside), face * np.float32(slope.sides[1] - aside)
-            on &= (across >= left) & (across <= right)
+            seen = above > 0.0  # else the ray begins behind this plane, which faces away
+            face = (like(rise) * along - z) * like(1.0 / np.where(seen, above, np.inf))
+            on = seen & (face > inverse)
+            on &= (along >= face * like(begin - at)) & (along <= face * like(end - at))
+            left, right = slope.sides
+            on &= (across >= face * like(left - aside)) & (across <= face * like(right - aside))
             np.copyto(inverse, face, where=on)
     return inverse
-
-
-def _may_be_seen(slope: Slope, origin: np.ndarray, ahead: tuple[float, float]) -> bool:
-    """Return whether any corner of a hump lies in front of the camera, or just behind it."""
-    ends = [(u, v) for u in (slope.knots[0], slope.knots[-1]) for v in slope.sides]
-    corners = np.array(ends) if slope.axis == "x" else np.array(ends)[:, ::-1]
-    return bool((((corners - origin[:2]) @ np.array(ahead)) > -0.5).any())

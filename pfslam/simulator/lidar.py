@@ -16,7 +16,7 @@ from pfslam.poses import compose
 from pfslam.sensors import LidarModel
 from pfslam.simulator.config import SimulatorConfig
 from pfslam.simulator.drive import Drive
-from pfslam.simulator.ground import ground_distance, rotations
+from pfslam.simulator.ground import ground_in_view, rotations
 from pfslam.simulator.world import World, cross
 
 CHUNK = 96  # scans at a time: what they need fits into the processor's cache
@@ -40,22 +40,6 @@ def sensor_at(world: World, drive: Drive, t: np.ndarray, position_b) -> Sensor:
     poses_p = compose(world.pose_pw, poses)
     rotation = rotations(roll, pitch, poses_p[:, 2])
     return Sensor(t, np.column_stack([poses_p[:, :2], z]) + rotation @ np.asarray(position_b), rotation)
-
-
-def cast(
-    world: World, sensor: Sensor, angles, progress: Callable | None = None, only_walls: bool = False
-) -> np.ndarray:
-    """Cast beams at ``angles (B,)`` (evenly spaced, rad): true ranges ``(S, B)`` in metres, infinity for no hit."""
-    ranges = np.full((len(sensor.t), len(angles)), np.inf)
-    beams = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
-    for first in (progress or iter)(range(0, len(sensor.t), CHUNK)):
-        part = slice(first, first + CHUNK)
-        here = Sensor(*(values[part] for values in sensor))
-        _meet_walls(ranges[part], world, here, angles)
-        if not only_walls:
-            direction = np.swapaxes(here.rotation @ beams, 1, 2)
-            _meet_the_rest(ranges[part], world, here.t[:, None], here.origin[:, None], direction)
-    return ranges
 
 
 def _meet_walls(ranges: np.ndarray, world: World, sensor: Sensor, angles: np.ndarray) -> None:
@@ -118,7 +102,9 @@ def _meet_the_rest(ranges: np.ndarray, world: World, t: np.ndarray, origin, dire
         ranges[near] = np.minimum(ranges[near], met)
     tilted = np.flatnonzero(np.abs(direction[..., 2]).max(axis=1) > 1e-9)
     if len(tilted):  # a level plane 0.51 m up passes above every hump
-        nearest = ground_distance(world.slopes, origin[tilted], direction[tilted])
+        start, way = np.moveaxis(origin[tilted], -1, 0), np.moveaxis(direction[tilted], -1, 0)
+        with np.errstate(divide="ignore"):
+            nearest = 1.0 / ground_in_view(world.slopes, start, way)
         ranges[tilted] = np.minimum(ranges[tilted], nearest)
 
 
@@ -170,12 +156,19 @@ def true_ranges(
     A LiDAR with a ``sweep`` measures its beams one after the other, the middle one at the stamp, so that motion
     distorts the scan. ``progress`` wraps the work; ``only_walls`` leaves people and ground out.
     """
+    angles, ranges = lidar.angles, np.full((len(t), lidar.beams), np.inf)
     if lidar.sweep == 0.0:
-        sensor = sensor_at(world, drive, t, lidar.position_b)
-        return cast(world, sensor, lidar.angles, progress, only_walls)
+        beams = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
+        for first in (progress or iter)(range(0, len(t), CHUNK)):
+            some = slice(first, first + CHUNK)
+            here = sensor_at(world, drive, t[some], lidar.position_b)
+            _meet_walls(ranges[some], world, here, angles)
+            if not only_walls:
+                direction = np.swapaxes(here.rotation @ beams, 1, 2)
+                _meet_the_rest(ranges[some], world, here.t[:, None], here.origin[:, None], direction)
+        return ranges
     least = max(lidar.beams // PART_BEAMS, int(np.ceil(lidar.sweep / PART_TIME)))
     parts = np.array_split(np.arange(lidar.beams), min(least, max(lidar.beams // 2, 1)))
-    ranges = np.empty((len(t), lidar.beams))
     for first in (progress or iter)(range(0, len(t), SWEEP_CHUNK)):
         for beams in parts:
             some = slice(first, first + SWEEP_CHUNK)

@@ -15,8 +15,9 @@ from pfslam.poses import Trajectory, between, compose, invert
 from pfslam.recording import LidarScans, Recording
 from pfslam.run import used_scans
 from pfslam.sensors import LidarModel, RobotModel
-from pfslam.simulator import HALL, Simulation, Timing
+from pfslam.simulator import HALL, Simulation
 from pfslam.simulator.clocks import START_OF_TIME
+from pfslam.simulator.config import Timing
 from pfslam.simulator.drive import drive_path, make_path, start_pose
 from pfslam.simulator.lidar import measured, true_ranges
 from pfslam.simulator.odometry import encoder_counts, imu_samples
