@@ -12,7 +12,6 @@ from pfslam.sensors import RgbdModel
 from pfslam.texture import (
     associate_rgb,
     back_project,
-    depth_for_step,
     depth_from_disparity,
     depth_mask,
     disparity_from_depth,
@@ -61,38 +60,22 @@ def test_an_image_of_depths_comes_back_within_half_a_step_and_nothing_stays_noth
     assert np.isnan(found[len(depths) :]).all()
 
 
-def test_one_step_of_disparity_costs_3_mm_at_1_m_and_27_mm_at_3_m():
-    assert depth_step(1.0, CAMERA) == pytest.approx(0.003, abs=0.0005)
-    assert depth_step(3.0, CAMERA) == pytest.approx(0.027, abs=0.0005)
-    d = disparity_from_depth(2.0, CAMERA)
-    by_difference = (depth_from_disparity(d + 0.01, CAMERA) - depth_from_disparity(d - 0.01, CAMERA)) / 0.02
-    assert depth_step(2.0, CAMERA) == pytest.approx(by_difference, rel=1e-4)
-    assert depth_step(depth_for_step(0.02, CAMERA), CAMERA) == pytest.approx(0.02)
+# Eq. 16 to 18
 
 
-# Eq. 16
-
-
-def test_colour_association_is_a_second_pinhole_camera_26_mm_to_the_side():
-    rng = np.random.default_rng(0)
-    X, Y = rng.uniform(-1, 1, (2, 100))
-    Z = rng.uniform(0.5, 5, 100)
-    u, v = 585.051 * X / Z + 315.838, 585.051 * Y / Z + 242.941
-    u_rgb, v_rgb = associate_rgb(u, v, disparity_from_depth(Z, CAMERA), CAMERA)
-    assert u_rgb == pytest.approx(526.37 * (X - 0.02635) / Z + 317.1, abs=0.02)
-    assert v_rgb == pytest.approx(526.37 * Y / Z + 247.05, abs=0.02)
-
-
-# Eq. 17 and 18
-
-
-def test_opencv_projects_back_projected_points_onto_their_pixels():
+def test_opencv_projects_back_projected_points_onto_their_pixels_in_both_cameras():
+    """By Eq. 16 the colour camera is a second pinhole, 26 mm to the side."""
     v, u = np.indices((480, 640)).reshape(2, -1)[:, ::97]
     depth = np.random.default_rng(1).uniform(0.4, 8.0, len(u))
     points = back_project(u, v, depth, CAMERA.K)
-    intrinsic = np.array([[585.05108211, 0, 315.83800193], [0, 585.05108211, 242.94140713], [0, 0, 1.0]])
-    pixels, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), intrinsic, None)
-    assert pixels[:, 0] == pytest.approx(np.column_stack([u, v]), abs=1e-6)
+    colour = associate_rgb(u, v, disparity_from_depth(depth, CAMERA), CAMERA)
+    for pixels, focal, centre, aside, tolerance in (
+        ((u, v), 585.05108211, (315.83800193, 242.94140713), 0.0, 1e-6),
+        (colour, 526.37, (317.1, 247.05), -0.02635, 0.02),
+    ):
+        intrinsic = np.array([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1.0]])
+        found, _ = cv2.projectPoints(points, np.zeros(3), np.array([aside, 0.0, 0.0]), intrinsic, None)
+        assert found[:, 0] == pytest.approx(np.column_stack(pixels), abs=tolerance)
     assert points[:, 2] == pytest.approx(depth)
 
 
@@ -155,15 +138,6 @@ def test_a_plane_between_two_bins_of_the_vote_beats_a_smaller_one_within_a_bin()
     x, height = rng.uniform(0.6, 3.0, 1000), np.where(np.arange(1000) < 600, 0.01, 0.08)
     plane = fit_floor_plane(np.column_stack([x, 0 * x, height + rng.normal(0, 0.002, 1000)]))
     assert plane.height == pytest.approx(0.01, abs=0.002)
-
-
-def test_three_points_are_enough_for_a_plane_and_two_are_not():
-    """The vote knows slopes in steps of 0.01; with three points the slope is that of the line through them."""
-    x = np.array([0.8, 1.6, 2.4])
-    points = np.column_stack([x, 0 * x, 0.01 + 0.034 * x])
-    assert np.tan(fit_floor_plane(points).pitch_error) == pytest.approx(0.034, abs=1e-12)
-    voted = np.tan(fit_floor_plane(points[:2]).pitch_error)
-    assert voted == pytest.approx(round(voted, 2), abs=1e-12)
 
 
 def test_the_fitted_plane_corrects_the_pitch_and_height_of_the_camera():

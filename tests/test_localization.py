@@ -99,16 +99,6 @@ def test_the_bound_is_the_chi_square_quantile(epsilon, delta):
     assert kld_bound(1, epsilon, delta) == 1.0
 
 
-def test_so_many_draws_keep_the_promise_of_the_bound():
-    """Fox's statement itself: K-L distance of empirical to true distribution, above epsilon in a share delta."""
-    rng, k, epsilon, delta = np.random.default_rng(0), 40, 0.05, 0.1
-    n = int(np.ceil(kld_bound(k, epsilon, delta)))
-    truth = rng.dirichlet(5.0 * np.ones(k))
-    drawn = rng.multinomial(n, truth, size=4000) / n
-    distance = np.sum(drawn * np.log(np.where(drawn > 0, drawn / truth, 1.0)), axis=1)
-    assert 0.07 < np.mean(distance > epsilon) < 0.13
-
-
 def test_particles_are_counted_until_they_suffice():
     least, rng = 10, np.random.default_rng(1)
     poses = rng.uniform([0.0, 0.0, -3.0], [20.0, 20.0, 3.0], (20_000, 3))
