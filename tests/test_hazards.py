@@ -95,7 +95,9 @@ def test_people_meet_the_robot_and_never_touch_it(name, seed):
         assert world.is_floor(
             (person.at(t[::20])[:, None] + circle)[np.isfinite(away[::20])].reshape(-1, 2)
         ).all()
-        assert (np.hypot(*np.diff(person.centres, axis=0).T) < 0.25).all()  # no jumps: at most 2.5 m/s
+        assert (
+            np.hypot(*np.diff(person.centres, axis=0).T) < 0.4
+        ).all()  # no jumps; who passes outside a bend hurries
     # They come and go where the robot does not see them: with or without them it reads the same.
     for person in world.people:
         without = replace(world, people=tuple(other for other in world.people if other is not person))

@@ -21,6 +21,7 @@ from pfslam.sensors import scan_points
 from pfslam.simulator import HALL, RAMP, Hazards, SimulatorConfig, simulate
 from pfslam.simulator.clocks import START_OF_TIME
 from pfslam.simulator.drive import path_length
+from pfslam.simulator.ground import stance
 from pfslam.simulator.plan import outline
 from pfslam.simulator.world import make_world
 
@@ -169,6 +170,17 @@ def test_scan_points_fall_on_the_walls():
     # Noise of 1 cm along the beam is at most 1 cm across the wall.
     assert 0.004 < np.sqrt(np.mean(off**2)) < 0.0105
     assert off.max() < 0.06
+
+
+def test_stance_on_a_ramp():
+    slopes = make_world(RAMP, np.random.SeedSequence(3)).slopes
+    slope = next(s for s in slopes if s.axis == "x")
+    tilt = np.arctan((slope.heights[1] - slope.heights[0]) / (slope.knots[1] - slope.knots[0]))
+    middle = np.array([0.5 * (slope.knots[0] + slope.knots[1]), 0.0])
+    z, pitch, roll = stance(slopes, np.array([[*middle, 0.0], [*middle, np.pi], [*middle, np.pi / 2]]))
+    assert z == pytest.approx([0.5 * slope.heights[1]] * 3)
+    assert pitch == pytest.approx([-tilt, tilt, 0.0])  # up: nose up; back down: nose down
+    assert roll == pytest.approx([0.0, 0.0, -tilt], abs=1e-9)
 
 
 # --- the building ---------------------------------------------------------------------------------
