@@ -21,7 +21,7 @@ from pfslam.sensors import scan_points
 from pfslam.simulator import HALL, RAMP, Hazards, SimulatorConfig, simulate
 from pfslam.simulator.clocks import START_OF_TIME
 from pfslam.simulator.drive import path_length
-from pfslam.simulator.ground import stance
+from pfslam.simulator.ground import ground_in_view, height, stance
 from pfslam.simulator.plan import outline
 from pfslam.simulator.world import make_world
 
@@ -181,6 +181,21 @@ def test_stance_on_a_ramp():
     assert z == pytest.approx([0.5 * slope.heights[1]] * 3)
     assert pitch == pytest.approx([-tilt, tilt, 0.0])  # up: nose up; back down: nose down
     assert roll == pytest.approx([0.0, 0.0, -tilt], abs=1e-9)
+
+
+def test_rays_from_anywhere_end_where_small_steps_along_them_meet_the_ground():
+    slopes, rng = make_world(RAMP, np.random.SeedSequence(3)).slopes, np.random.default_rng(0)
+    origin = rng.uniform([-3.0, -3.0, 0.6], [12.0, 12.0, 1.2], (1000, 3))
+    direction = rng.uniform([-1.0, -1.0, -0.6], [1.0, 1.0, -0.05], (1000, 3))
+    step = origin[:, 2] / -direction[:, 2] / 2000
+    points = origin + (np.arange(2002)[:, None] * step)[..., None] * direction
+    above = points[..., 2] - height(slopes, points[..., :2])
+    met, ray = np.argmax(above <= 0.0, axis=0), np.arange(1000)
+    # Not through a hump's side, where a wall would stand.
+    ahead = above[met - 1, ray] - above[met, ray] < 0.01
+    t = 1.0 / ground_in_view(slopes, origin.T, direction.T)
+    assert (np.abs(t - met * step) <= 1.01 * step)[ahead].all()
+    assert (ahead & (points[met, ray, 2] > 0.05)).sum() > 50
 
 
 # --- the building ---------------------------------------------------------------------------------
