@@ -81,6 +81,18 @@ def test_back_projected_pixels_lie_on_the_ground_or_the_walls(name):
         assert not len(off) or (off < 0.02).mean() > 0.95
 
 
+def test_who_walks_ahead_of_the_robot_is_in_the_picture():
+    simulation = simulated("hall", exact=True, people=6)
+    t, person = simulation.renderer.disparity_t, simulation.world.people[0]
+    k = int(np.searchsorted(t, np.mean(person.t[[0, -1]])))
+    depth = simulation.renderer.true_depth(k)
+    centre = transform_points(simulation.world.pose_wp, person.at(t[k : k + 1]))
+    off = np.abs(
+        np.hypot(*np.moveaxis(points_w(simulation, k, depth)[..., :2] - centre[0], -1, 0)) - person.radius
+    )
+    assert np.count_nonzero((off < 0.01) & (depth < 3.0)) > 5000
+
+
 # --- colour -----------------------------------------------------------------------------------------
 
 
