@@ -99,17 +99,6 @@ def test_headings_on_both_sides_of_pi_are_two_boxes_even_if_one_side_holds_a_sin
     assert [list(part) for part in cheapest_boxes(nodes, REACH, 200)] == [[0], [1, 2, 3, 4, 5]]
 
 
-def test_wide_cloud_over_a_distance_field_scores_whole_numbers():
-    rng, occupied, spec, points = random_case(13)
-    field, poses = score_field(occupied, "distance"), rng.normal(0, [0.3, 0.3, 0.5], (8, 3))
-    for found in search(field, spec, points, poses, LATTICE, WINDOW):
-        for scores, node in zip(found.scores, found.nodes, strict=True):
-            for score, pose in zip(scores, LATTICE.pose(node + WINDOW.steps()), strict=True):
-                cells = spec.world_to_cell(transform_points(pose, points))
-                ix, iy = cells[spec.contains(cells)].T
-                assert score == field.values[iy, ix].astype(int).sum()
-
-
 @given(
     st.lists(st.tuples(*[st.integers(-300, 300)] * 3), min_size=1, max_size=40, unique=True),
     st.integers(1, 2000),

@@ -194,19 +194,3 @@ def test_resampled_cloud_has_copies_with_equal_weights_that_share_no_memory(sche
     np.testing.assert_allclose(after.weights, 0.25)
     assert {tuple(p) for p in after.poses} <= {tuple(p) for p in cloud.poses}
     assert not np.shares_memory(after.poses, cloud.poses)
-
-
-class Ones:
-    """A random generator whose every draw is one."""
-
-    def standard_normal(self, n):
-        return np.ones(n)
-
-
-@pytest.mark.parametrize(("per_root_second", "scale"), [(False, 1.0), (True, 2.0)])
-def test_noise_is_added_to_the_control_and_never_taken_away(per_root_second, scale):
-    """Eq. 11 with w = 1 throughout, dt = 1/4 s: v + sigma_v and omega + sigma_omega, or twice the sigmas."""
-    noise = ControlNoise(0.4, 0.2, per_root_second)
-    moved = predict(Particles.at([1.0, 2.0, 0.0], 3), 1.0, 0.5, 0.25, noise, Ones())
-    expected = [1.0 + 0.25 * (1.0 + scale * 0.4), 2.0, 0.25 * (0.5 + scale * 0.2)]
-    np.testing.assert_allclose(moved.poses, np.tile(expected, (3, 1)), rtol=1e-14)
