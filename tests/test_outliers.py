@@ -5,12 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from rooms import LIDAR, box, drive, scan
+from rooms import CURVES, LIDAR, box, drive, scan
 
 import pfslam
 from pfslam.correlation import score_field
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
+from pfslam.poses import compose, transform_points
 from pfslam.refined.outliers import (
     RADIUS,
     OutlierConfig,
@@ -20,9 +21,9 @@ from pfslam.refined.outliers import (
     seen_again_or_through,
     settle_hits,
 )
-from pfslam.run import better_look, needs_second_look, run_slam
+from pfslam.run import better_look, needs_second_look, run_slam, slam_steps, used_scans
 from pfslam.simulator import Hazards, simulate
-from pfslam.slam import SlamConfig
+from pfslam.slam import SlamConfig, slam_step
 
 CONFIG = OutlierConfig()
 MAP = SlamConfig.refined().map
@@ -175,16 +176,32 @@ def test_behind_a_person_who_walks_ahead_a_second_look_finds_the_way():
     assert second.distrust == []
 
 
-@pytest.mark.nightly
-def test_noisy_ranges_alone_ask_for_a_second_look():
-    quiet = pfslam.load("hall")
-    ranges = quiet.lidar.ranges
-    noise = np.random.default_rng(0).normal(0.0, 0.06, ranges.shape).astype(ranges.dtype)
-    noise[~quiet.robot.lidar.valid(ranges)] = 0.0
-    noisy = replace(quiet, lidar=replace(quiet.lidar, ranges=np.maximum(ranges + noise, 0.0)))
-    run = run_slam(quiet, FEW, keep_particles=False, second_look=False)
-    assert not needs_second_look(quiet, run)
-    assert needs_second_look(noisy, run)
+def test_beams_that_end_where_nothing_is_have_no_say_in_the_pose():
+    config = replace(FEW.robust(), particles=10, draw_metres=0.0)
+    room = drive(CURVES)
+    events = list(used_scans(room, config).events())
+    belief, _ = list(slam_steps(room, config, np.random.default_rng(0)))[29]
+    event, pose = events[30], compose(belief.estimate, events[30].motion)
+    points = event.points_b.copy()
+    points[::7] *= 0.6
+    known = inliers(belief.grid, belief.map.field, transform_points(pose, points), MAP.free, config.outliers)
+    assert np.count_nonzero(~known[::7]) > 10
+    found = [
+        slam_step(replace(belief, map=belief.map.copy()), seen, config, np.random.default_rng(1))[1].estimate
+        for seen in (
+            replace(event, points_b=points),
+            replace(event, points_b=points[known], beams=event.beams[known]),
+        )
+    ]
+    np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.parametrize(("sigma", "robust"), [(0.0, False), (0.06, True)])
+def test_noisy_ranges_alone_ask_for_a_second_look(sigma, robust):
+    room = drive([(3.0, 10, 0.1)])
+    ranges = room.lidar.ranges + np.random.default_rng(0).normal(0.0, sigma, room.lidar.ranges.shape)
+    result = run_slam(replace(room, lidar=replace(room.lidar, ranges=np.maximum(ranges, 0.0))), FEW)
+    assert (result.config.outliers is not None) == robust
 
 
 def test_the_second_look_stands_unless_it_is_more_in_doubt_and_always_in_noise():

@@ -5,16 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.events import level_scan
 from pfslam.io.datasets import load
 from pfslam.motion import controls
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, Recording
 from pfslam.refined.tilt import LEVEL_BELOW, SPEED_SMOOTHING, TIME_CONSTANT, estimate_tilt, upright
-from pfslam.run import run_slam, used_scans
+from pfslam.run import used_scans
 from pfslam.sensors import STANDARD_GRAVITY, EncoderModel, LidarModel
-from pfslam.simulator import RAMP, simulate
 from pfslam.slam import SlamConfig
 
 T = np.arange(0.0, 20.0, 0.01)
@@ -144,20 +142,6 @@ def test_wheels_measure_along_a_slope_and_the_map_is_seen_from_above():
     for plain, event, share in zip(flat.events(), leans.events(), shorter, strict=True):
         np.testing.assert_allclose(event.controls[0], share * plain.controls[0])
     assert not used_scans(load("hall"), config).tilt.any()
-
-
-@pytest.mark.nightly
-def test_slopes_are_driven_better_with_the_tilt_than_without():
-    recording = simulate(RAMP).recording
-    config = replace(SlamConfig.refined(), particles=5, every=10)
-    errors, struck = {}, {}
-    for name, tilt in (("with", True), ("without", False)):
-        result = run_slam(recording, replace(config, tilt=tilt))
-        errors[name] = trajectory_error(result.trajectory, recording.truth).ate_rmse_m
-        struck[name] = result.dropped.get("beams that struck the floor", 0)
-    assert struck["with"] > 0 == struck["without"]
-    # The LiDAR stands 0.51 m up: 10 to 20 degrees carry it 0.09 to 0.18 m to the front, seen from above.
-    assert errors["with"] < 0.5 * errors["without"]
 
 
 @pytest.mark.parametrize("up", [(0, 0, 1), (0.6, 0, 0.8), (0, -1, 0), (0.1, 0.2, -0.95), (0, 0, -1)])
