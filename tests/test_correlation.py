@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pfslam.correlation import ScoreField, map_correlation, renew_field, score_field, squared_distance
+from pfslam.correlation import ScoreField, map_correlation, renew_field, score_field
 from pfslam.grid import GridSpec
 from pfslam.poses import transform_points
 from pfslam.refined.search import boxes, volume
 from pfslam.refined.search.boxes import cheapest_boxes
-from pfslam.refined.search.lattice import Lattice, Window, distinct_nodes
+from pfslam.refined.search.lattice import Lattice, Window
 from pfslam.refined.search.volume import search
 
 SPEC = GridSpec((-1.0, -2.0), 0.5, (8, 6))
@@ -23,9 +23,6 @@ def test_definition_counts_points_on_occupied_cells():
     score = map_correlation(occupied, SPEC, np.array(points))
     assert score == 4  # two points of one cell count twice
     assert isinstance(score, int)
-
-
-def test_points_outside_the_grid_score_nothing():
     outside = np.array([[-1.01, 0.0], [2.0, 0.0], [0.0, -2.01], [0.0, 2.0], [-700.0, 900.0]])
     assert map_correlation(np.ones((8, 6), dtype=bool), SPEC, outside) == 0
     assert map_correlation(np.ones((8, 6), dtype=bool), SPEC, np.zeros((0, 2))) == 0
@@ -60,68 +57,38 @@ def random_case(seed, beams=25, cells=(30, 40), share=0.3, resolution=0.05):
 
 
 LATTICE, WINDOW = Lattice(0.05, 0.01), Window(2, 2)
+CASES = {
+    "compact": {},
+    "one beam": {"beams": 1, "spread": (0.1, 0.1, 0.1)},
+    "one node": {"spread": (0, 0, 0), "window": Window(0, 0)},
+    "unequal window": {"window": Window(3, 1)},
+    "the report's": {"window": Window(4, 4), "lattice": Lattice(0.05, 0.005), "particles": 2},
+    "right edge": {"centres": [(1.0, 0.0, 1.0)]},
+    "lower edge": {"centres": [(0.0, -0.9, 1.0)]},
+    "beyond": {"centres": [(50.0, -80.0, 1.0)]},
+    "both sides of pi": {"centres": [(0, 0, np.pi), (0, 0, -np.pi)], "lattice": Lattice(0.05, 0.0073)},
+    "wide": {"spread": (0.3, 0.3, 0.5), "particles": 8},
+    "rooms apart": {"centres": [(-2, -2, -3.0), (2, 2, 0.0), (2.5, -2, 1.5)], "cells": (120, 140)},
+}
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_search_equals_the_definition_on_random_maps_and_clouds(seed):
-    rng, occupied, spec, points = random_case(seed)
-    poses = rng.normal(0.0, [0.1, 0.1, 0.03], (12, 3))
-    assert_search_is_the_definition(occupied, spec, points, poses, LATTICE, WINDOW)
-
-
-@pytest.mark.parametrize("yaw_step", [0.01, 0.005, 0.0073])
-def test_search_equals_the_definition_for_headings_on_both_sides_of_pi(yaw_step):
-    rng, occupied, spec, points = random_case(7)
-    poses = rng.normal(0.0, [0.05, 0.05, 0.02], (10, 3))
-    poses[:, 2] = np.pi - np.abs(poses[:, 2])
-    poses[::2, 2] *= -1
-    assert_search_is_the_definition(occupied, spec, points, poses, Lattice(0.05, yaw_step), WINDOW)
-
-
-@pytest.mark.parametrize("offset", [(1.0, 0.0), (0.0, -0.9), (-1.7, 1.2), (50.0, -80.0)])
-def test_search_equals_the_definition_at_and_beyond_the_edge_of_the_map(offset):
-    rng, occupied, spec, points = random_case(8)
-    poses = rng.normal(0.0, [0.1, 0.1, 0.02], (6, 3)) + [*offset, 1.0]
-    assert_search_is_the_definition(occupied, spec, points, poses, LATTICE, WINDOW)
-
-
-def test_search_with_one_beam_one_particle_and_the_smallest_window():
-    rng, occupied, spec, points = random_case(9, beams=1)
-    assert_search_is_the_definition(occupied, spec, points, rng.normal(0, 0.1, (5, 3)), LATTICE, WINDOW)
-    assert_search_is_the_definition(occupied, spec, points, np.zeros((1, 3)), LATTICE, Window(0, 0))
-
-
-def test_search_with_unequal_window_and_cells_counted_twice():
-    rng, occupied, spec, points = random_case(10)
-    doubled = np.concatenate([points, points[:10]])
-    assert_search_is_the_definition(
-        occupied, spec, doubled, rng.normal(0, 0.1, (5, 3)), LATTICE, Window(3, 1)
-    )
-
-
-def test_wide_cloud_is_cut_into_boxes_with_the_same_scores():
-    rng, occupied, spec, points = random_case(11, cells=(120, 140))
-    centres = np.array([[-2.0, -2.0, -3.0], [2.0, 2.0, 0.0], [2.5, -2.0, 1.5]])
-    poses = np.repeat(centres, 4, axis=0) + rng.normal(0, 0.02, (12, 3))
-    found = list(search(score_field(occupied, "occupied"), spec, points, poses, LATTICE, WINDOW))
-    assert len(found) > 1  # one volume over all three groups would hold 300 headings
-    assert_search_is_the_definition(occupied, spec, points, poses, LATTICE, WINDOW)
-
-
-def test_boxes_are_cut_where_memory_runs_out(monkeypatch):
-    rng, occupied, spec, points = random_case(12)
-    monkeypatch.setattr(boxes, "MAX_SCORES", 2 * 5**3)
-    assert_search_is_the_definition(occupied, spec, points, rng.normal(0, 0.05, (12, 3)), LATTICE, WINDOW)
-
-
-@pytest.mark.parametrize("in_one", [True, False])
-def test_one_volume_and_a_window_for_each_node_give_the_integers_of_the_definition(monkeypatch, in_one):
-    rng, occupied, spec, points = random_case(14)
-    monkeypatch.setattr(volume, "volume_is_cheaper", lambda *_: in_one)
-    monkeypatch.setattr(volume, "CACHE", 40)
-    poses = rng.normal(0.0, [0.3, 0.3, 0.05], (9, 3))
-    poses[5:] = poses[4]
-    assert_search_is_the_definition(occupied, spec, points, poses, LATTICE, Window(2, 1))
+@pytest.mark.parametrize("way", ["chosen by cost", "volumes", "windows", "little memory"])
+@pytest.mark.parametrize("case", CASES)
+def test_search_gives_the_integers_of_the_definition(monkeypatch, case, way):
+    if way in ("volumes", "windows"):
+        monkeypatch.setattr(volume, "lie_together", lambda *_: False)
+        monkeypatch.setattr(volume, "volume_is_cheaper", lambda *_: way == "volumes")
+        monkeypatch.setattr(volume, "CACHE", 40)
+    elif way == "little memory":
+        monkeypatch.setattr(boxes, "MAX_SCORES", 2 * 5**3)
+    what = {"spread": (0.1, 0.1, 0.03), "centres": [(0, 0, 0)], "lattice": LATTICE, "window": WINDOW}
+    what |= {"beams": 25, "cells": (30, 40), "particles": 4} | CASES[case]
+    rng, occupied, spec, points = random_case(list(CASES).index(case), what["beams"], what["cells"])
+    points = np.concatenate([points, points[:5]])  # some cells count twice
+    poses = np.repeat(np.array(what["centres"], float), what["particles"], axis=0)
+    poses += rng.normal(0.0, what["spread"], poses.shape)
+    poses[-1] = poses[0]  # two particles at one place
+    assert_search_is_the_definition(occupied, spec, points, poses, what["lattice"], what["window"])
 
 
 REACH = np.array([2, 2, 2])
@@ -132,24 +99,6 @@ def test_headings_on_both_sides_of_pi_are_two_boxes_even_if_one_side_holds_a_sin
     assert [list(part) for part in cheapest_boxes(nodes, REACH, 200)] == [[0], [1, 2, 3, 4, 5]]
 
 
-def test_distinct_nodes_are_sorted_and_say_where_each_row_went():
-    nodes = np.random.default_rng(0).integers(-3, 3, (60, 3)) * [1, 1000, 7]
-    distinct, which = distinct_nodes(nodes)
-    np.testing.assert_array_equal(distinct, np.unique(nodes, axis=0))
-    np.testing.assert_array_equal(distinct[which], nodes)
-
-
-def test_wide_cloud_over_a_distance_field_scores_whole_numbers():
-    rng, occupied, spec, points = random_case(13)
-    field, poses = score_field(occupied, "distance"), rng.normal(0, [0.3, 0.3, 0.5], (8, 3))
-    for found in search(field, spec, points, poses, LATTICE, WINDOW):
-        for scores, node in zip(found.scores, found.nodes, strict=True):
-            for score, pose in zip(scores, LATTICE.pose(node + WINDOW.steps()), strict=True):
-                cells = spec.world_to_cell(transform_points(pose, points))
-                ix, iy = cells[spec.contains(cells)].T
-                assert score == field.values[iy, ix].astype(int).sum()
-
-
 @given(
     st.lists(st.tuples(*[st.integers(-300, 300)] * 3), min_size=1, max_size=40, unique=True),
     st.integers(1, 2000),
@@ -158,26 +107,6 @@ def test_wide_cloud_over_a_distance_field_scores_whole_numbers():
 def test_boxes_part_the_nodes(nodes, beams):
     parts = cheapest_boxes(np.array(nodes), np.array([4, 4, 4]), beams)
     assert sorted(np.concatenate(parts)) == list(range(len(nodes)))
-
-
-def test_window_steps_run_through_headings_rows_columns():
-    steps = WINDOW.steps()
-    assert steps.shape == (125, 3)
-    np.testing.assert_array_equal(steps[0], [-2, -2, -2])
-    np.testing.assert_array_equal(steps[1] - steps[0], [1, 0, 0])
-    np.testing.assert_array_equal(steps[5] - steps[0], [0, 1, 0])
-    np.testing.assert_array_equal(steps[25] - steps[0], [0, 0, 1])
-    np.testing.assert_array_equal(steps[WINDOW.centre], [0, 0, 0])
-
-
-def test_report_window_has_729_poses():
-    assert len(Window(4, 4).steps()) == 729
-
-
-def test_nearest_lattice_node():
-    np.testing.assert_array_equal(
-        LATTICE.nearest([[0.074, -0.076, 0.0149], [0.0, 0.024, -0.0051]]), [[1, -2, 1], [0, 0, -1]]
-    )
 
 
 def field_by_brute_force(occupied):
@@ -200,38 +129,6 @@ def test_likelihood_field_is_that_of_the_nearest_occupied_cell(seed, height, wid
     np.testing.assert_array_equal(count.values, occupied)
     assert field.values.dtype == count.values.dtype == np.float32
     assert (field.top, count.top) == (1000, 1)
-
-
-@given(st.integers(0, 10_000), st.integers(1, 12), st.integers(1, 12), st.integers(0, 6))
-@settings(max_examples=60)
-def test_squared_distance_is_the_least_over_all_occupied_cells(seed, height, width, reach):
-    occupied = np.random.default_rng(seed).random((height, width)) < 0.1
-    found, there = squared_distance(occupied, reach), np.argwhere(occupied)
-    for iy, ix in np.ndindex(occupied.shape):
-        squared = ((there - [iy, ix]) ** 2).sum(axis=1).min(initial=10_000)
-        assert found[iy, ix] == squared if squared <= reach**2 else found[iy, ix] > reach**2
-
-
-def test_counted_cells_are_those_of_each_row_counted_one_by_one():
-    cells = np.random.default_rng(0).integers(0, 35, (8, 40))
-    counts, iy, ix = volume.counted(cells, (5, 7))
-    np.testing.assert_array_equal(7 * iy + ix, np.unique(cells))
-    for row, found in zip(cells, counts, strict=True):
-        np.testing.assert_array_equal(found, [np.count_nonzero(row == cell) for cell in np.unique(cells)])
-
-
-@pytest.mark.parametrize("headings", [1, 7, 8, 9, 16, 20])
-def test_headings_scored_together_are_scored_as_one_by_one(headings):
-    _, occupied, spec, points = random_case(7, beams=60)
-    field, low = score_field(occupied, "distance"), np.array([-3, -2, 5])
-    high = low + [6, 4, headings - 1]
-    together = volume.score_volume(field, spec, points, LATTICE, low, high)
-    for k in range(headings):
-        step = np.array([0, 0, k])
-        alone = volume.window_scores(
-            field, spec, points, LATTICE, np.array([[0, 0, 5]]) + step, Window(2, 0)
-        ).reshape(5, 5)
-        np.testing.assert_array_equal(together[k, :, 1:6], alone)
 
 
 @given(st.integers(0, 10_000), st.sampled_from(["occupied", "distance"]))

@@ -44,11 +44,6 @@ def test_centre_of_a_cell_lies_in_it(ix, iy, resolution, x, y):
     np.testing.assert_array_equal(spec.world_to_cell(spec.cell_to_world([ix, iy])), [ix, iy])
 
 
-def test_contains_knows_width_from_height():
-    cells = [[0, 0], [11, 7], [12, 0], [0, 8], [-1, 0], [0, -1], [8, 0], [0, 11]]
-    np.testing.assert_array_equal(SPEC.contains(cells), [True, True, False, False, False, False, True, False])
-
-
 @given(
     st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), min_size=1, max_size=5),
     st.sampled_from([0.05, 0.1, 0.25]),
@@ -84,11 +79,6 @@ def test_probability_of_log_odds():
     )
 
 
-@given(st.floats(1e-6, 1 - 1e-6))
-def test_log_odds_is_the_inverse_of_probability(p):
-    assert probability(log_odds(p)) == pytest.approx(p, rel=1e-9)
-
-
 def bresenham(start, end):
     """The scalar textbook algorithm, the end left out: an error sum decides the step sideways."""
     (x, y), (dx, dy) = start, np.subtract(end, start)
@@ -114,10 +104,6 @@ def test_rays_are_bresenham_lines(start, ends):
     np.testing.assert_array_equal(
         trace_rays(np.array(start), np.array(ends)), np.array(expected).reshape(-1, 2)
     )
-
-
-def test_ray_into_its_own_cell_crosses_nothing():
-    assert len(trace_rays(np.array([3, 4]), np.array([[3, 4]]))) == 0
 
 
 def drawn(pose, walls=ROOM, config=None, lidar=LIDAR, broken=()):
@@ -193,49 +179,15 @@ def test_beams_without_a_reading_clear_nothing(rays):
     assert not grid.log_odds[inside].any()
 
 
-@pytest.mark.parametrize("rays", RAYS)
-def test_space_behind_the_field_of_view_stays_unknown(rays):
-    pose = (0.3, 0.2, 0.0)
-    grid, _, _ = drawn(pose, config=MapConfig(rays=rays))
-    behind = grid.spec.world_to_cell(
-        sensor_position(pose) - np.column_stack([np.linspace(0.2, 2.0, 20), np.zeros(20)])
+@pytest.mark.parametrize("clamp", [10.0, 1.25])
+def test_hit_and_free_amounts_add_up_over_scans_up_to_the_clamp(clamp):
+    grid, config = (
+        OccupancyGrid.empty(GridSpec((0.0, 0.0), 1.0, (1, 6))),
+        MapConfig(1.0, 2.0, 0.5, clamp, "bresenham"),
     )
-    assert not grid.log_odds[behind[:, 1], behind[:, 0]].any()
-
-
-@pytest.mark.parametrize("rays", RAYS)
-def test_lone_beams_clear_only_themselves(rays):
-    grid, _, beams = drawn(
-        (0.3, 0.2, 0.5), config=MapConfig(rays=rays), broken=set(range(361)) - {100, 180, 260}
-    )
-    assert len(beams) == 3
-    start = grid.spec.world_to_cell(sensor_position((0.3, 0.2, 0.5)))
-    lines = np.zeros(grid.spec.shape, dtype=bool)
-    for iy, ix in np.argwhere(grid.occupied):
-        for x, y in bresenham(tuple(start.tolist()), (ix, iy)):
-            lines[y, x] = True
-    # OpenCV may round a tie of the line to the other side: never more than one cell.
-    assert distance_to(lines)[grid.free].max() <= 1.0
-    assert abs(grid.free.sum() - lines.sum()) <= 3
-
-
-def test_repeated_scans_stop_at_the_clamp_and_one_more_does_not_matter():
-    pose, config = (0.3, 0.2, 0.5), MapConfig()
-    grid, points, beams = drawn(pose)
-    for _ in range(4):
-        integrate_scan(grid, points, beams, sensor_position(pose), config)
-    np.testing.assert_allclose(np.unique(grid.log_odds), [-2 * LOG_4, 0.0, 2 * LOG_4], rtol=1e-6)
-    assert grid.log_odds.max() <= np.float32(config.clamp)
-
-
-def test_hit_and_free_amounts_add_up_over_scans():
-    spec, sensor = GridSpec((0.0, 0.0), 1.0, (1, 6)), np.array([0.5, 0.5])
-    grid = OccupancyGrid.empty(spec)
     for end in (5.5, 5.5, 3.5):  # two hits in cell 5 that cross cell 3, then one hit in cell 3
-        integrate_scan(
-            grid, np.array([[end, 0.5]]), np.array([0]), sensor, MapConfig(1.0, 2.0, 0.5, 10.0, "bresenham")
-        )
-    np.testing.assert_allclose(grid.log_odds, [[-1.5, -1.5, -1.5, 1.0, -1.0, 4.0]])
+        integrate_scan(grid, np.array([[end, 0.5]]), np.array([0]), np.array([0.5, 0.5]), config)
+    np.testing.assert_allclose(grid.log_odds, np.clip([[-1.5, -1.5, -1.5, 1.0, -1.0, 4.0]], -clamp, clamp))
 
 
 def test_integrating_names_the_touched_rectangle_and_leaves_the_rest_and_copies_alone():
@@ -248,22 +200,6 @@ def test_integrating_names_the_touched_rectangle_and_leaves_the_rest_and_copies_
     outside = np.ones(grid.spec.shape, dtype=bool)
     outside[rectangle] = False
     np.testing.assert_array_equal(grid.log_odds[outside], before[outside])
-
-
-@given(
-    st.tuples(st.floats(-30, 30), st.floats(-30, 30)), st.sampled_from([0.05, 0.1, 0.3]), st.integers(0, 1000)
-)
-def test_growing_keeps_every_cell_where_it_is_in_the_world(far, resolution, seed):
-    rng = np.random.default_rng(seed)
-    grid = OccupancyGrid(
-        GridSpec((-1.3, 0.7), resolution, (7, 9)), rng.normal(size=(7, 9)).astype(np.float32)
-    )
-    grown = grid.covering(np.array([far, (-1.0, 1.0)]), margin=0.4)
-    assert grown.spec.contains(grown.spec.world_to_cell(far))
-    centres = grid.spec.cell_to_world(np.indices((7, 9))[::-1].transpose(1, 2, 0))
-    ix, iy = grown.spec.world_to_cell(centres).transpose(2, 0, 1)
-    np.testing.assert_array_equal(grown.log_odds[iy, ix], grid.log_odds)
-    assert np.count_nonzero(grown.log_odds) == np.count_nonzero(grid.log_odds)
 
 
 @given(
@@ -297,11 +233,6 @@ def test_a_grid_grows_by_at_least_the_margin_beyond_the_point_and_not_elsewhere(
     grown = OccupancyGrid.empty(SPEC).covering(np.array([point]), margin=0.7).spec.extent
     growth = np.abs(np.array(grown) - SPEC.extent)
     np.testing.assert_allclose(growth, np.where(np.arange(4) == side, 1.5, 0.0), atol=1e-12)
-
-
-def test_grid_that_covers_the_points_is_not_copied():
-    grid = OccupancyGrid.empty(SPEC)
-    assert grid.covering(np.array([[2.99, 1.99], [-3.0, -2.0]])) is grid
 
 
 def free(beams):

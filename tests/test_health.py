@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 
 import pfslam
-from pfslam.evaluation.trajectory import relations_error, trajectory_error
-from pfslam.io.course import load_course
+from pfslam.evaluation.trajectory import relations_error
 from pfslam.io.formats import read_relations
 from pfslam.refined.health import (
     ALONG_METRES,
-    DRAGGED_METRES,
     LEAST_PAST,
-    LOST_BELOW,
     alarms,
     distrust,
     in_doubt,
@@ -28,13 +25,18 @@ from pfslam.study.disturbances import first_seconds, kidnap
 CONFIG = replace(SlamConfig.refined(), particles=10)
 
 
-def infos(scores, matched=True, drawn=True):
-    """A run with these scores, ten a second."""
-    flags = np.broadcast_to(matched, len(scores)), np.broadcast_to(drawn, len(scores))
+def steady(count=400, **what):
+    """A run of eight scans a second that drives 0.1 m between two of them; ``what[name][k]`` changes scan k."""
+    changes = [{name: values[k] for name, values in what.items()} for k in range(count)]
+    ordinary_step = {"matched": True, "drawn": True, "score": 0.95}
     return [
-        Step(0.1 * k, np.zeros(3), None, 1.0, 500, 0, matched=bool(m), drawn=bool(d), score=float(score))
-        for k, (score, m, d) in enumerate(zip(scores, *flags, strict=True))
+        Step(k / 8, np.array([0.1 * k, 0.0, 0.0]), None, 1.0, 500, 0, **(ordinary_step | change))
+        for k, change in enumerate(changes)
     ]
+
+
+def infos(scores, **what):
+    return steady(len(scores), score=scores, **what)
 
 
 def ordinary(count, seed=0):
@@ -52,34 +54,29 @@ def test_score_deviation_is_a_count_of_standard_deviations_of_a_normal_past():
     assert np.mean(found) == pytest.approx(-5.0, abs=0.3)
 
 
-def test_scores_that_stay_as_they_were_raise_no_alarm():
-    assert not lost(infos(ordinary(5000))).any()
-
-
+@pytest.mark.parametrize(
+    ("fell", "when"),
+    [([], []), ([200, 201, 202], [25.0]), ([80, 88, 120, 300], [10.0, 37.5]), (range(80, 400), [10.0])],
+)
 @pytest.mark.parametrize("scale", [1.0, 0.3])
-def test_a_fall_is_found_whatever_the_ordinary_score(scale):
+def test_a_fall_is_found_whatever_the_ordinary_score_and_falls_close_together_are_one_alarm(
+    scale, fell, when
+):
     """The same threshold serves a LiDAR whose scans score 0.95 and one whose scans score 0.3."""
-    scores = ordinary(300)
-    scores[200:203] = 0.4
-    found = lost(infos(scale * scores))
-    np.testing.assert_array_equal(np.flatnonzero(found), [200, 201, 202])
-    np.testing.assert_allclose(alarms(infos(scale * scores)), [20.0])
-
-
-def test_falls_close_together_are_one_alarm_and_later_ones_another():
     scores = ordinary(400)
-    scores[[100, 110, 130, 300]] = 0.3
-    np.testing.assert_allclose(alarms(infos(scores)), [10.0, 30.0])
+    scores[list(fell)] = 0.3
+    np.testing.assert_array_equal(np.flatnonzero(lost(infos(scale * scores))), list(fell))
+    np.testing.assert_allclose(alarms(infos(scale * scores)), when)
 
 
 def test_blind_scans_and_the_first_ones_are_not_judged():
     scores = np.concatenate([ordinary(LEAST_PAST), [0.1] * 5, ordinary(20)])
     matched = np.ones(len(scores), dtype=bool)
     matched[LEAST_PAST : LEAST_PAST + 5] = False
-    found = score_deviation(infos(scores, matched))
+    found = score_deviation(infos(scores, matched=matched))
     assert np.isnan(found[: LEAST_PAST + 5]).all()
     assert np.isfinite(found[LEAST_PAST + 5 :]).all()
-    assert len(alarms(infos(scores, matched))) == 0
+    assert len(alarms(infos(scores, matched=matched))) == 0
     assert len(alarms(infos(np.full(LEAST_PAST, 0.9)))) == 0
 
 
@@ -94,23 +91,8 @@ def test_standing_still_does_not_narrow_what_is_ordinary():
     )
 
 
-def test_lost_scans_do_not_become_ordinary():
-    scores = np.concatenate([ordinary(100), np.full(500, 0.3)])
-    assert lost(infos(scores))[100:].all()
-
-
 # What is not to be trusted
 # ------------------------------------------------------------------------------------------------
-
-
-def steady(count=400, **what):
-    """A run of eight scans a second that drives 0.1 m between two of them; ``what[name][k]`` changes scan k."""
-    changes = [{name: values[k] for name, values in what.items()} for k in range(count)]
-    ordinary_step = {"matched": True, "drawn": True, "score": 0.95}
-    return [
-        Step(k / 8, np.array([0.1 * k, 0.0, 0.0]), None, 1.0, 500, 0, **(ordinary_step | change))
-        for k, change in enumerate(changes)
-    ]
 
 
 def pulled(step, unexplained, during=slice(200, 216), count=400):
@@ -121,9 +103,9 @@ def pulled(step, unexplained, during=slice(200, 216), count=400):
 
 
 def test_a_steady_run_is_trusted():
-    assert distrust(steady()) == []
-    assert distrust([]) == []
-    assert distrust(steady(1)) == []
+    assert distrust(steady()) == distrust([]) == distrust(steady(1)) == []
+    assert not was_dragged(steady())
+    assert not was_dragged([])
 
 
 def test_scans_that_drag_the_estimate_past_unexplained_beams_are_named_from_then_on():
@@ -134,21 +116,21 @@ def test_scans_that_drag_the_estimate_past_unexplained_beams_are_named_from_then
     assert found["reason"].startswith("scans moved the estimate 0.21 m from its odometry within 2 s")
 
 
+def to_and_fro(changes):
+    changes["departure"][::2] *= -1.0
+    return changes
+
+
 @pytest.mark.parametrize(
-    ("step", "unexplained", "during"),
+    "changes",
     [
-        pytest.param(0.03, 0.0, slice(200, 216), id="wheels slip, and walls explain every beam"),
-        pytest.param(0.01, 0.3, slice(200, 216), id="people about, and the estimate stays"),
-        pytest.param(0.03, 0.1, slice(0, 400, 8), id="a small pull once a second"),
+        pytest.param(pulled(0.03, 0.0), id="wheels slip, and walls explain every beam"),
+        pytest.param(pulled(0.01, 0.3), id="people about, and the estimate stays"),
+        pytest.param(pulled(0.03, 0.1, slice(0, 400, 8)), id="a small pull once a second"),
+        pytest.param(to_and_fro(pulled(0.05, 0.1, slice(100, 300))), id="pulls to and fro"),
     ],
 )
-def test_a_pull_or_strange_beams_alone_are_trusted(step, unexplained, during):
-    assert distrust(steady(**pulled(step, unexplained, during))) == []
-
-
-def test_pulls_to_and_fro_cancel():
-    changes = pulled(0.05, 0.1, slice(100, 300))
-    changes["departure"][::2] *= -1.0
+def test_a_pull_or_strange_beams_alone_are_trusted(changes):
     assert distrust(steady(**changes)) == []
 
 
@@ -156,21 +138,24 @@ def test_scans_far_apart_are_not_judged_by_what_odometry_says_between_them():
     """A log with a scan every three seconds: its odometry may drift 0.3 m between two."""
     sparse = [replace(info, t=3.0 * info.t * 8) for info in steady(**pulled(0.3, 0.1))]
     assert distrust(sparse) == []
-    assert DRAGGED_METRES < 0.3
 
 
-@pytest.mark.parametrize(("blind", "flagged"), [(15, False), (16, True), (80, True)])
-def test_a_blind_stretch_lasts_from_the_last_scan_to_the_next(blind, flagged):
+@pytest.mark.parametrize("rejected", [False, True])
+@pytest.mark.parametrize(
+    ("blind", "stretches"),
+    [
+        (slice(100, 115), []),
+        (slice(100, 116), [(99 / 8, 116 / 8)]),
+        (slice(100, 180), [(99 / 8, 180 / 8)]),
+        (slice(300, 400), [(299 / 8, None)]),
+    ],
+)
+def test_a_blind_stretch_lasts_from_the_last_scan_to_the_next(blind, stretches, rejected):
     seen = np.ones(400, dtype=bool)
-    seen[100 : 100 + blind] = False
-    found = distrust(steady(matched=seen, drawn=seen))
-    assert [(d["from"], d["to"]) for d in found] == ([(99 / 8, (100 + blind) / 8)] if flagged else [])
-
-
-def test_a_run_that_ends_blind_stays_in_doubt():
-    seen = np.arange(400) < 300
-    (found,) = distrust(steady(matched=seen, drawn=seen))
-    assert (found["from"], found["to"]) == (299 / 8, None)
+    seen[blind] = False
+    found = distrust(steady(matched=seen, drawn=seen, rejected=~seen & rejected))
+    assert [(d["from"], d["to"]) for d in found] == stretches
+    assert all(("could be believed" in d["reason"]) == rejected for d in found)
 
 
 def test_ten_metres_of_bare_corridor_are_in_doubt_and_nine_are_not():
@@ -216,20 +201,10 @@ def test_a_robot_that_is_carried_off_is_found_lost_within_a_second(carried):
     when = alarms(result.infos) - begin
     assert len(when) == 1
     assert 0.0 <= when[0] <= 1.0
+    assert (result.distrust[0]["from"], result.distrust[0]["to"]) == (begin + when[0], None)
     score = np.array([info.score for info in result.infos])
     t = result.trajectory.t - begin
     assert score[(t > 0.0) & (t < 1.0)].min() < 0.5 * np.median(score[(t > -20.0) & (t < 0.0)])
-
-
-@pytest.mark.slow
-def test_after_it_the_scores_look_fine_again_though_the_robot_is_metres_off(carried):
-    """Why an alarm is needed: the filter has drawn the new place over its map, and knows nothing of its error."""
-    taken, result = carried
-    late = result.trajectory.t > taken.encoders.t[0] + 55.0
-    known = late & taken.truth.covers(result.trajectory.t)
-    off = result.trajectory.poses[known] - taken.truth.at(result.trajectory.t[known])
-    assert np.hypot(off[:, 0], off[:, 1]).min() > 2.0
-    assert np.nanmin(score_deviation(result.infos)[late]) > LOST_BELOW
 
 
 @pytest.mark.nightly
@@ -237,18 +212,13 @@ def test_sparse_real_scans_raise_no_alarm(real_data):
     log = pfslam.load(real_data / "intel" / "intel.log")
     result = run_slam(log, CONFIG)
     known = read_relations(real_data / "intel" / "intel.relations").at_stamps(log.lidar.t)
-    assert relations_error(result.trajectory, known.t1, known.t2, known.poses)[0].mean() < 0.03
+    assert len(known.poses) == 97
+    metres, radians = relations_error(result.trajectory, known.t1, known.t2, known.poses)
+    assert metres.mean() <= 0.03
+    assert np.rad2deg(radians.mean()) <= 0.5
     assert len(alarms(result.infos)) == 0
     assert result.distrust == []
     assert result.config.outliers is None, "a second look is in doubt for longer, so the first one stands"
-
-
-@pytest.mark.slow
-def test_a_robot_that_was_carried_off_is_in_doubt_from_then_on(carried):
-    taken, result = carried
-    first = result.distrust[0]
-    assert 0.0 <= first["from"] - (taken.encoders.t[0] + 50.0) <= 1.0
-    assert first["to"] is None
 
 
 @pytest.mark.nightly
@@ -266,26 +236,6 @@ def test_in_noise_a_second_look_still_sees_that_the_robot_was_carried_off(carrie
     assert first["to"] is None
 
 
-@pytest.mark.nightly
-def test_a_robot_among_people_says_that_it_was_dragged_along(real_data):
-    """Seven people about, one walking ahead: one look is off by more than 0.3 m from 81 s on, and said so before."""
-    recording = load_course("20", real_data / "hard" / "people20")
-    result = run_slam(recording, replace(CONFIG, particles=200), second_look=False)
-    found = trajectory_error(result.trajectory, recording.truth)
-    assert found.ate_max_m > 0.3, "then this drive is no test any more"
-    assert result.distrust[0]["from"] - recording.lidar.t[0] < 82.0
-    assert result.distrust[0]["to"] is None
-
-
-def test_matches_that_were_not_believed_leave_odometry_alone():
-    rejected = np.zeros(400, bool)
-    rejected[100:130] = True
-    (doubt,) = distrust(steady(matched=~rejected, drawn=~rejected, rejected=rejected))
-    assert doubt["from"] == pytest.approx(99 / 8)
-    assert doubt["to"] == pytest.approx(130 / 8)
-    assert "could be believed" in doubt["reason"]
-
-
 def test_times_in_doubt_are_told_from_the_others():
     t = np.arange(6.0)
     stretches = [{"from": 1.0, "to": 2.0, "reason": ""}, {"from": 4.5, "to": None, "reason": ""}]
@@ -293,20 +243,12 @@ def test_times_in_doubt_are_told_from_the_others():
     assert not in_doubt([], t).any()
 
 
-def test_a_robot_that_was_carried_off_before_is_not_misled():
-    """Scans that contradict odometry after an alarm are right."""
-    pulling = pulled(0.02, 0.05)
-    scores = np.full(400, 0.9) + 0.01 * np.sin(np.arange(400))
+def test_only_scans_that_drag_before_any_alarm_ask_for_a_second_look():
+    """Scans that contradict odometry after the robot was carried off are right."""
+    pulling, scores = pulled(0.02, 0.05), np.full(400, 0.9) + 0.01 * np.sin(np.arange(400))
     assert was_dragged(steady(**pulling, score=scores))
-    first = int(np.argmax(pulling["unexplained"] > 0.0))
-    scores[first - 5] = 0.1
+    assert not was_dragged(steady(**pulled(0.02, 0.0)))
+    scores[195] = 0.1
     infos = steady(**pulling, score=scores)
     assert len(alarms(infos)) == 1
     assert not was_dragged(infos)
-
-
-def test_only_scans_that_drag_mislead_a_run():
-    assert was_dragged(steady(**pulled(0.02, 0.05)))
-    assert not was_dragged(steady(**pulled(0.02, 0.0)))
-    assert not was_dragged(steady())
-    assert not was_dragged([])

@@ -39,22 +39,15 @@ def test_euler_step_by_hand():
     )
 
 
-def test_heading_is_wrapped_on_both_sides():
-    for step in (motion_model, motion_model_arc):
-        assert step(np.array([0, 0, 3.1]), 0.0, 1.0, 0.1)[2] == pytest.approx(3.2 - 2 * np.pi)
-        assert step(np.array([0, 0, -3.1]), 0.0, -1.0, 0.1)[2] == pytest.approx(2 * np.pi - 3.2)
+@pytest.mark.parametrize("step", [motion_model, motion_model_arc])
+def test_heading_is_wrapped_on_both_sides(step):
+    assert step(np.array([0, 0, 3.1]), 0.0, 1.0, 0.1)[2] == pytest.approx(3.2 - 2 * np.pi)
+    assert step(np.array([0, 0, -3.1]), 0.0, -1.0, 0.1)[2] == pytest.approx(2 * np.pi - 3.2)
 
 
 def test_arc_step_is_the_circle():
     # A quarter of a circle of radius 2 from the origin facing +x ends at (2, 2) facing +y.
     np.testing.assert_allclose(motion_model_arc(np.zeros(3), 2.0, 1.0, np.pi / 2), [2.0, 2.0, np.pi / 2])
-
-
-def test_arc_step_without_turning_is_the_line():
-    np.testing.assert_allclose(
-        motion_model_arc(np.array([0, 0, 0.5]), 2.0, 0.0, 0.3),
-        motion_model(np.array([0, 0, 0.5]), 2.0, 0.0, 0.3),
-    )
 
 
 @given(st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3), st.floats(1e-6, 0.5))
@@ -75,9 +68,7 @@ def test_without_noise_dead_reckoning_is_the_truth(epoch):
     found = dead_reckoning(recording)
     np.testing.assert_array_equal(found.t, recording.truth.t)
     assert_same_poses(found.poses, recording.truth.poses, ROUND_OFF if epoch == 0 else 480 * 2.4e-7)
-    assert found.poses[-1, 2] == pytest.approx(np.pi, abs=1e-4) or found.poses[-1, 2] == pytest.approx(
-        -np.pi, abs=1e-4
-    )
+    assert abs(found.poses[-1, 2]) == pytest.approx(np.pi, abs=1e-4)
 
 
 def test_without_noise_exact_arcs_are_the_truth_on_curves():
@@ -100,16 +91,25 @@ def test_integration_is_the_motion_model_applied_step_after_step():
         assert_same_poses(integrate(inputs, pose, model).poses, np.array(expected), ROUND_OFF)
 
 
+def by_hand(t_wheels, t_gyro, yaw_rates):
+    """A robot that stands, with a gyro that reads ``yaw_rates`` at its stamps."""
+    rates = np.zeros((len(t_gyro), 3))
+    rates[:, 2] = yaw_rates
+    wheels = Encoders(np.array(t_wheels), np.zeros((len(t_wheels), 4)))
+    return Recording("by hand", RobotModel(), wheels, Imu(np.array(t_gyro), rates, rates))
+
+
 def test_gyro_sample_speaks_for_the_interval_that_ends_at_it():
-    rates = np.zeros((4, 3))
-    rates[:, 2] = [100.0, 1.0, 2.0, 3.0]  # the first ends an interval that nobody saw
-    recording = Recording(
-        "by hand",
-        RobotModel(),
-        Encoders(np.array([0.0, 3.0]), np.zeros((2, 4))),
-        Imu(np.arange(4.0), rates, rates),
-    )
+    """The first, of 100 rad/s, ends an interval that nobody saw."""
+    recording = by_hand([0.0, 3.0], [0.0, 1.0, 2.0, 3.0], [100.0, 1.0, 2.0, 3.0])
     np.testing.assert_allclose(dead_reckoning(recording).poses[:, 2], wrap_angle([0.0, 1.0, 3.0, 6.0]))
+
+
+def test_only_gyro_samples_within_the_encoders_time_are_used():
+    recording = by_hand([1.0, 2.0, 3.0], [0.5, 1.5, 2.0, 2.5, 3.5], np.zeros(5))
+    np.testing.assert_array_equal(controls(recording).t, [1.5, 2.0, 2.5])
+    with pytest.raises(DataError, match="by hand: imu time_stamps"):
+        dead_reckoning(by_hand([0.0, 1.0], [5.0, 6.0], np.zeros(2)))
 
 
 def test_calibration_enters_dead_reckoning():
@@ -134,21 +134,6 @@ def test_distance_is_conserved_whatever_the_clocks_do(seed):
     assert np.sum(speed * np.diff(stamps)) == pytest.approx(counts[1:].sum() / 4 * 0.0022)
 
 
-def test_jittered_stamps_of_a_steady_drive_give_the_literal_reading_spikes_and_this_one_none():
-    # The wheels turn steadily and are read every 25 ms, but the stamps jitter: dividing by each stamped
-    # interval spikes.
-    rng = np.random.default_rng(0)
-    read_at = 0.025 * np.arange(400)
-    t = read_at + rng.uniform(-0.011, 0.011, 400)
-    encoders = Encoders(t, np.full((400, 4), 10))
-    true_speed = 10 * 0.0022 / 0.025
-    literal = 10 * 0.0022 / np.diff(t)
-    assert literal.max() > 1.7 * true_speed  # the shortest interval is below 25 - 11 ms
-    # Over a second (40 readings) both ends of the cumulated distance are off by at most 11 ms each.
-    each_second = np.arange(t[0], t[-1], 1.0)
-    assert np.abs(wheel_speed(encoders, EncoderModel(), each_second) / true_speed - 1.0).max() <= 0.0221
-
-
 def test_wheel_speed_by_hand():
     encoders = Encoders(
         np.array([0.0, 1.0, 2.0]), np.array([[9, 9, 9, 9], [100, 200, 300, 400], [0, 0, 0, 1000]])
@@ -164,35 +149,6 @@ def test_distance_outside_the_encoders_time_is_refused():
     for t in ([0.9, 1.5], [1.5, 2.1]):
         with pytest.raises(DataError, match="wheel_distance"):
             wheel_distance(encoders, EncoderModel(), t)
-
-
-def test_only_gyro_samples_within_the_encoders_time_are_used():
-    rates = np.zeros((5, 3))
-    encoders = Encoders(np.array([1.0, 2.0, 3.0]), np.zeros((3, 4)))
-    recording = Recording(
-        "by hand", RobotModel(), encoders, Imu(np.array([0.5, 1.5, 2.0, 2.5, 3.5]), rates, rates)
-    )
-    np.testing.assert_array_equal(controls(recording).t, [1.5, 2.0, 2.5])
-
-
-def test_streams_that_do_not_overlap_are_refused():
-    rates = np.zeros((2, 3))
-    apart = Recording(
-        "apart",
-        RobotModel(),
-        Encoders(np.array([0.0, 1.0]), np.zeros((2, 4))),
-        Imu(np.array([5.0, 6.0]), rates, rates),
-    )
-    with pytest.raises(DataError, match="apart: imu time_stamps"):
-        dead_reckoning(apart)
-
-
-def test_controls_during_cut_the_intervals_at_both_ends():
-    inputs = Controls(np.array([0.0, 1.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]))
-    v, omega, dt = inputs.during(0.25, 2.5)
-    np.testing.assert_array_equal(v, [1, 2, 3])
-    np.testing.assert_array_equal(omega, [4, 5, 6])
-    np.testing.assert_allclose(dt, [0.75, 1.0, 0.5])
 
 
 @given(st.lists(st.floats(0.0, 3.0), min_size=2, max_size=8, unique=True))
@@ -212,13 +168,3 @@ def test_log_of_odometry_poses_starts_at_the_origin():
         dead_reckoning(log).poses, [[0, 0, 0], [1, 0, 0], [1, 1, np.pi / 2]], atol=1e-15
     )
     np.testing.assert_allclose(controls(log).omega, [0.0, np.pi / 2])
-
-
-# End poses measured on the real robot, in metres and radians to two decimals: half a unit of the last is the
-# tolerance.
-
-
-def test_the_first_reading_is_travel_before_the_drive():
-    """Counts stand for the interval that ends at their stamp, so those of the first reading lie before it."""
-    encoders = Encoders(np.array([0.0, 1.0, 2.0]), np.repeat([[7.0], [1.0], [2.0]], 4, axis=1))
-    np.testing.assert_allclose(wheel_distance(encoders, EncoderModel(0.5), [0.0, 1.0, 2.0]), [0.0, 0.5, 1.5])

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rooms import LIDAR, SQUARE
+from rooms import SQUARE
 from rooms import drive as room_drive
 
 import pfslam
@@ -52,79 +52,74 @@ def away(result, truth):
 # ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("particles", [1, 5])
-def test_few_particles_are_enough(drive, particles):
-    found = trajectory_error(run(drive, replace(REFINED, particles=particles)).trajectory, drive.truth)
-    assert found.ate_rmse_m <= 0.03
-    assert found.heading_rmse_deg <= 0.2
+def half_of_the_beams(drive):
+    return missing_beams(drive, 0.5, np.random.default_rng(1))
 
 
-def test_half_of_the_beams_missing(drive):
-    half = missing_beams(drive, 0.5, np.random.default_rng(1))
-    valid = [drive.robot.lidar.valid(r.lidar.ranges).mean() for r in (drive, half)]
-    assert valid[1] == pytest.approx(0.5 * valid[0], rel=0.01)
-    found = trajectory_error(run(half).trajectory, drive.truth)
-    assert found.ate_rmse_m <= 0.03
-    assert found.heading_rmse_deg <= 0.2
+def one_beam_in_ten_reads_anything(drive):
+    return random_ranges(drive, 0.1, np.random.default_rng(2))
 
 
-def test_one_beam_in_ten_reads_anything(drive):
-    wild = random_ranges(drive, 0.1, np.random.default_rng(2))
-    changed = np.abs(wild.lidar.ranges - drive.lidar.ranges) > 0.2
-    assert 0.08 < changed.mean() < 0.11
-    found = trajectory_error(run(wild).trajectory, drive.truth)
-    assert found.ate_rmse_m <= 0.05
-    assert found.heading_rmse_deg <= 0.3
+@pytest.mark.parametrize(
+    ("change", "particles", "metres", "degrees"),
+    [
+        (lambda drive: drive, 1, 0.03, 0.2),
+        (lambda drive: drive, 5, 0.03, 0.2),
+        (half_of_the_beams, 20, 0.03, 0.2),
+        (one_beam_in_ten_reads_anything, 20, 0.05, 0.3),
+    ],
+    ids=["one particle", "five particles", "half of the beams", "one beam in ten wild"],
+)
+def test_few_particles_and_bad_beams(drive, change, particles, metres, degrees):
+    result = run(change(drive), replace(REFINED, particles=particles))
+    found = trajectory_error(result.trajectory, drive.truth)
+    assert found.ate_rmse_m <= metres
+    assert found.heading_rmse_deg <= degrees
 
 
 # Seconds without a return
 # ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seconds", [2.0, 5.0])
-def test_seconds_without_a_return(drive, seconds):
+def test_seconds_without_a_return(drive):
     """At most 0.15 m off afterwards; while blind, the cloud grows as odometry's own uncertainty does."""
-    result = run(blind(drive, 18.0, 18.0 + seconds))
+    result = run(blind(drive, 18.0, 23.0))
     t = result.trajectory.t - drive.encoders.t[0]
-    assert np.nanmax(away(result, drive.truth)[t > 18.5 + seconds]) <= 0.15
-    dark = (t > 18.1) & (t < 17.9 + seconds)
+    assert np.nanmax(away(result, drive.truth)[t > 23.5]) <= 0.15
+    dark = (t > 18.1) & (t < 22.9)
     assert not any(info.matched for info, it in zip(result.infos, dark, strict=True) if it)
     spread = np.array([np.hypot(*info.particles.poses[:, :2].std(axis=0)) for info in result.infos])
     assert spread[dark][-1] > 2.0 * spread[dark][0]
     assert len(alarms(result.infos)) == 0  # blind is not lost
 
 
-@pytest.mark.parametrize("particles", [1, 20])
-def test_the_very_first_scans_may_be_blind(drive, particles):
+def test_the_very_first_scans_may_be_blind(drive):
     """The map begins with the first scan that sees anything."""
-    result = run(blind(drive, 0.0, 3.0), replace(REFINED, particles=particles))
+    drive = first_seconds(drive, 20.0)
+    result = run(blind(drive, 0.0, 14.0))
     first = next(k for k, info in enumerate(result.infos) if info.drawn)
-    assert first > 20
     assert not any(info.matched for info in result.infos[: first + 1])
+    assert all(info.scored for info in result.infos[first + 1 :])
     # Where odometry says, and all particles there: the map begins at this pose, so nobody is wrong about it.
     began, saw = dead_reckoning(drive).at(result.trajectory.t[[0, first]])
+    assert np.hypot(*between(began, saw)[:2]) > 1.0
     np.testing.assert_allclose(result.infos[first].estimate, between(began, saw), atol=1e-9)
     assert np.ptp(result.infos[first].particles.poses, axis=0).max() == 0.0
     assert result.dropped["scans with too few valid beams"] == first
-    assert trajectory_error(result.trajectory, drive.truth).ate_rmse_m <= 0.03
-
-
-def test_the_first_scan_meets_an_empty_map(drive):
-    result = run(drive)
-    np.testing.assert_array_equal(result.infos[0].estimate, [0.0, 0.0, 0.0])
-    assert result.infos[0].drawn
-    assert not result.infos[0].matched
-    assert all(info.scored for info in result.infos[1:])
+    assert trajectory_error(result.trajectory, drive.truth).ate_rmse_m <= 0.1
 
 
 # Standing still
 # ---------------------------------------------------------------------------------------------
 
 
+STOOD = 60.0
+
+
 @pytest.fixture(scope="module")
 def long_stop():
-    """Three minutes of standing in a room made by hand, then a drive; scans and gyro with the robot's noise."""
-    exact = room_drive([(180.0, 0, 0.0), *SQUARE], lidar=replace(LIDAR, beams=1081))
+    """A minute of standing in a room made by hand, then a drive; scans and gyro with the robot's noise."""
+    exact = room_drive([(STOOD, 0, 0.0), *SQUARE])
     rng = np.random.default_rng(0)
     rates = exact.imu.angular_velocity + 0.0039 * rng.standard_normal(exact.imu.angular_velocity.shape)
     rates[:, 2] += 0.0005
@@ -135,27 +130,26 @@ def long_stop():
 
 @pytest.fixture(scope="module")
 def waited(long_stop):
-    return run(long_stop, replace(FEW, every=4))
+    return run(long_stop, replace(FEW, every=2))
 
 
-def test_standing_for_minutes_moves_nothing_and_adds_nothing_to_the_map(long_stop, waited):
-    still = waited.trajectory.t < 180.0
-    assert still.sum() > 300
+def test_standing_long_moves_nothing_and_adds_nothing_to_the_map_and_the_drive_goes_on(long_stop, waited):
+    t = waited.trajectory.t
+    still, drawn = t < STOOD, np.array([info.drawn for info in waited.infos])
     assert away(waited, long_stop.truth)[still].max() < 0.01
-    assert np.abs(np.rad2deg(waited.trajectory.poses[still, 2])).max() < 0.1
+    assert np.abs(np.rad2deg(waited.trajectory.poses[still, 2])).max() < 0.25
     # Dead reckoning alone has turned by the gyro's bias meanwhile.
-    assert np.rad2deg(dead_reckoning(long_stop).at(180.0)[2]) > 3.0
-    drawn = np.array([info.drawn for info in waited.infos])
+    assert np.rad2deg(dead_reckoning(long_stop).at(STOOD)[2]) > 1.0
     assert drawn[still].sum() == 1
     assert drawn.sum() > 5
-
-
-def test_standing_for_minutes_neither_bursts_nor_collapses_the_cloud_and_the_drive_goes_on(long_stop, waited):
-    t = waited.trajectory.t
-    spread = np.array([np.hypot(*info.particles.poses[:, :2].std(axis=0)) for info in waited.infos])
-    still = (t > 5.0) & (t < 180.0)
-    assert 0.5 < np.median(spread[t > 155.0]) / np.median(spread[still & (t < 30.0)]) < 2.0
-    assert 1e-4 < spread[still].min() < spread[still].max() < 0.1
-    assert all(info.effective_sample_size > 2.0 for info, it in zip(waited.infos, still, strict=True) if it)
     assert np.nanmax(away(waited, long_stop.truth)) < 0.05
     assert len(alarms(waited.infos)) == 0
+
+
+def test_standing_long_neither_bursts_nor_collapses_the_cloud(waited):
+    t = waited.trajectory.t
+    spread = np.array([np.hypot(*info.particles.poses[:, :2].std(axis=0)) for info in waited.infos])
+    still = (t > 5.0) & (t < STOOD)
+    assert 0.5 < np.median(spread[still & (t > 45.0)]) / np.median(spread[still & (t < 20.0)]) < 2.0
+    assert 1e-4 < spread[still].min() < spread[still].max() < 0.1
+    assert all(info.effective_sample_size > 2.0 for info, it in zip(waited.infos, still, strict=True) if it)
