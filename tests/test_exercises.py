@@ -45,7 +45,7 @@ def test_the_stub_is_unanswered_and_the_solution_right(chapter, number, tmp_path
 
 # ---- exercises that are data: their mistakes here, right answers in other styles in right_styles/chNN.py
 
-CONVERTED = ("00", "01")
+CONVERTED = ("00", "01", "04")
 TABLES = {chapter: importlib.import_module(f"pfslam_book.exercises.ch{chapter}") for chapter in CONVERTED}
 DATA = {
     f"{chapter} {name}": check
@@ -106,14 +106,16 @@ def test_any_other_wrong_answer_is_told_what_was_expected_and_nonsense_never_rai
         assert check(lambda *arguments, answer=answer: answer).verdict == "wrong"
 
 
-@pytest.mark.parametrize("name", DATA)
+@pytest.mark.parametrize(
+    "name", [n for n, c in DATA.items() if any(isinstance(p, np.ndarray) for p in c.cases[0])]
+)
 def test_an_answer_that_changes_what_it_is_given_is_told_so(name):
     check = DATA[name]
 
     def in_place(*case):
         case = list(case)
         for part in case:
-            if isinstance(part, np.ndarray):
+            if isinstance(part, np.ndarray) and part.dtype != bool:
                 part[0] += 1
         return check.right(*case)
 

@@ -44,11 +44,10 @@ def default_options(name: str) -> dict:
     """What a laboratory cannot do without."""
     if name == "slide":
         from pfslam_book import ch04
-        from pfslam_book.ch04.live import slide_options
 
         hall = load("hall")
         corner, corridor = ch04.place_at(hall, 14.5), ch04.place_at(hall, 27.0)
-        return slide_options(hall, corner=corner.lost(-0.1, 0.1, np.deg2rad(-2)), corridor=corridor)
+        return ch04.slide_options(hall, corner=corner.lost(-0.1, 0.1, np.deg2rad(-2)), corridor=corridor)
     if name == "calibrate":
         from pfslam_book.ch01 import calibrate_options
 

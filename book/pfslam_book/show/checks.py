@@ -163,6 +163,8 @@ def answer_to(
         return hint(
             "Your function changes what it is given. Make a new array: others may still need the old one."
         )
+    if isinstance(wanted, bool) and not (np.isscalar(answer) and answer in (False, True)):
+        return hint(f"Here your function returns {_short(answer)}; expected True or False.")
     if isinstance(wanted, str | bool | None):
         return answer
     numbers = _as_wanted(answer, wanted)
@@ -320,9 +322,9 @@ def _arguments(theirs: Callable, case: tuple) -> str:
 
 
 def _value(value: Any) -> str:
-    """A number, a short list, or what it is in words."""
+    """A number, a short list, or what it is in words; a function may bring its own."""
     if callable(value):
-        return "(a function)"
+        return getattr(value, "words", "(a function)")
     if np.size(value) > 6:
         return f"of the shape {np.shape(value)}"
     return f"= {_short(_rounded(np.asarray(value).tolist() if isinstance(value, np.ndarray) else value))}"

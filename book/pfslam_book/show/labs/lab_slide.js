@@ -186,7 +186,7 @@
       (hit ? on : off).push(points_w[k], points_w[k + 1]);
     }
     squares(plan, off, colours.hits, 1.6);
-    squares(plan, on, colours.clear, 2.4);
+    squares(plan, on, colours.highlight, 2.4);
     draw.robot(plan, pose, colours.estimate, {radius: RADIUS});
     draw.text(plan, `${(100 * guess.share).toFixed(0)} % of the best possible score`, 8, 20, colours.ink, {size: 16, halo: colours.free});
   }

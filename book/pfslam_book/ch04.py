@@ -1,0 +1,155 @@
+"""Chapter 04: the laboratory of a scan on a map, places along a drive, and how sharp a likelihood is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
+from pfslam.particles import effective_sample_size
+from pfslam.poses import transform_points
+from pfslam.recording import Recording
+from pfslam.sensors import scan_points
+from pfslam.simulator import DEFAULT_SEED, HALL
+from pfslam.simulator.world import make_world
+from pfslam_book.exercises.ch04 import check_choose, check_count_on_walls, check_transform_test
+from pfslam_book.show.artists import COLOURS, sheet
+from pfslam_book.show.drives import Place, place_at
+from pfslam_book.show.figures import map_along
+from pfslam_book.show.keep import keep
+from pfslam_book.show.lab import Laboratory, show_lab
+from pfslam_book.show.source import show_source
+from pfslam_book.show.widgets import Explorer, Slider
+
+__all__ = ["check_choose", "check_count_on_walls", "check_transform_test", "keep", "place_at", "places"]
+__all__ += ["sharpness_explorer", "show_source", "slide_lab"]
+
+# ---- the laboratory
+
+BEAMS = 271  # every fourth
+NOISE = 0.01  # m
+WINDOW = (-16.0, 37.0, -3.6, 23.4)  # x from, to, y from, to (m)
+START = (0.0, 0.0, 0.0)
+ALT = """A piece of the map with its walls, and the points of a scan beside them, since the guessed pose is wrong.
+Below, the scores of all shifts of the scan at this heading as a small square map, with a cross at the guess."""
+
+
+def slide_options(recording: Recording, **places: Place) -> dict:
+    """What the script needs: the building of the drive, and each place with its map, its scan and its pose."""
+    return {
+        "places": {name: as_options(place) for name, place in places.items()},
+        "building": building_options(recording),
+    }
+
+
+def building_options(recording: Recording) -> dict:
+    """The walls of the built-in building, the whole map of a drive through it, and the LiDAR made sparser."""
+    grid, lidar = map_along(recording, recording.true_path(), every=10), recording.robot.lidar
+    walls = make_world(HALL, np.random.SeedSequence(DEFAULT_SEED)).walls_w
+    return {
+        **cells_of(grid),
+        "walls": np.round(walls, 4).ravel().tolist(),
+        "lidar": {
+            "angleMin": lidar.angle_min,
+            "angleMax": lidar.angle_max,
+            "beams": BEAMS,
+            "rangeMin": lidar.range_min,
+            "rangeMax": lidar.range_max,
+            "position": list(lidar.position_b[:2]),
+        },
+        "noise": NOISE,
+        "window": WINDOW,
+        "start": START,
+    }
+
+
+def cells_of(grid: OccupancyGrid) -> dict:
+    """A map as the page knows it: where its cells lie, and which of them are occupied."""
+    spec = grid.spec
+    where = {"origin": list(spec.origin), "resolution": spec.resolution, "shape": list(spec.shape)}
+    return {"spec": where, "occupied": np.flatnonzero(grid.occupied).tolist()}
+
+
+def as_options(place: Place) -> dict:
+    """A place as the page knows it."""
+    return {
+        **cells_of(place.grid),
+        "pose": np.asarray(place.pose).tolist(),
+        "points": place.points_b.ravel().tolist(),
+    }
+
+
+def slide_lab(recording: Recording, **places: Place) -> Laboratory:
+    """The laboratory in which the reader fits a scan to the map, at each of the places and anywhere else."""
+    return show_lab("slide", "Slide the scan over the map", ALT, **slide_options(recording, **places))
+
+
+# ---- places along a drive
+
+
+def places(recording: Recording, every: int = 20, after: float = 10.0) -> Iterator[Place]:
+    """Yield every ``every``-th scan from ``after`` seconds on, with its true pose and the map of those before it.
+
+    The maps are drawn from true poses, so what a score makes of them is its own doing.
+    """
+    scans, lidar, truth = recording.scans(), recording.robot.lidar, recording.true_path()
+    grid = OccupancyGrid.empty(GridSpec.around(truth.poses[:1, :2], MapConfig().resolution))
+    for i in range(0, len(scans.t), every):
+        points, pose = scan_points(scans.ranges[i], lidar), truth.at(scans.t[i])
+        if scans.t[i] - scans.t[0] > after:
+            yield Place(OccupancyGrid(grid.spec, grid.log_odds.copy()), points, pose)
+        points_w = transform_points(pose, points)
+        sensor = transform_points(pose, np.array([lidar.position_b[:2]]))
+        grid = grid.covering(np.concatenate([points_w, sensor]))
+        beams = np.flatnonzero(lidar.valid(scans.ranges[i]))
+        integrate_scan(grid, points_w, beams, sensor[0], MapConfig())
+
+
+# ---- how sharp a likelihood is
+
+
+def sharpened(shares: np.ndarray, sharpness: float) -> np.ndarray:
+    """Weights ``(n,)`` proportional to exp(sharpness share); the best is 1 before they are normalised."""
+    weights = np.exp(sharpness * (shares - shares.max()))
+    return weights / weights.sum()
+
+
+def draw_weights(cloud: np.ndarray, shares: np.ndarray, sharpness: float) -> Figure:
+    """The cloud, each particle as large as its weight; and the weights in order."""
+    weights = sharpened(shares, sharpness)
+    figure, (left, right) = sheet(4.0, 1, 2)
+    x, y = 100.0 * (cloud[:, :2] - cloud[:, :2].mean(axis=0)).T
+    left.scatter(x, y, s=5.0, color=COLOURS["unknown"], linewidths=0)
+    sizes = np.minimum(4000.0 * weights, 1500.0)
+    left.scatter(x, y, s=sizes, color=COLOURS["particles"], alpha=0.6, linewidths=0)
+    left.set(xlabel="x [cm]", ylabel="y [cm]", xlim=(-8, 8), ylim=(-8, 8), aspect="equal")
+    left.set_title(rf"$N_\mathrm{{eff}}$ = {effective_sample_size(weights):.1f} of {len(weights)}")
+    heaviest_first = np.sort(weights)[::-1]
+    right.fill_between(np.arange(len(weights)), heaviest_first, color=COLOURS["particles"], step="mid")
+    right.set(xlabel="particle, heaviest first", ylabel="weight", yscale="log")
+    right.set(ylim=(1e-5, 1.5), xlim=(0, len(weights)))
+    right.set_yticks([1e-4, 1e-2, 1.0], ["0.0001", "0.01", "1"])
+    right.minorticks_off()
+    right.set_title(f"heaviest: {weights.max():.2f}")
+    return figure
+
+
+def describe_weights(shares: np.ndarray, sharpness: float) -> str:
+    """The same in words."""
+    weights = sharpened(shares, sharpness)
+    return f"""Weights exp({sharpness:g} times share) of {len(weights)} particles: the effective number is
+    {effective_sample_size(weights):.1f}, the heaviest particle has {weights.max():.3f} of all weight."""
+
+
+def sharpness_explorer(cloud: np.ndarray, shares: np.ndarray) -> Explorer:
+    """One slider: what a perfect scan is worth, for particles ``cloud (n, 3)`` and their ``shares (n,)``."""
+    stops = (0.0, 10.0, 30.0, 54.0, 100.0, 200.0, 400.0, 700.0, 1000.0)
+    return Explorer(
+        partial(draw_weights, cloud, shares),
+        [Slider("sharpness", stops, 3, "Sharpness B of a scan", "", "g", (0.0, 1000.0, 1.0))],
+        alt=partial(describe_weights, shares),
+        title="How sharp should the likelihood be?",
+    )
