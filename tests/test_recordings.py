@@ -112,7 +112,7 @@ def test_numpy_alone_reads_it(tmp_path):
         ({"encoders__counts": np.zeros((241, 3))}, "encoders.counts: found float64 of shape"),
         ({"encoders__counts": np.full((241, 4), 1e9)}, "encoders.counts: found 1e.09, expected counts"),
         ({"imu__t": None, "imu__angular_velocity": None, "imu__acceleration_g": None}, "neither encoders"),
-        ({"truth__poses": np.zeros((55, 2))}, r"truth.t, poses: found shapes \(55,\), \(55, 2\)"),
+        ({"truth__poses": np.zeros((55, 2))}, r"truth.poses: found float64 of shape \(55, 2\)"),
         ({"robot__lidar__beams": np.array(2.5)}, "robot.lidar.beams: found 2.5, expected a whole number"),
         ({"robot__lidar__angle_min": np.array(9.0)}, "robot.lidar.angle_min, angle_max"),
         ({"camera__rgb_index": np.array([0, 7])}, "whole numbers from 0 to 3"),

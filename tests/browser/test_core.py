@@ -3,6 +3,7 @@
 Python makes inputs, random numbers and outputs with the package; Chromium runs ``core.js`` on the inputs.
 """
 
+from dataclasses import replace
 from importlib.resources import files
 from itertools import islice
 from math import inf, nan, pi
@@ -39,8 +40,7 @@ from pfslam.particles import (
 from pfslam.poses import average_pose, transform_points, wrap_angle
 from pfslam.recording import Encoders
 from pfslam.sensors import EncoderModel, ImuModel, LidarModel, scan_points
-from pfslam.simulator.ground import rotations
-from pfslam.simulator.lidar import Sensor, cast
+from pfslam.simulator.lidar import true_ranges
 from pfslam.simulator.world import Person
 
 pytestmark = pytest.mark.browser
@@ -302,13 +302,13 @@ def room(rng, people: int = 3):
     walls = np.concatenate([np.stack([corners, np.roll(corners, -1, axis=0)], axis=1), clutter])
     closed = np.tile([-inf, inf], (len(walls), 1))
     walkers = tuple(Person(np.array([-1.0, 1.0]), np.tile(c + 1.0, (2, 1))) for c in middles[:people])
-    return SimpleNamespace(walls=walls, closed=closed, people=walkers, slopes=())
+    return SimpleNamespace(walls=walls, closed=closed, people=walkers, slopes=(), pose_pw=np.zeros(3))
 
 
 def beams_in(world, pose) -> np.ndarray:
     """The true ranges of the LiDAR's beams from a sensor at a pose ``(3,)``."""
-    turned = rotations(np.zeros(1), np.zeros(1), pose[2:])
-    return cast(world, Sensor(np.zeros(1), np.array([[*pose[:2], 0.5]]), turned), LIDAR.angles)[0]
+    standing = SimpleNamespace(at=lambda t: (np.tile(pose, (len(t), 1)), *np.zeros((3, len(t)))))
+    return true_ranges(world, standing, replace(LIDAR, position_b=(0.0, 0.0, 0.5)), np.zeros(1))[0]
 
 
 def discs(world) -> np.ndarray:
