@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rooms import drive
+from rooms import LIDAR, drive
 
 from pfslam.evaluation.cloud import covariance_consistency
 from pfslam.grid import GridSpec
@@ -158,6 +158,16 @@ def test_a_scan_that_is_drawn_keeps_the_error_of_all_that_it_drew():
             expected = transported(info.covariance, -info.estimate[:2])
             np.testing.assert_array_equal(belief.map.drawn[-1], expected)
             assert belief.map.moments.first.max() == len(belief.map.drawn) - 1
+
+
+def test_along_a_bare_corridor_odometry_leads_and_its_variance_adds_up():
+    walls = np.array([[-9.0, 1.01, 9.0, 1.01], [-9.0, -1.01, 9.0, -1.01]])
+    data = drive([(2.0, 12, 0.0)], walls, replace(LIDAR, range_max=3.0))
+    result = run_slam(data, replace(FEW, every=1))
+    expected = data.truth.at(result.trajectory.t)
+    np.testing.assert_allclose(result.trajectory.poses[:, 0], expected[:, 0], atol=1e-9)
+    assert (np.diff(result.covariances[:, 0, 0]) > 1e-4).all()
+    assert result.covariances[:, 1, 1].max() < 1e-4
 
 
 def test_without_lines_there_is_none():
