@@ -283,18 +283,18 @@ def test_variance_of_white_noise_is_the_sum_over_its_samples(per_root_second):
 
 
 def test_noise_between_scans_is_sigma_times_the_draw_in_the_particles_own_frame():
-    """0.5 m and 0.5 rad: sigmas 0.01 + 0.1 * 0.5 m and 0.02 + 0.2 * 0.5 + 0.3 * 0.5 rad; every draw is two."""
+    """0.5 m and 0.25 rad: sigmas 0.01 + 0.1 * 0.5 m and 0.02 + 0.2 * 0.25 + 0.3 * 0.5 rad; every draw is two."""
 
     class Twos:
         def standard_normal(self, shape):
             return np.full(shape, 2.0)
 
     noise = MotionNoise(0.01, 0.1, 0.02, 0.2, 0.3)
-    event = replace(list(used_scans(SHORT, REFINED).events())[3], motion=np.array([0.3, 0.4, -0.5]))
+    event = replace(list(used_scans(SHORT, REFINED).events())[3], motion=np.array([0.3, 0.4, -0.25]))
     after, variance = noise.predict(Particles.at([1.0, 2.0, np.pi / 2], 3), event, Twos())
-    expected = [1.0 - (0.4 + 0.12), 2.0 + (0.3 + 0.12), np.pi / 2 - 0.5 + 0.54]
+    expected = [1.0 - (0.4 + 0.12), 2.0 + (0.3 + 0.12), np.pi / 2 - 0.25 + 0.44]
     np.testing.assert_allclose(after.poses, np.tile(expected, (3, 1)), rtol=1e-12)
-    np.testing.assert_allclose(variance, [0.06**2, 0.27**2], rtol=1e-12)
+    np.testing.assert_allclose(variance, [0.06**2, 0.22**2], rtol=1e-12)
 
 
 def test_cloud_moves_with_the_aligned_estimate():
