@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rooms import drive
+from rooms import LIDAR, drive
 
 from pfslam.evaluation.cloud import covariance_consistency
 from pfslam.grid import GridSpec
@@ -19,7 +19,7 @@ from pfslam.refined.covariance import (
     with_silent_direction,
 )
 from pfslam.refined.lines import HitMoments, LineFit
-from pfslam.run import run_slam
+from pfslam.run import run_slam, slam_steps
 from pfslam.slam import Belief, SlamConfig
 from pfslam.study.disturbances import blind, first_seconds
 
@@ -149,6 +149,25 @@ def test_blind_the_robot_knows_less_and_less_until_it_sees_again(hall):
     assert (np.diff(sigma[unseen[0] - 1 : unseen[-1] + 1]) > 0.0).all()
     assert sigma[unseen[-1]] > 3 * sigma[unseen[0] - 1]
     assert sigma[unseen[-1] + 3] < sigma[unseen[-1]] / 2
+
+
+def test_a_scan_that_is_drawn_keeps_the_error_of_all_that_it_drew():
+    """Moved to the world's origin, and numbered as the map's cells remember it."""
+    for belief, info in slam_steps(drive([(1.0, 10, 0.4)]), replace(FEW, every=1), np.random.default_rng(0)):
+        if info.drawn:
+            expected = transported(info.covariance, -info.estimate[:2])
+            np.testing.assert_array_equal(belief.map.drawn[-1], expected)
+            assert belief.map.moments.first.max() == len(belief.map.drawn) - 1
+
+
+def test_along_a_bare_corridor_odometry_leads_and_its_variance_adds_up():
+    walls = np.array([[-9.0, 1.01, 9.0, 1.01], [-9.0, -1.01, 9.0, -1.01]])
+    data = drive([(2.0, 12, 0.0)], walls, replace(LIDAR, range_max=3.0))
+    result = run_slam(data, replace(FEW, every=1))
+    expected = data.truth.at(result.trajectory.t)
+    np.testing.assert_allclose(result.trajectory.poses[:, 0], expected[:, 0], atol=1e-9)
+    assert (np.diff(result.covariances[:, 0, 0]) > 1e-4).all()
+    assert result.covariances[:, 1, 1].max() < 1e-4
 
 
 def test_without_lines_there_is_none():

@@ -80,6 +80,8 @@ def test_moments_around_a_cell_are_those_of_all_hits_near_it_also_when_the_map_h
         expected = [len(x), x.sum(), y.sum(), (x * x).sum(), (x * y).sum(), (y * y).sum()]
         np.testing.assert_allclose(sums, expected, atol=1e-4)
     outside = np.array([[0, 5], [5, 0], [239, 5], [5, 239], [-1, 5], [500, -3]])
+    at_the_border = moments_of(SPEC.cell_to_world([[239, 4], [239, 5], [0, 5], [0, 6]]))
+    assert not at_the_border.around(outside).any()
     assert not moments.around(outside).any()
     moments.slots.cover(SPEC.grown(3, 2, 5, 1))
     np.testing.assert_array_equal(moments.around(middle + [3, 5]), found)

@@ -176,24 +176,47 @@ def test_behind_a_person_who_walks_ahead_a_second_look_finds_the_way():
     assert second.distrust == []
 
 
-def test_beams_that_end_where_nothing_is_have_no_say_in_the_pose():
-    config = replace(FEW.robust(), particles=10, draw_metres=0.0)
+ROBUST = replace(FEW.robust(), particles=10, draw_metres=0.0)
+
+
+@pytest.fixture(scope="module")
+def in_the_room():
+    """A belief after thirty scans of a room in which nothing moves, and the event that follows."""
     room = drive(CURVES)
-    events = list(used_scans(room, config).events())
-    belief, _ = list(slam_steps(room, config, np.random.default_rng(0)))[29]
-    event, pose = events[30], compose(belief.estimate, events[30].motion)
-    points = event.points_b.copy()
+    belief, _ = list(slam_steps(room, ROBUST, np.random.default_rng(0)))[29]
+    return belief, list(used_scans(room, ROBUST).events())[30]
+
+
+def step(belief, event):
+    return slam_step(replace(belief, map=belief.map.copy()), event, ROBUST, np.random.default_rng(1))[1]
+
+
+def test_beams_that_end_where_nothing_is_have_no_say_in_the_pose(in_the_room):
+    belief, event = in_the_room
+    points, pose = event.points_b.copy(), compose(belief.estimate, event.motion)
     points[::7] *= 0.6
-    known = inliers(belief.grid, belief.map.field, transform_points(pose, points), MAP.free, config.outliers)
+    known = inliers(belief.grid, belief.map.field, transform_points(pose, points), MAP.free, ROBUST.outliers)
     assert np.count_nonzero(~known[::7]) > 10
-    found = [
-        slam_step(replace(belief, map=belief.map.copy()), seen, config, np.random.default_rng(1))[1].estimate
-        for seen in (
-            replace(event, points_b=points),
-            replace(event, points_b=points[known], beams=event.beams[known]),
-        )
-    ]
-    np.testing.assert_array_equal(*found)
+    without = replace(event, points_b=points[known], beams=event.beams[known])
+    found = step(belief, replace(event, points_b=points)).estimate
+    np.testing.assert_array_equal(found, step(belief, without).estimate)
+
+
+@pytest.mark.parametrize(
+    ("share", "leap", "rejected"), [(0.05, 0.2, False), (0.2, 0.0, False), (0.2, 0.2, True)]
+)
+def test_a_match_far_from_odometry_is_believed_if_walls_explain_it(in_the_room, share, leap, rejected):
+    """Wheels that slip by ``leap`` (m), and a person who takes up a ``share`` of the beams."""
+    belief, event = in_the_room
+    points, motion = event.points_b.copy(), event.motion + [leap, 0.0, 0.0]
+    points[: round(share * len(points))] *= 0.6
+    found = step(belief, replace(event, points_b=points, motion=motion))
+    assert (found.rejected, found.matched) == (rejected, not rejected)
+    expected = compose(belief.estimate, motion if rejected else event.motion)
+    np.testing.assert_allclose(found.estimate, expected, atol=0.01)
+    np.testing.assert_allclose(
+        found.departure, expected[:2] - compose(belief.estimate, motion)[:2], atol=0.01
+    )
 
 
 @pytest.mark.parametrize(("sigma", "robust"), [(0.0, False), (0.06, True)])

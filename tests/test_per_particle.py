@@ -38,9 +38,10 @@ def test_heirs_of_one_history_have_its_map_and_do_not_write_into_one_anothers():
         np.testing.assert_array_equal(one.grid.log_odds, maps[0].grid.log_odds)
         np.testing.assert_array_equal(one.moments.sums, maps[0].moments.sums)
     np.testing.assert_allclose(np.exp(histories.log_weights), 1 / 6)
-    before = maps[0].copy()
+    before, scans = maps[0].copy(), len(maps[0].drawn)
     for event in events:
         slam_step(histories.beliefs[1], event, config, rng)
+    assert len(maps[0].drawn) == scans
     np.testing.assert_array_equal(maps[0].grid.log_odds, before.grid.log_odds)
     np.testing.assert_array_equal(maps[0].field.values, before.field.values)
     np.testing.assert_array_equal(maps[0].moments.slots.values, before.moments.slots.values)

@@ -20,6 +20,7 @@ from pfslam.motion import dead_reckoning
 from pfslam.particles import ControlNoise, MotionNoise, Particles, effective_sample_size
 from pfslam.poses import average_pose, between, compose, transform_points
 from pfslam.recording import LidarScans
+from pfslam.refined.search.matching import match
 from pfslam.run import run_slam, slam_steps, used_scans
 from pfslam.sensors import ImuModel
 from pfslam.slam import Belief, SlamConfig, slam_step
@@ -97,6 +98,7 @@ def test_report_weights_are_counts_and_the_estimate_is_the_best_particle():
     config = replace(REPORT, particles=15, resample_below=0.0)
     state, _ = state_after(DRIVE, config, 5)
     event = event_number(5, config)
+    state = replace(state, particles=Particles(state.particles.poses, np.log(1.0 + np.arange(15))))
     _, info = slam_step(state, event, config, np.random.default_rng(0))
     # The particles keep an offset of up to half a step from the pose that was scored, so the counts are those
     # of the nodes.
@@ -251,17 +253,20 @@ def test_scans_without_a_reading_are_predicted_through_and_counted(config):
     np.testing.assert_allclose(result.infos[5].estimate, expected, atol=1e-12)
 
 
-def test_uncertainty_adds_up_while_scans_are_missing_and_ends_with_a_match():
-    config = replace(REFINED, particles=5)
+def test_uncertainty_adds_up_while_scans_are_missing_and_ends_with_a_match(monkeypatch):
+    config, searched = replace(REFINED, particles=5), []
+
+    def noted(field, spec, points, poses, sigmas, *rest):
+        searched.append(sigmas)
+        return match(field, spec, points, poses, sigmas, *rest)
+
+    monkeypatch.setattr("pfslam.map.match", noted)
     events = list(used_scans(SHORT, config).events())
     one = [np.square(config.noise.sigmas(np.hypot(*e.motion[:2]), abs(e.motion[2]))) for e in events]
-    variance = [
-        state.variance for state, _ in slam_steps(blinded(SHORT, [4, 5]), config, np.random.default_rng(0))
-    ]
-    np.testing.assert_array_equal(variance[3], [0, 0])
-    np.testing.assert_allclose(variance[4], one[4])
-    np.testing.assert_allclose(variance[5], one[4] + one[5])
-    np.testing.assert_array_equal(variance[6], [0, 0])
+    run = slam_steps(blinded(SHORT, [4, 5]), config, np.random.default_rng(0))
+    variance = [state.variance for state, _ in run]
+    np.testing.assert_allclose(variance[3:7], [[0, 0], one[4], one[4] + one[5], [0, 0]])
+    np.testing.assert_allclose(np.square(searched[2:4]), [one[3], one[4] + one[5] + one[6]])
 
 
 @pytest.mark.parametrize("per_root_second", [False, True])
@@ -278,18 +283,18 @@ def test_variance_of_white_noise_is_the_sum_over_its_samples(per_root_second):
 
 
 def test_noise_between_scans_is_sigma_times_the_draw_in_the_particles_own_frame():
-    """0.5 m and 0.5 rad: sigmas 0.01 + 0.1 * 0.5 m and 0.02 + 0.2 * 0.5 + 0.3 * 0.5 rad; every draw is two."""
+    """0.5 m and 0.25 rad: sigmas 0.01 + 0.1 * 0.5 m and 0.02 + 0.2 * 0.25 + 0.3 * 0.5 rad; every draw is two."""
 
     class Twos:
         def standard_normal(self, shape):
             return np.full(shape, 2.0)
 
     noise = MotionNoise(0.01, 0.1, 0.02, 0.2, 0.3)
-    event = replace(list(used_scans(SHORT, REFINED).events())[3], motion=np.array([0.3, 0.4, -0.5]))
+    event = replace(list(used_scans(SHORT, REFINED).events())[3], motion=np.array([0.3, 0.4, -0.25]))
     after, variance = noise.predict(Particles.at([1.0, 2.0, np.pi / 2], 3), event, Twos())
-    expected = [1.0 - (0.4 + 0.12), 2.0 + (0.3 + 0.12), np.pi / 2 - 0.5 + 0.54]
+    expected = [1.0 - (0.4 + 0.12), 2.0 + (0.3 + 0.12), np.pi / 2 - 0.25 + 0.44]
     np.testing.assert_allclose(after.poses, np.tile(expected, (3, 1)), rtol=1e-12)
-    np.testing.assert_allclose(variance, [0.06**2, 0.27**2], rtol=1e-12)
+    np.testing.assert_allclose(variance, [0.06**2, 0.22**2], rtol=1e-12)
 
 
 def test_cloud_moves_with_the_aligned_estimate():
@@ -303,7 +308,7 @@ def test_cloud_moves_with_the_aligned_estimate():
 @PRESETS
 def test_recording_that_never_sees_anything_follows_its_odometry(config):
     blind = blinded(SHORT, slice(None))
-    result = run_slam(blind, replace(config, noise=ControlNoise(0.0, 0.0)))
+    result = run_slam(blind, config)
     expected = dead_reckoning(blind).at(result.trajectory.t)
     np.testing.assert_allclose(result.trajectory.poses[:, :2], expected[:, :2], atol=1e-9)
     assert not result.grid.log_odds.any()

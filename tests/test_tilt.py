@@ -126,6 +126,7 @@ def test_floor_beams_are_left_out_and_wall_beams_are_levelled():
     pitch, down = np.deg2rad(20.0), 0.5 / np.sin(np.deg2rad(20.0))
     points, beams, sensor, struck = level_scan(np.array([2.0, down, 2.0]), lidar, (pitch, 0.0), 0.1)
     assert (struck, beams.tolist()) == (1, [0, 2])
+    assert level_scan(np.array([np.inf, down, 2.0]), lidar, (pitch, 0.0), 0.1)[1].tolist() == [2]
     # The LiDAR has moved forward by 0.5 sin(20 deg); beams to the sides stay level and keep their length.
     np.testing.assert_allclose(sensor, [0.5 * np.sin(pitch), 0.0], atol=1e-12)
     np.testing.assert_allclose(points, sensor + [[0.0, -2.0], [0.0, 2.0]], atol=1e-12)
