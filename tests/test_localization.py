@@ -113,6 +113,15 @@ def test_particles_are_counted_until_they_suffice():
     assert enough(poses[:50], least) == 50
 
 
+def test_the_number_follows_the_extent_of_the_cloud_in_whatever_order_it_lies():
+    grid, rng, config = known_map(ROOM), np.random.default_rng(2), LocalizationConfig()
+    poses = rng.uniform([0.0, 0.0, -1.0], [4.0, 2.0, 1.0], (10_000, 3))
+    wide = Particles(poses[np.argsort(poses[:, 0])], np.zeros(10_000))
+    narrow = Particles(0.02 * poses, np.zeros(10_000))
+    assert 3000 < len(resample_adaptively(wide, 0.0, grid, config, rng)) < 6000
+    assert len(resample_adaptively(narrow, 0.0, grid, config, rng)) == config.least
+
+
 def test_mean_offspring_follow_the_weights():
     grid, rng, config = (
         known_map(ROOM),
