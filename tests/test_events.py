@@ -154,7 +154,10 @@ def jittered(recording):
     def shaken(stream):
         return replace(stream, t=stream.t + np.rint(rng.uniform(-4, 4, len(stream.t))) * 1e-3)
 
-    return replace(recording, encoders=shaken(recording.encoders), imu=shaken(recording.imu))
+    counts = recording.encoders.counts.copy()
+    counts[0] = 7  # from before the drive
+    wheels = replace(shaken(recording.encoders), counts=counts)
+    return replace(recording, encoders=wheels, imu=shaken(recording.imu))
 
 
 def test_an_odometer_refuses_what_it_cannot_use():
