@@ -141,6 +141,8 @@ def test_a_bare_corridor_closes_only_across_and_a_door_frame_also_along():
         assert pose[1:] == pytest.approx([0.0, 0.0], abs=0.01)
         assert information[1, 1] > 1000.0
         assert (information[0, 0] > 1000.0) == along
+        # The jamb faces along x, 1.1 m to the left: turning left moves it towards -x.
+        assert information[0, 2] == pytest.approx(-1.1 * information[0, 0], rel=0.1, abs=1e-6)
         assert (abs(pose[0]) < 0.02) == along
         assert share > 0.9
 
