@@ -8,7 +8,7 @@ from drives import simulated
 from scipy.optimize import least_squares
 
 from pfslam.beyond.loops import graph
-from pfslam.beyond.loops.closing import Revision, close_loops, confirming, softened
+from pfslam.beyond.loops.closing import LOOP_FLOOR, Revision, close_loops, confirming, matched, softened
 from pfslam.beyond.loops.graph import Edges, jacobians, relax, residuals
 from pfslam.beyond.loops.places import Place, align, compare, search_window
 from pfslam.evaluation.trajectory import trajectory_error
@@ -170,6 +170,14 @@ def test_the_search_finds_the_pose_and_names_the_twin_of_a_place_that_repeats():
     )
     assert second > 0.9 * score
     assert abs((twin - best)[0]) > 0.3 > abs((twin - best)[1])
+
+
+def test_a_match_in_a_place_that_repeats_says_nothing_along_the_corridor():
+    rng = np.random.default_rng(0)
+    places = [corridor_place(rng, np.arange(-6.5, 8.0, 2.0)) for _ in range(2)]
+    (found,) = matched(places, np.zeros((2, 3)), [(0, 1, 2.5)], 0, LOOP_FLOOR).information
+    assert found[1, 1] > 500.0
+    assert found[0, 0] < 1.0
 
 
 def closed(recording, every=20) -> tuple[SlamResult, Revision, np.ndarray]:
