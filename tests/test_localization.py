@@ -289,9 +289,21 @@ def test_a_kidnapped_robot_is_found_again_only_with_injection(seed):
     assert ends[False] > 0.5
 
 
+def test_short_motions_are_added_up_until_a_scan_is_used_again():
+    known, rng = KnownMap.of(known_map(SMALL), LocalizationConfig()), np.random.default_rng(0)
+    start, still = LocalizationState(Particles.at(np.zeros(3), 500)), event_of(np.zeros(3), np.zeros(3))
+    state, first = localization_step(start, still, known, rng)
+    motions = [np.array([0.0, 0.0, 0.09]), np.array([0.06, 0.0, 0.0])]
+    for motion in motions:
+        state, info = localization_step(state, event_of(np.zeros(3), motion), known, rng)
+        assert first.used > info.used
+    np.testing.assert_allclose(state.pending, compose(*motions))
+
+
 def test_the_estimate_is_one_cloud_and_never_between_two():
     rng = np.random.default_rng(9)
     poses = np.vstack([rng.normal([0, 0, 3.1], 0.1, (600, 3)), rng.normal([10, 0, 0], 0.1, (400, 3))])
+    poses[:, 2] = wrap_angle(poses[:, 2])
     estimate, share = densest(Particles(poses, np.zeros(1000)))
     np.testing.assert_allclose(estimate[:2], [0, 0], atol=0.05)
     assert abs(wrap_angle(estimate[2] - 3.1)) < 0.05

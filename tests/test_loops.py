@@ -8,7 +8,7 @@ from drives import simulated
 from scipy.optimize import least_squares
 
 from pfslam.beyond.loops import graph
-from pfslam.beyond.loops.closing import Revision, close_loops, confirming, softened
+from pfslam.beyond.loops.closing import LOOP_FLOOR, Revision, close_loops, confirming, matched, softened
 from pfslam.beyond.loops.graph import Edges, jacobians, relax, residuals
 from pfslam.beyond.loops.places import Place, align, compare, search_window
 from pfslam.evaluation.trajectory import trajectory_error
@@ -141,6 +141,8 @@ def test_a_bare_corridor_closes_only_across_and_a_door_frame_also_along():
         assert pose[1:] == pytest.approx([0.0, 0.0], abs=0.01)
         assert information[1, 1] > 1000.0
         assert (information[0, 0] > 1000.0) == along
+        # The jamb faces along x, 1.1 m to the left: turning left moves it towards -x.
+        assert information[0, 2] == pytest.approx(-1.1 * information[0, 0], rel=0.1, abs=1e-6)
         assert (abs(pose[0]) < 0.02) == along
         assert share > 0.9
 
@@ -168,6 +170,14 @@ def test_the_search_finds_the_pose_and_names_the_twin_of_a_place_that_repeats():
     )
     assert second > 0.9 * score
     assert abs((twin - best)[0]) > 0.3 > abs((twin - best)[1])
+
+
+def test_a_match_in_a_place_that_repeats_says_nothing_along_the_corridor():
+    rng = np.random.default_rng(0)
+    places = [corridor_place(rng, np.arange(-6.5, 8.0, 2.0)) for _ in range(2)]
+    (found,) = matched(places, np.zeros((2, 3)), [(0, 1, 2.5)], 0, LOOP_FLOOR).information
+    assert found[1, 1] > 500.0
+    assert found[0, 0] < 1.0
 
 
 def closed(recording, every=20) -> tuple[SlamResult, Revision, np.ndarray]:
