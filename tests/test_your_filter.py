@@ -20,7 +20,7 @@ SOLUTIONS = {
     "scan_points": ("00", 1),
     "to_world": ("00", 3),
     "cell_of": ("02", 1),
-    "update_log_odds": ("02", 3),
+    "update_log_odds": ("02", 4),
     "move": ("03", 2),
     "count_on_walls": ("04", 1),
     "update": ("05", 1),

@@ -145,7 +145,11 @@ CHAPTERS = {
     "mean_pose": "05",
 }
 """The parts of the filter, and the chapter that asks for each."""
-KINDS: Mapping[str, tuple[type, ...]] = {"cell_of": (int,), "resample": (float, float)}
+KINDS: Mapping[str, tuple[type, ...]] = {
+    "cell_of": (int,),
+    "crossed_cells": (int,),
+    "resample": (float, float),
+}
 """What a part returns, if not one array of floats."""
 BOOK: Mapping[str, Callable] = {name: globals()[name] for name in CHAPTERS}
 

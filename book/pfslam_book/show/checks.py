@@ -175,7 +175,7 @@ def answer_to(
 def same_numbers(found: Any, expected: Any) -> bool:
     """Whether two answers agree to about four digits; NaN and infinity only with themselves."""
     if isinstance(expected, str | bool | None):
-        return np.ndim(found) == 0 and bool(found == expected)
+        return not isinstance(found, list | tuple) and np.ndim(found) == 0 and bool(found == expected)
     found, expected = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
     if found.shape != expected.shape:
         return False
@@ -216,7 +216,8 @@ def _agrees(mistake: Callable, cases: Sequence[tuple], answers: Sequence, same: 
 
 def _alike(found: Any, expected: Any, same: Callable) -> bool:
     """Whether two answers have one shape and are the same."""
-    return np.shape(found) == np.shape(expected) and bool(same(found, expected))
+    in_shape = isinstance(expected, str | bool | None) or np.shape(found) == np.shape(expected)
+    return in_shape and bool(same(found, expected))
 
 
 def _unchanged(given: tuple, case: tuple) -> bool:
@@ -241,7 +242,7 @@ def _as_wanted(answer: Any, wanted: Any) -> Any:
 
 def _other_shape(found: Any, wanted: Any) -> str:
     """The words for an answer of another shape than the one that is wanted, or nothing."""
-    if np.shape(found) == np.shape(wanted):
+    if isinstance(wanted, str | bool | None) or np.shape(found) == np.shape(wanted):
         return ""
     return f"{_asked(wanted)} asked for; yours has the shape {np.shape(found)}."
 
