@@ -158,7 +158,8 @@ def answer_to(
     if answer is ... or (isinstance(answer, tuple | list) and any(part is ... for part in answer)):
         return unanswered()
     if answer is None and wanted is not None:
-        return hint("Your function returns nothing. Is a return missing at its end?")
+        word = f"The word {wanted!r} was asked for. " if isinstance(wanted, str) and wanted else ""
+        return hint(f"Your function returns nothing. {word}Is a return missing at its end?")
     if not _unchanged(given, case):
         return hint(
             "Your function changes what it is given. Make a new array: others may still need the old one."
