@@ -11,6 +11,7 @@ from pfslam.sensors import (
     ImuModel,
     LidarModel,
     RgbdModel,
+    RobotModel,
     nearest_ranges,
     scan_points,
     scan_points_3d,
