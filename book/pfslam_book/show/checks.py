@@ -134,7 +134,8 @@ def compare(
             return hint(words)
     k = wrong[0]
     return hint(
-        _other_shape(answers[k], expected[k])
+        _no_truth_value(answers[k], expected[k])
+        or _other_shape(answers[k], expected[k])
         or _usual_suspect(answers, expected, same)
         or _side_by_side(_arguments(theirs, cases[k]), answers[k], expected[k])
     )
@@ -164,13 +165,20 @@ def answer_to(
         return hint(
             "Your function changes what it is given. Make a new array: others may still need the old one."
         )
-    if isinstance(wanted, bool) and not (np.isscalar(answer) and answer in (False, True)):
-        return hint(f"Here your function returns {_short(answer)}; expected True or False.")
+    if in_shape and (words := _no_truth_value(answer, wanted)):
+        return hint(words)
     if isinstance(wanted, str | bool | None):
         return answer
     numbers = _as_wanted(answer, wanted)
     words = "" if isinstance(numbers, Check) or not in_shape else _other_shape(numbers, wanted)
     return hint(words) if words else numbers
+
+
+def _no_truth_value(answer: Any, wanted: Any) -> str:
+    """Words for an answer that is neither True nor False where one of them is wanted."""
+    if not isinstance(wanted, bool) or (np.isscalar(answer) and answer in (False, True)):
+        return ""
+    return f"Here your function returns {_short(answer)}; expected True or False."
 
 
 def same_numbers(found: Any, expected: Any) -> bool:
