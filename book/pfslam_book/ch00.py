@@ -101,12 +101,12 @@ def describe_scrub(recording: Recording, curves: tuple, image_at: Callable, time
 
 def scrub_explorer(recording: Recording) -> Explorer:
     """One slider: the time; a play button runs through the drive."""
-    times = np.round(np.linspace(8.0, 116.0, 24), 1).tolist()
+    times = np.round(np.linspace(8.0, 116.0, 13), 1).tolist()
     images = {time: image_at(recording, time) for time in times}
     view = recording, at_rest_and_moving(recording), images.__getitem__
     return Explorer(
         partial(draw_scrub, *view),
-        [Slider("time", times, 12, "Time", "s", ".0f")],
+        [Slider("time", times, 6, "Time", "s", ".0f")],
         title="Everything the robot knows",
         alt=partial(describe_scrub, *view),
         play="time",
