@@ -267,7 +267,7 @@ def test_two_clouds_live_until_the_mark_decides(seed):
     ]
     settled = (x > 0.0) & (x < 2.9)
     assert np.sum(both, axis=1)[settled].min() > 0.8
-    assert np.min(both, axis=1)[settled].min() > 0.02  # equal clouds' shares wander as resampling draws them
+    assert np.min(both, axis=1)[settled].min() > 0.15  # equal clouds' shares wander as resampling draws them
     assert not result.located[x < 2.9].any()
     assert both[-1][0] > 0.99
     assert result.located[-1]
