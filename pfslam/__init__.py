@@ -37,7 +37,7 @@ _HOMES = {
     "load_course": "io.course",
     "locate": "beyond.localization",
     "map_correlation": "correlation",
-    "map_texture": "texture",
+    "map_texture": "refined.floor",
     "read_known_map": "io.formats",
     "read_tum": "io.formats",
     "run_slam": "run",

@@ -8,6 +8,7 @@ import pytest
 from floor_oracle import camera_axes, disparity_image
 from pfslam_book.show.texture_error import depth_step, nearest_floor
 
+from pfslam.refined.floor import fit_floor_plane, level_camera
 from pfslam.sensors import RgbdModel
 from pfslam.texture import (
     associate_rgb,
@@ -16,9 +17,7 @@ from pfslam.texture import (
     depth_mask,
     disparity_from_depth,
     disparity_from_depth_image,
-    fit_floor_plane,
     floor_mask,
-    level_camera,
     to_world,
 )
 

@@ -14,6 +14,7 @@ from pfslam.cli.parser import METHODS
 from pfslam.errors import DataError
 from pfslam.grid import MapConfig
 from pfslam.particles import RESAMPLERS, ControlNoise, Scheme
+from pfslam.refined.floor import map_texture
 from pfslam.refined.search.boxes import MAX_SCORES
 from pfslam.refined.search.matching import SearchConfig
 from pfslam.run import run_slam
@@ -22,7 +23,7 @@ from pfslam.settings import Range, Settings, changed, plain
 from pfslam.simulator import HALL, simulate
 from pfslam.simulator.drive import MAX_HOURS
 from pfslam.slam import PRESETS, SlamConfig
-from pfslam.texture import TextureConfig, map_texture
+from pfslam.texture import TextureConfig
 
 CASES = int(os.environ.get("PFSLAM_CASES", "60"))
 CONFIGURATIONS = [

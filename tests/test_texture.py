@@ -9,20 +9,9 @@ from floor_oracle import TILE, colour_image, disparity_image, tile_colour
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording, RgbdStream
+from pfslam.refined.floor import EMPTY, PixelRays, camera_from_floor, floor_pixels, map_texture, posed_pairs
 from pfslam.sensors import RgbdModel, RobotModel
-from pfslam.texture import (
-    EMPTY,
-    PixelRays,
-    TextureConfig,
-    camera_from_floor,
-    colour_code,
-    floor_pixels,
-    map_texture,
-    paint,
-    posed_pairs,
-    project_floor,
-    view_code,
-)
+from pfslam.texture import TextureConfig, colour_code, paint, project_floor, view_code
 
 REPORT = TextureConfig.report()
 REFINED = TextureConfig.refined()

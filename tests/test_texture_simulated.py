@@ -10,7 +10,8 @@ from pfslam_book.show.texture_error import TextureError, texture_error, visible_
 
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.recording import image_pairs
-from pfslam.texture import TextureConfig, map_texture
+from pfslam.refined.floor import map_texture
+from pfslam.texture import TextureConfig
 
 EVERY = 60
 PRESETS = {"report": TextureConfig.report(), "refined": TextureConfig.refined()}

@@ -25,10 +25,11 @@ from pfslam.io.datasets import load
 from pfslam.io.files import atomic_write
 from pfslam.poses import between, transform_points
 from pfslam.recording import LidarScans, Recording, nearest_stamp
+from pfslam.refined.floor import map_texture
 from pfslam.run import SlamResult, run_slam
 from pfslam.sensors import LidarModel, scan_points
 from pfslam.slam import Step
-from pfslam.texture import FloorTexture, map_texture
+from pfslam.texture import FloorTexture
 
 PIXELS_PER_CELL = 2
 MARGIN = 0.6  # m of paper around the building

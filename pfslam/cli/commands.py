@@ -35,6 +35,7 @@ from pfslam.io.recordings import save
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
+from pfslam.refined.floor import map_texture
 from pfslam.run import run_slam
 from pfslam.settings import changed, plain
 from pfslam.simulator import Hazards, simulate
@@ -42,7 +43,6 @@ from pfslam.simulator.cache import cached_simulation
 from pfslam.slam import PRESETS
 from pfslam.study import read_study, run_study
 from pfslam.study.table import read_table
-from pfslam.texture import map_texture
 
 
 def progress_bar(what: str) -> Callable:

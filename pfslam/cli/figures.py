@@ -18,10 +18,11 @@ from pfslam.motion import controls, dead_reckoning
 from pfslam.particles import ControlNoise, Particles, predict
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording
+from pfslam.refined.floor import map_texture
 from pfslam.run import run_slam
 from pfslam.sensors import scan_points
 from pfslam.slam import SlamConfig
-from pfslam.texture import TextureConfig, map_texture
+from pfslam.texture import TextureConfig
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

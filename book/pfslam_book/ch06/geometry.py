@@ -7,8 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from pfslam.refined.floor import fit_floor_plane
 from pfslam.sensors import RgbdModel
-from pfslam.texture import disparity_from_depth, fit_floor_plane
+from pfslam.texture import disparity_from_depth
 from pfslam_book.ch06.pairs import Shot, points_of
 from pfslam_book.show.pictures import Picture, steady
 from pfslam_book.show.style import COLOURS, INK, new_figure

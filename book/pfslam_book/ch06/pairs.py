@@ -11,6 +11,16 @@ import numpy as np
 from pfslam.grid import GridSpec
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording, RgbdStream, image_pairs, nearest_stamp
+from pfslam.refined.floor import (
+    PixelRays,
+    fit_floor_plane,
+    floor_pixels,
+    level_camera,
+    map_texture,
+    posed_pairs,
+    read_disparity,
+    read_rgb,
+)
 from pfslam.run import SlamResult, run_slam
 from pfslam.sensors import RgbdModel
 from pfslam.simulator import Simulation
@@ -18,21 +28,13 @@ from pfslam.simulator.cache import cached_simulation
 from pfslam.slam import SlamConfig
 from pfslam.texture import (
     FloorTexture,
-    PixelRays,
     TextureConfig,
     associate_rgb,
     back_project,
     depth_from_disparity,
     depth_mask,
-    fit_floor_plane,
     floor_mask,
-    floor_pixels,
-    level_camera,
-    map_texture,
-    posed_pairs,
     project_floor,
-    read_disparity,
-    read_rgb,
     to_world,
 )
 from pfslam_book.show.tables import Shown

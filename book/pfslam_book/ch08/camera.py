@@ -8,9 +8,10 @@ import numpy as np
 
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording, RgbdStream, nearest_stamp
+from pfslam.refined.floor import read_disparity
 from pfslam.sensors import RgbdModel, scan_points
 from pfslam.simulator.cache import cached_simulation
-from pfslam.texture import back_project, depth_from_disparity, read_disparity, to_world
+from pfslam.texture import back_project, depth_from_disparity, to_world
 
 SHOT = 900
 """A disparity image with floor ahead and walls on both sides."""
