@@ -313,7 +313,7 @@ def _scans(log: Log, topic: Topic, T: np.ndarray) -> tuple[LidarModel, LidarScan
     usable = [_has_angles(message) for message in topic.contents]
     topic = topic.keep(log, usable, "without usable angles", "beams over at most one turn")
     said = np.concatenate([message.ranges for message in topic.contents])
-    for what, odd in (("not a number", np.isnan), ("infinite", np.isinf), ("zero", np.logical_not)):
+    for what, odd in (("not a number", np.isnan), ("infinite", np.isinf), ("zero", partial(np.equal, 0))):
         log.leave_out(f"ranges on {topic.name} that are {what}", odd(said))
     usual, ranges = _at_usual_angles(log, topic)
     between = np.median([message.time_increment for message in topic.contents])
