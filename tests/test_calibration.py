@@ -150,6 +150,7 @@ def test_wheels_and_a_gyro_that_drifts_get_back_what_the_walls_tell():
 # ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_hall_finds_what_the_simulator_was_told():
     recording = simulated("hall", None).recording
     found = calibrate(recording, run_slam(recording, CONFIG, keep_particles=False))
@@ -164,6 +165,7 @@ def test_hall_finds_what_the_simulator_was_told():
     assert after < before / 10
 
 
+@pytest.mark.slow
 def test_real_wheels_and_gyro(real_data):
     """Set 20. Its gyro drifts thrice as fast while driving as at rest: only the matched motion finds that."""
     recording = pfslam.load(20, real_data / "corridor20")

@@ -24,6 +24,7 @@ def complaints(recording):
     return {finding.question for finding in check_up(recording) if finding.ok is False}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hall", "ramp"])
 def test_good_drives_give_nothing_to_complain_about(name):
     findings = check_up(simulated(name, None).recording)

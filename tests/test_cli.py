@@ -63,6 +63,7 @@ def summary_in(folder):
 # ---- run: what it leaves -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_run_leaves_all_files_and_a_summary_that_holds_what_the_contract_names(results):
     more = ["texture.png", "texture.yaml", "trajectory_covariance.txt"]
     summary, scans = summary_in(results), len(box_recording().lidar.t[::5])
@@ -203,6 +204,7 @@ def test_a_run_that_is_not_to_be_trusted_says_so_in_one_sentence():
 # ---- simulate and report -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_simulate_writes_a_set_that_loads(tmp_path, monkeypatch):
     monkeypatch.setenv("PFSLAM_CACHE", str(tmp_path / "cache"))
     out = tmp_path / "d"
@@ -217,6 +219,7 @@ def test_simulate_writes_a_set_that_loads(tmp_path, monkeypatch):
     assert not (tmp_path / "cache").exists()  # only the built-in building is kept
 
 
+@pytest.mark.slow
 def test_simulate_puts_hazards_into_the_building(tmp_path, monkeypatch):
     asked = {}
 
@@ -232,6 +235,7 @@ def test_simulate_puts_hazards_into_the_building(tmp_path, monkeypatch):
     assert load_course(20, tmp_path).robot.lidar.sweep == 0.02
 
 
+@pytest.mark.slow
 def test_report_draws_its_six_figures_without_the_book(tmp_path, data, monkeypatch):
     pytest.importorskip("matplotlib")
     monkeypatch.setitem(sys.modules, "pfslam_book", None)

@@ -69,6 +69,7 @@ def test_anything_else_is_answered_with_what_is_accepted(dataset):
 # ---- built-in sets and their cache -------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_built_in_sets_render_every_eighth_pair(casts, hall):
     camera = load("hall").camera
     assert IMAGE_EVERY == 8

@@ -36,6 +36,7 @@ BUILT_IN = {  # sha256 of encoders, IMU, LiDAR and truth
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_without_hazards_the_built_in_drives_are_what_they_were(name):
     assert {getattr(Hazards(), field.name) for field in fields(Hazards)} == {0}
@@ -62,6 +63,7 @@ def parts(simulation):
 NIGHTLY = {"doors", "glass", "slip"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "hazard", [pytest.param(h, marks=[pytest.mark.nightly] * (h in NIGHTLY)) for h in EVERYTHING]
 )
@@ -83,6 +85,7 @@ MANY = [("hall", 3), *(pytest.param("hall", k, marks=pytest.mark.nightly) for k 
 MANY += [pytest.param("ring", 1, marks=pytest.mark.nightly)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), MANY)
 def test_people_meet_the_robot_and_never_touch_it(name, seed):
     simulation = drive(name, seed, people=6)
@@ -112,6 +115,7 @@ def test_people_meet_the_robot_and_never_touch_it(name, seed):
 # --- doors ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), MANY)
 def test_a_door_never_changes_in_view(name, seed):
     simulation = drive(name, seed, doors=4)
@@ -142,6 +146,7 @@ def test_a_share_of_the_walls_is_glass():
     assert length.max() <= 1.5 + 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", [{}, {"bumps": 6, "people": 4}])
 def test_half_of_the_beams_at_glass_return_nothing_and_half_the_largest_range(more):
     simulation, plain = drive(glass=0.1, **more), drive(**more)
@@ -169,6 +174,7 @@ def changed_by(hazard, times, rng):
     return rng.permutation(np.argwhere(np.abs(ranges - empty) > 1e-3))[:60]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "hazards", "tolerance"),
     [
@@ -193,6 +199,7 @@ def test_beams_end_where_the_slow_way_ends(name, hazards, tolerance):
         assert ranges[k, beam] == pytest.approx(slow, abs=tolerance), (k, beam)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sweep", "beams"), [(0.025, 1081), (1.0, 61)])
 def test_every_beam_of_a_sweep_is_cast_from_its_own_place(sweep, beams):
     simulation = drive(people=5, doors=4, bumps=6)
@@ -254,6 +261,7 @@ def test_slip_changes_the_counts_and_not_the_truth():
 # --- the ring -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_ring_has_its_measures_and_closes():
     simulation = drive("ring", 1)
     truth, world = simulation.recording.truth.poses, simulation.world

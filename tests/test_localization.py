@@ -230,6 +230,7 @@ def test_the_cloud_agrees_with_a_histogram_filter():
     assert min(still) > 0.35, still  # so that the bound says something
 
 
+@pytest.mark.slow
 def test_a_robot_is_found_in_a_room_and_its_path_followed():
     path = np.vstack([straight((-1.5, -0.8, 0.0), 3.0), straight((1.45, -0.8, 1.2), 2.0)])
     recording = recorded(ROOM, path)
@@ -253,6 +254,7 @@ MARK = box(7.0, -1.5, 7.5, -0.9)
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in (1, 2))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_two_clouds_live_until_the_mark_decides(seed):
     near_sighted = LidarModel(beams=91, range_max=4.0, position_b=(0.0, 0.0, 0.5))
@@ -273,6 +275,7 @@ def test_two_clouds_live_until_the_mark_decides(seed):
     assert result.located[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_kidnapped_robot_is_found_again_only_with_injection(seed):
     first, then = straight((-1.5, -0.8, 0.0), 3.0), straight((3.5, 2.0, -2.4), 3.5)
@@ -321,6 +324,7 @@ def files(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_locate_writes_trajectory_summary_and_picture(files, capsys):
     for name in ("a", "b"):
         options = ["--out", str(files / name), "--seed", "3", "--particles", "3000"]
@@ -342,6 +346,7 @@ def test_locate_writes_trajectory_summary_and_picture(files, capsys):
     assert cv2.imread(str(files / "a/located.png")).shape[:2] == known_map(ROOM).spec.shape
 
 
+@pytest.mark.slow
 def test_a_place_lost_again_is_said_to_be_a_guess():
     recording = recorded(ROOM, straight((-1.5, -0.8, 0.0), 3.0))
     result = locate(known_map(ROOM), recording, LocalizationConfig(every=1))

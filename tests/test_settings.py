@@ -204,6 +204,7 @@ def test_plain_settings_can_be_written():
     assert plain({1: np.float32(0.5), "b": (np.int64(2), math.nan)}) == {"1": 0.5, "b": [2, None]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

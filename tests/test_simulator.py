@@ -107,6 +107,7 @@ def test_the_drives_are_in_every_figure_like_the_real_ones(drive):
 # --- exact truth ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_without_errors_dead_reckoning_is_the_truth():
     recording = simulated("hall", exact=True).recording
     odometry = dead_reckoning(recording)
@@ -117,6 +118,7 @@ def test_without_errors_dead_reckoning_is_the_truth():
     assert np.abs(wrap_angle(difference[:, 2])).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_wheels_measure_the_slope_and_truth_its_shadow():
     exact = simulated("ramp", exact=True)
     recording = exact.recording
@@ -160,6 +162,7 @@ def test_the_walls_enclose_the_union_of_the_rectangles():
     assert inside.all()
 
 
+@pytest.mark.slow
 def test_scan_points_fall_on_the_walls():
     simulation = simulated("hall", 3)
     recording = simulation.recording
@@ -201,6 +204,7 @@ def test_rays_from_anywhere_end_where_small_steps_along_them_meet_the_ground():
 # --- the building ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "seed", [None, 1, *(pytest.param(s, marks=pytest.mark.nightly) for s in range(2, 20))]
 )
@@ -285,6 +289,7 @@ def test_a_symmetric_building_looks_the_same_after_half_a_turn():
     assert distance_to_walls(corners.min(axis=0) + corners.max(axis=0) - corners, walls).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("build", "words"),
     [

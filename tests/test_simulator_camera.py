@@ -96,6 +96,7 @@ def test_who_walks_ahead_of_the_robot_is_in_the_picture():
 # --- colour -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [60, 1300])
 def test_floor_pixels_carry_the_floors_colour(exact_hall, k):
     """By Eq. 16 from a disparity pixel to its colour, by Eq. 17 and 18 to the floor: the same paint."""
@@ -123,6 +124,7 @@ def test_floor_pixels_carry_the_floors_colour(exact_hall, k):
 # --- reading on demand ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_an_image_is_the_same_whenever_it_is_read(hall):
     camera = hall.recording.camera
     first = camera.read_disparity(1000)

@@ -195,6 +195,7 @@ def digest(config):
     return hashlib.sha256(result.trajectory.poses.tobytes() + result.grid.log_odds.tobytes()).hexdigest()
 
 
+@pytest.mark.slow
 def test_same_bits_on_one_core_and_on_two():
     runs = []
     for threads in "12":

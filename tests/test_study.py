@@ -126,6 +126,7 @@ def test_intel_has_relations(real_data, monkeypatch):
     assert "ate_rmse_m" not in row
 
 
+@pytest.mark.slow
 def test_another_building_is_not_the_built_in_one():
     small = {"simulator.path_length": 30.0, "simulator.robot.lidar.beams": 31}
     common = {"simulator.seed": [1, 2], "method": "dead-reckoning"} | small
@@ -182,6 +183,7 @@ def test_failures_are_rows_that_are_tried_again_and_the_others_go_on(box, tmp_pa
             (data / f"{name}91.npz").write_bytes((data / f"{name}90.npz").read_bytes())
 
 
+@pytest.mark.slow
 def test_what_is_done_is_not_run_again_unless_it_is_damaged_or_of_another_version(box, tmp_path, monkeypatch):
     run_study(box_study(box, seeds=2), tmp_path, jobs=1)
     first = files_in(tmp_path)
@@ -273,6 +275,7 @@ def expected(box, tmp_path_factory):
     return rows(run_study(box_study(box, 3), tmp_path_factory.mktemp("alone"), jobs=1))
 
 
+@pytest.mark.slow
 def test_two_processes_in_any_order_give_the_table_of_one(box, expected, tmp_path):
     study = box_study(box, 3)
     order = random.Random(5).sample(range(len(study.cases)), len(study.cases))
@@ -292,6 +295,7 @@ def test_a_dask_cluster_gives_the_same_table(box, expected, tmp_path):
         assert rows(run_study(box_study(box, 3), tmp_path, client=client)) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="kills processes the Unix way")
 def test_a_worker_that_was_killed_is_one_line_and_the_study_goes_on_later(
     box, expected, tmp_path, monkeypatch

@@ -34,6 +34,7 @@ def test_a_kidnapped_robot_feels_no_motion():
     assert (np.diff(taken.lidar.t) < 0.3).all()
 
 
+@pytest.mark.slow
 def test_the_histogram_is_a_distribution_that_moves_as_told():
     known = small_map()
     even = Histogram.even(known)
