@@ -1,15 +1,27 @@
 """The page for teachers: minutes, memory and exercises of a chapter, by hand."""
 
+import re
 import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "book" / "_ext"))
-from classroom import TABLE, chapters_table, exercises, read, server_text  # noqa: E402
+from classroom import TABLE, chapters_table, exercises, minutes, read, server_text  # noqa: E402
 
 
 def test_every_chapter_is_measured():
     assert len(read(ROOT / TABLE, sorted((ROOT / "notebooks").glob("*.ipynb")))) > 10
+
+
+def test_the_course_fits_the_sessions_that_the_plan_gives_it():
+    """Ninety minutes for each time that a chapter stands in the table of the five weeks."""
+    weeks = re.findall(
+        r"^\| \d \|(.*)\|.*\|$", (ROOT / "book/teachers.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    sessions = re.findall(r"\b(\d\d),", " ".join(weeks))
+    assert len(sessions) == 10
+    for row in read(ROOT / TABLE, sorted((ROOT / "notebooks").glob("0[0-6]_*.ipynb"))):
+        assert minutes(row) <= 90 * sessions.count(row["chapter"][:2]), row["chapter"]
 
 
 def test_minutes_and_memory_by_hand():
