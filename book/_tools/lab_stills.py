@@ -53,7 +53,7 @@ def default_options(name: str) -> dict:
 
         return calibrate_options(load("hall"))
     if name == "cloud":
-        from pfslam_book.ch03.live import cloud_options
+        from pfslam_book.ch03 import cloud_options
 
         return cloud_options(load("hall"))
     if name != "journey":

@@ -11,8 +11,8 @@ from dice import Handed
 from lab_stills import page as lab_page
 from pfslam_book import ch04, ch06
 from pfslam_book.ch01 import calibrate_options, true_path
-from pfslam_book.ch03.corridor import CELLS, STEP, TRUE_START, predict_belief, update_belief
 from pfslam_book.ch05 import cells as ch05_cells
+from pfslam_book.exercises.ch03 import CELLS, STEP, predict_belief, update_belief
 from pfslam_book.show.lab import FOLDER
 from pfslam_book.show.style import COLOURS
 
@@ -53,6 +53,7 @@ SEE = f"""names => {{
   return Object.fromEntries(names.map(
     name => [name, plain(typeof part(name) === 'function' ? state[name]() : part(name))]));
 }}"""
+TRUE_START = 1  # of the robot in the corridor of fifteen cells
 
 
 @pytest.fixture
