@@ -1,149 +1,132 @@
-"""Checks of the exercises of chapter 08. Each takes the student's answer and says what is wrong in words."""
+"""Exercises of chapter 08."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
-from pfslam_book.ch08.mystery import FAULTS, MysteryRobot
-from pfslam_book.show.checks import Check, attempt, compare, hint, is_unanswered, passed, unanswered
+from pfslam_book.show.checks import Check, hint, is_unanswered, passed, unanswered
+from pfslam_book.show.exercise import Exercise
 
 from pfslam.particles import multinomial_resample, stratified_resample, systematic_resample
 
-Resampler = Callable[[np.ndarray, np.ndarray, np.random.Generator], tuple[np.ndarray, np.ndarray]]
+# ---- 1: a test of a resampler
 
 
-def _right(draw: Callable) -> Resampler:
-    def resample(poses, weights, rng):
-        return poses[draw(weights, rng)], np.full(len(poses), 1 / len(poses))
-
-    return resample
+def right(rows):
+    """A resampler that draws the rows by some scheme and gives all of them one weight."""
+    return lambda poses, weights, rng: (poses[rows(weights, rng)], np.full(len(poses), 1 / len(poses)))
 
 
-def _kept(poses, weights, rng):
+def keeps_weights(poses, weights, rng):
     rows = systematic_resample(weights, rng)
     return poses[rows], weights[rows] / weights[rows].sum()
 
 
-def _torn(poses, weights, rng):
+def tears_rows(poses, weights, rng):
     rows, others = (rng.permutation(systematic_resample(weights, rng)) for _ in range(2))
     return np.column_stack([poses[rows, :2], poses[others, 2]]), np.full(len(poses), 1 / len(poses))
 
 
-def _deaf(poses, weights, rng):
-    return poses[rng.integers(0, len(poses), len(poses))], np.full(len(poses), 1 / len(poses))
-
-
-def _idle(poses, weights, rng):
-    return poses.copy(), np.full(len(poses), 1 / len(poses))
-
-
-def _best(poses, weights, rng):
-    return np.tile(poses[np.argmax(weights)], (len(poses), 1)), np.full(len(poses), 1 / len(poses))
-
-
-GOOD = {
-    "systematic": _right(systematic_resample),
-    "stratified": _right(stratified_resample),
-    "multinomial": _right(multinomial_resample),
+BROKEN = {
+    "that does not look at the weights": right(lambda w, rng: rng.integers(0, len(w), len(w))),
+    "that hands the cloud back as it was": right(lambda w, rng: np.arange(len(w))),
+    "that copies the heaviest particle N times": right(lambda w, rng: np.full(len(w), np.argmax(w))),
+    "that draws well and keeps the old weights": keeps_weights,
+    "that draws positions and headings separately, so that rows are torn": tears_rows,
 }
-BAD: dict[str, tuple[Resampler, str]] = {
-    "deaf": (
-        _deaf,
-        "draws without looking at the weights: count the offspring of each particle over many calls.",
-    ),
-    "idle": (_idle, "hands the cloud back as it was: count the offspring of each particle over many calls."),
-    "best": (_best, "copies the heaviest particle N times: the mean offspring of particle i must be N w_i."),
-    "kept": (_kept, "draws well and keeps the old weights: look at the weights that come back, too."),
-    "torn": (_torn, "draws positions and headings separately: look whether whole rows were rows before."),
+SOUND = {
+    "that is right, systematic": right(systematic_resample),
+    "that is right, stratified": right(stratified_resample),
+    "that is right, multinomial": right(multinomial_resample),
 }
 
 
-def check_looks_broken(looks_broken) -> Check:
-    """Tell whether ``looks_broken(resample)`` tells three right resamplers from five broken ones."""
-    for name, resample in GOOD.items():
-        answer = attempt(looks_broken, resample)
-        if answer is None:
-            return hint("Your function returns nothing. Is a return missing at its end?")
-        if is_unanswered(answer):
-            return unanswered()
-        if isinstance(answer, Check):
-            return answer
-        if isinstance(answer, str) or np.ndim(answer) != 0 or answer not in (0, 1):
-            return hint(f"Return True or False; your function returns {answer!r}.")
-        if answer:
-            return hint(
-                f"Your test accuses the {name} resampler, which is right. One call is chance: average the offspring "
-                "over hundreds of calls, and leave room for what is left of chance."
-            )
-    for resample, words in BAD.values():
-        answer = attempt(looks_broken, resample)
-        if isinstance(answer, Check):
-            return answer
-        if not answer:
-            return hint(f"Your test lets one pass that {words}")
-    return passed("Three right resamplers pass, five broken ones are caught.")
+def resamplers():
+    for words, function in (SOUND | BROKEN).items():
+
+        def called(poses, weights, rng, function=function):
+            return function(np.asarray(poses, dtype=float), np.asarray(weights, dtype=float), rng)
+
+        called.words = f"= one {words}"  # type: ignore[attr-defined]
+        yield called
+
+
+POSES = np.column_stack([np.arange(5.0), 10.0 + np.arange(5.0), 0.1 * np.arange(5.0)])
+WEIGHTS = np.array([0.4, 0.3, 0.2, 0.1, 0.0])
+
+
+def wrong_offspring(resample, calls=500):
+    """Whether the particles have other numbers of children than N w, on average."""
+    rng = np.random.default_rng(0)
+    first = np.concatenate([resample(POSES, WEIGHTS, rng)[0][:, 0] for _ in range(calls)]).astype(int)
+    return not np.allclose(np.bincount(first, minlength=5) / calls, 5 * WEIGHTS, atol=0.2)
+
+
+def wrong_weights(resample):
+    return not np.allclose(resample(POSES, WEIGHTS, np.random.default_rng(0))[1], 0.2)
+
+
+check_looks_broken = Exercise(
+    right=lambda resample: any(words in resample.words for words in BROKEN),
+    cases=[(resample,) for resample in resamplers()],
+    mistakes={
+        "Your test accuses every resampler, the right ones too. One call is chance: average the offspring over "
+        "hundreds of calls, and leave room for what is left of chance.": lambda resample: True,
+        "Your test lets every resampler pass.": lambda resample: False,
+        "You look at the weights that come back. Count the offspring of each particle over many calls, too: on "
+        "average particle i has N w_i.": wrong_weights,
+        "You count the offspring, which is right. Look at the weights that come back, and whether whole rows were "
+        "rows before, too.": wrong_offspring,
+        "Your test lets one pass that draws positions and headings separately: look whether whole rows were rows "
+        "before.": lambda resample: wrong_weights(resample) or wrong_offspring(resample),
+    },
+    praise="Three right resamplers pass, five broken ones are caught.",
+)
+
+# ---- 2: a clock offset by sharpness
 
 
 class Curve:
     """A made-up count of cells over the clock's shift (s), with its least value at ``best``."""
 
+    words = "that count a map's cells"
+
     def __init__(self, best: float):
         self.best = best
 
-    def __call__(self, shift: float | np.ndarray) -> np.ndarray:
+    def __call__(self, shift):
         away = np.abs(np.asarray(shift, dtype=float) - self.best)
         return 4400.0 + 30000.0 * away / (1.0 + 2.0 * away)
 
 
-SHIFTS = np.arange(-0.3, 0.3001, 0.01)
-CURVES = [(Curve(best),) for best in (-0.137, 0.063, 0.241, -0.268)]
+def least(low=-0.3, high=0.3, step=0.01, pick=np.argmin):
+    """The best shift between two limits, in steps."""
+    shifts = np.arange(low, high + 1e-4, step)
+    return lambda cells: shifts[pick(cells(shifts))]
 
 
-def _least(shifts, pick=np.argmin):
-    def rule(cells):
-        return shifts[pick([float(cells(s)) for s in shifts])]
+check_find_shift = Exercise(
+    right=lambda cells: cells.best,
+    cases=[(Curve(best),) for best in (-0.137, 0.074, 0.226, -0.274)],
+    mistakes={
+        "That is by how much the clock is wrong. Asked is the shift that you handed to cells, which puts it right: "
+        "the other sign.": lambda cells: -cells.best,
+        "You take the largest number of cells, so the most blurred map. Sharp walls need few cells.": (
+            least(pick=np.argmax)
+        ),
+        "The right valley, but your steps of 0.05 s are too coarse: 10 ms at 1 rad/s is half a degree. Search once "
+        "more around the best, in steps of 0.01 s.": least(step=0.05),
+        "You never try negative shifts. A clock may be late or early.": least(low=0.0),
+        "That is the place of the shift in your list. Return the shift itself.": (
+            lambda cells: 100 * (least()(cells) + 0.3)
+        ),
+    },
+    praise="Within a hundredth of a second.",
+    same=lambda found, expected: bool(np.abs(np.asarray(found, dtype=float) - expected) < 0.0101),
+)
 
-    return rule
-
-
-SHIFT_MISTAKES = [
-    (lambda cells: -cells.best, "That is by how much the clock is wrong. Asked is the shift that you handed to cells, "
-     "which puts it right: the other sign."),
-    (_least(SHIFTS, np.argmax), "You take the largest number of cells, so the most blurred map. Sharp walls need few "
-     "cells."),
-    (lambda cells: float(np.argmin([cells(s) for s in SHIFTS])), "That is the place of the shift in your list. Return "
-     "the shift itself."),
-    (lambda cells: float(min(cells(s) for s in SHIFTS)), "That is the number of cells. Return the shift that needs so "
-     "few."),
-    (_least(np.arange(0.0, 0.3001, 0.01)), "You never try negative shifts. A clock may be late or early."),
-    (_least(np.arange(-0.3, 0.0001, 0.01)), "You never try positive shifts. A clock may be late or early."),
-    (_least(np.arange(-0.1, 0.1001, 0.01)), "You look from -0.1 to 0.1 s only. The best shift may be as far as 0.3 s."),
-    (_least(np.arange(-0.2, 0.2001, 0.01)), "You look from -0.2 to 0.2 s only. The best shift may be as far as 0.3 s."),
-    (_least(np.arange(-0.25, 0.2501, 0.01)), "You look from -0.25 to 0.25 s only. The best shift may be as far as 0.3 "
-     "s."),
-    (lambda cells: abs(cells.best), "You lost the sign. A clock may be late or early."),
-    (lambda cells: -1000 * cells.best, "That is in milliseconds, and by how much the clock is wrong: the other sign."),
-    (_least(np.arange(-0.3, 0.3001, 0.1)), "The right valley, but your steps are too coarse: 10 ms at 1 rad/s is half "
-     "a degree."),
-    (_least(np.arange(-0.3, 0.3001, 0.03)), "The right valley, but your steps are too coarse: 10 ms at 1 rad/s is half "
-     "a degree."),
-    (_least(np.arange(-0.3, 0.3001, 0.05)), "The right valley, but your steps are too coarse: 10 ms at 1 rad/s is half "
-     "a degree."),
-]  # fmt: skip
-
-
-def check_find_shift(find_shift) -> Check:
-    """Tell whether ``find_shift(cells)`` finds the shift of the stamps (s) that needs the fewest cells."""
-    return compare(
-        find_shift,
-        lambda cells: cells.best,
-        CURVES,
-        mistakes=SHIFT_MISTAKES,
-        praise="Within a hundredth of a second.",
-        same=lambda found, expected: bool(np.abs(np.asarray(found, dtype=float) - expected) < 0.0101),
-    )
-
+# ---- 3: four robots. No function is asked for, and the hint depends on the robot's numbers.
 
 RULED_OUT = {
     "clock": ("delay [s]", "a wrong clock shows as a delay of many hundredths of a second"),
@@ -154,7 +137,7 @@ RULED_OUT = {
 }
 
 
-def check_diagnosis(diagnosis, robots: list[MysteryRobot]) -> Check:
+def check_diagnosis(diagnosis, robots: Sequence) -> Check:
     """Tell whether ``diagnosis`` names the fault of every robot: a dictionary from letter to name."""
     if is_unanswered(diagnosis) or (isinstance(diagnosis, dict) and is_unanswered(list(diagnosis.values()))):
         return unanswered()
@@ -162,30 +145,18 @@ def check_diagnosis(diagnosis, robots: list[MysteryRobot]) -> Check:
     if not isinstance(diagnosis, dict) or set(diagnosis) != set(letters):
         return hint(f"A dictionary with the letters {', '.join(letters)} is asked for.")
     for robot in robots:
-        answer = diagnosis[robot.letter]
-        if answer not in FAULTS:
-            return hint(f"{answer!r} is none of {', '.join(FAULTS)}.")
-        if answer != robot.fault:
-            return hint(_objection(robot, answer))
+        if diagnosis[robot.letter] not in ("healthy", *RULED_OUT):
+            return hint(f"{diagnosis[robot.letter]!r} is none of {', '.join(('healthy', *RULED_OUT))}.")
+        if diagnosis[robot.letter] != robot.fault:
+            return hint(_objection(robot, diagnosis[robot.letter]))
     return passed("All robots named. Another seed makes other robots.")
 
 
-def _objection(robot: MysteryRobot, answer: str) -> str:
-    """Return the number that rules a wrong answer out."""
-    if answer == "healthy":
-        column, sign = RULED_OUT[robot.fault]
-        return f"Robot {robot.letter} is not healthy. Look at its {column}: {robot.numbers[column]:.2f}."
-    letter, (column, sign) = robot.letter, RULED_OUT[answer]
-    if robot.fault == "track":
-        ratio = robot.numbers["turn ratio"]
-        return (
-            f"Robot {letter}: its headings are wrong by themselves, so no fit to the filter's corrections can be "
-            f"trusted. First compare the instruments with each other: turn ratio {ratio:.2f}."
-        )
-    found = f"{robot.numbers[column]:.2f}"
-    if robot.fault == "renumbered beams":
-        return (
-            f"Robot {letter}: bearings that are wrong bend every fit ({column} {found}). Look at the raw scans "
-            f"before any fit: cut scans {robot.numbers['cut scans']:.2f}."
-        )
-    return f"Robot {letter} has no {answer} fault: {sign}, and here {column} is {found}."
+def _objection(robot, answer: str) -> str:
+    """The number that rules a wrong answer out."""
+    if answer == "healthy" or robot.fault in ("track", "renumbered beams"):
+        column = RULED_OUT[robot.fault][0]
+        upstream = "" if answer == "healthy" else "such a fault bends every fit that comes after it: "
+        return f"Robot {robot.letter}: {upstream}look at its {column} first. Here it is {robot.numbers[column]:.2f}."
+    column, sign = RULED_OUT[answer]
+    return f"Robot {robot.letter} has no {answer} fault: {sign}, and here {column} is {robot.numbers[column]:.2f}."

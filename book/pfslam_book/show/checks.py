@@ -335,6 +335,8 @@ def _value(value: Any) -> str:
     """A number, a short list, or what it is in words; a function may bring its own."""
     if callable(value):
         return getattr(value, "words", "(a function)")
+    if isinstance(value, np.random.Generator):
+        return "as given"
     if np.size(value) > 6:
         return f"of the shape {np.shape(value)}"
     return f"= {_short(_rounded(np.asarray(value).tolist() if isinstance(value, np.ndarray) else value))}"

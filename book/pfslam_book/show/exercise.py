@@ -16,6 +16,7 @@ Right. That is Pythagoras.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -23,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from pfslam.poses import wrap_angle
-from pfslam_book.show.checks import Check, compare, same_numbers
+from pfslam_book.show.checks import Check, compare, hint, same_numbers
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,8 @@ class Exercise:
     no round angle, nothing symmetric, every branch taken, every argument varied. ``mistakes`` gives the words for
     each wrong function, or type of error, that learners really write: five at most. Whoever is wrong in another way
     hears what the function returned and what was expected. ``same(found, expected)`` decides when two answers agree,
-    and ``also`` holds other right answers to a question that has several.
+    and ``also`` holds other right answers to a question that has several. ``besides(theirs, *case)`` looks at what
+    the answers do not show, such as where the random numbers came from: it returns the words for it, or nothing.
     """
 
     right: Callable
@@ -43,13 +45,16 @@ class Exercise:
     praise: str = ""
     same: Callable[[Any, Any], bool] = same_numbers
     also: Sequence[Callable] = ()
+    besides: Callable[..., str] = lambda theirs, *case: ""
 
     def __call__(self, theirs: Callable) -> Check:
         pairs = [(wrong, words) for words, wrong in self.mistakes.items()]
         rest: dict[str, Any] = {"mistakes": pairs, "praise": self.praise, "same": self.same}
         with np.errstate(all="ignore"):
             verdicts = [compare(theirs, right, self.cases, **rest) for right in (self.right, *self.also)]
-        return next((verdict for verdict in verdicts if verdict), verdicts[0])
+        verdict = next((verdict for verdict in verdicts if verdict), verdicts[0])
+        words = self.besides(theirs, *copy.deepcopy(self.cases[0])) if verdict else ""
+        return hint(words) if words else verdict
 
 
 def within(position: float, heading: float) -> Callable[[Any, Any], bool]:
