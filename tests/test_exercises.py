@@ -45,7 +45,7 @@ def test_the_stub_is_unanswered_and_the_solution_right(chapter, number, tmp_path
 
 # ---- exercises that are data: their mistakes here, right answers in other styles in right_styles/chNN.py
 
-CONVERTED = ("00", "01", "02", "03", "04", "06", "07", "08", "09")
+CONVERTED = ("00", "01", "02", "03", "04", "06", "07", "08", "09", "10", "11", "12", "13")
 TABLES = {chapter: importlib.import_module(f"pfslam_book.exercises.ch{chapter}") for chapter in CONVERTED}
 DATA = {
     f"{chapter} {name}": check
@@ -105,6 +105,30 @@ def test_any_other_wrong_answer_is_told_what_was_expected_and_nonsense_never_rai
     assert re.search(r"your function returns \S+.*; expected ", check(slightly_off).message)
     for answer in ("text", [[1.0], [1.0, 2.0]], np.zeros((7, 7)), {"a": 1}, np.full(3, np.nan), 12345.0):
         assert check(lambda *arguments, answer=answer: answer).verdict == "wrong"
+
+
+def right(name, change=lambda answer: answer, seed=None):
+    """The right function, with its answer changed or the random numbers of another rng."""
+
+    def answer(*case):
+        return change(DATA[name].right(*case if seed is None else (*case[:-1], np.random.default_rng(seed))))
+
+    return answer
+
+
+BESIDES = {
+    "07 check_median_interval": (right("07 check_median_interval", seed=3), "rng of its own"),
+    "07 check_difference": (right("07 check_difference", seed=3), "rng of its own"),
+    "10 check_draw_all": (right("10 check_draw_all", change=np.copy), "more memory than needed"),
+}
+
+
+@pytest.mark.parametrize("name", BESIDES)
+def test_what_answers_do_not_show_is_looked_at_besides(name):
+    answer, words = BESIDES[name]
+    verdict = DATA[name](answer)
+    assert verdict.verdict == "wrong"
+    assert words in verdict.message
 
 
 def can_change(check):

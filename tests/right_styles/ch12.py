@@ -1,0 +1,52 @@
+"""Right answers to the exercises of chapter 12, in the ways that people write them: each must pass its check."""
+
+import cmath
+import math
+
+import numpy as np
+
+from pfslam.beyond.loops.graph import robust_weights
+from pfslam.poses import between, rotation_matrix, wrap_angle
+
+
+def error(a, b, z):
+    e = between(a, b) - z
+    e[2] = wrap_angle(e[2])
+    return e
+
+
+def by_matrix(a, b, z):
+    e = np.zeros(3)
+    e[:2] = rotation_matrix(yaw=a[2])[:2, :2].T @ (b - a)[:2] - z[:2]
+    e[2] = (b[2] - a[2] - z[2] + np.pi) % (2 * np.pi) - np.pi
+    return e
+
+
+def by_complex(a, b, z):
+    d = complex(b[0] - a[0], b[1] - a[1]) * cmath.exp(-1j * a[2]) - complex(z[0], z[1])
+    return [d.real, d.imag, cmath.phase(cmath.exp(1j * (b[2] - a[2] - z[2])))]
+
+
+def by_polar(a, b, z):
+    way, bearing = math.hypot(b[0] - a[0], b[1] - a[1]), math.atan2(b[1] - a[1], b[0] - a[0]) - a[2]
+    turn = math.remainder(b[2] - a[2] - z[2], 2 * math.pi)
+    return way * math.cos(bearing) - z[0], way * math.sin(bearing) - z[1], turn
+
+
+STYLES = {
+    "check_edge_error": [
+        error,
+        by_matrix,
+        by_complex,
+        by_polar,
+        lambda a, b, z: tuple(error(a, b, z)),
+        lambda a, b, z: np.float32(error(a, b, z)),
+    ],
+    "check_robust_weight": [
+        robust_weights,
+        lambda c, k: (1.0 + c / k**2) ** -2.0,
+        lambda c, k: [(k * k / (k * k + x)) ** 2 for x in c],
+        lambda c, k: k**4 / (k**2 + c) ** 2,
+        lambda c, k: np.exp(-2.0 * np.log1p(c / k**2)),
+    ],
+}
