@@ -14,7 +14,6 @@ from pfslam_book.ch07.statistics import (
     resampled,
     wrong_winner,
 )
-from pfslam_book.exercises.ch07 import SAMPLES, exact_ends
 
 RNG = np.random.default_rng
 
@@ -25,14 +24,6 @@ def test_bootstrap_medians_of_three_values_come_as_often_as_counted():
     found = resampled(np.array(values), RNG(0))
     for value in values:
         assert np.mean(found == value) == pytest.approx(ways.count(value) / 27, abs=0.04)
-
-
-def test_the_ends_counted_for_the_exercise_are_those_of_the_bootstrap():
-    for values in SAMPLES:
-        draws = np.sort(np.median(RNG(2).choice(values, (40_000, len(values))), axis=1))
-        for level in (0.8, 0.9, 0.95, 0.99):
-            found = np.quantile(draws, [(1 - level) / 2, (1 + level) / 2])
-            np.testing.assert_array_equal(found, exact_ends(values, level))
 
 
 def test_interval_covers_the_true_median_about_as_often_as_it_says():
