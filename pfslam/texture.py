@@ -64,7 +64,7 @@ class TextureConfig(Settings):
 
     @classmethod
     def refined(cls) -> TextureConfig:
-        """The report's three improvements (crop, a pose for every image, depth range), and three more.
+        """Two improvements that the report names (crop, a pose for every image), and four of ours.
 
         The depth range ends where a step of disparity is worth 0.1 m. Since the best view wins, a point that far away
         is kept only where there was never a nearer view.

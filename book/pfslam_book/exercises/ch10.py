@@ -120,10 +120,10 @@ check_draw_all = Exercise(
         "Particles of one ancestor drew into one and the same array: each now sees the other's wall. Copies of a "
         "particle may share a map only until one of them draws.": one_copy_each,
         "A hit in cell 0 was not drawn: `if hit` takes 0 for nothing. Ask whether it `is not None`.": (
-            lambda *case: draw_all(*case, skip=lambda hit: not hit)
+            lambda maps, ancestors, hits: draw_all(maps, ancestors, hits, skip=lambda hit: not hit)
         ),
         "Where hits[k] is None, particle k draws nothing. grid[None] is the whole map, and you added 1 to all of it.": (
-            lambda *case: draw_all(*case, skip=lambda hit: False)
+            lambda maps, ancestors, hits: draw_all(maps, ancestors, hits, skip=lambda hit: False)
         ),
         "Every particle goes on from its own old map. It descends from ancestors[k]: use its map.": (
             lambda maps, ancestors, hits: draw_all(maps, range(5), hits)
