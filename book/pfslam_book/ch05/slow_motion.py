@@ -1,8 +1,7 @@
-"""Chapter 05, one scan in slow motion: a single update of the textbook filter, picture by picture."""
+"""Chapter 05, one scan in slow motion: a single step of the printed filter, picture by picture."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -12,32 +11,30 @@ from matplotlib.figure import Figure
 
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.io.datasets import load
-from pfslam_book.ch05.your_filter import BOOK, Filter, Settings, my_filter, scans_and_controls, step
-from pfslam_book.show.figures import draw_map
-from pfslam_book.show.pictures import Picture
-from pfslam_book.show.style import COLOURS, INK, PAPER, metric_axes, new_figure
+from pfslam_book.ch05.your_filter import Settings, moments, my_filter, step
+from pfslam_book.show.artists import COLOURS, draw_map, plan, sheet
+from pfslam_book.show.style import INK
 from pfslam_book.show.widgets import Explorer, Slider
 
 PARTICLES, EVERY, BLIND = 24, 20, 6
 """Few particles, so that each can be seen; ``BLIND`` used scans are left out before the one that is shown."""
 SECONDS = 32.0
 """When the scan is taken, after the first: at the end of a corridor."""
-SETTINGS = Settings(sigma_v=0.3, sigma_omega=0.14, sharpness=0.02)
-ZOOM = 0.22
-"""Half the width (m) of the pictures of the cloud."""
-NAMES, LOOKS = "ABC", ("particle A", "particle B", "particle C")
+SETTINGS = Settings(sigma_v=0.3, sigma_omega=0.14, sharpness=21.0)
+NEAR, FAR = 0.22, 6.0
+"""Half the width (m) of the pictures of the cloud, and of the map."""
+LOOKS = {"A": "particle A", "B": "particle B", "C": "particle C"}
 
 
 @dataclass(frozen=True, eq=False)
 class Update:
-    """All that one update computes, in order; ``chosen`` are a good, a middling and a bad particle."""
+    """All that one step computes, in order; ``chosen`` are a good, a middling and a bad particle."""
 
     points_b: np.ndarray
     before: np.ndarray
     predicted: np.ndarray
     counts: np.ndarray
     weights: np.ndarray
-    offset: float
     ancestors: np.ndarray
     log_odds: np.ndarray
     drawn: np.ndarray
@@ -50,15 +47,10 @@ class Update:
         return order[[0, PARTICLES // 3, -1]]
 
     @property
-    def after(self) -> np.ndarray:
-        """The cloud after resampling, moved apart a little by the next prediction's noise."""
-        return self.predicted[self.ancestors]
-
-    @property
     def colours(self) -> np.ndarray:
         """The colour of every old particle: A, B and C have one each, which their descendants keep."""
         colours = np.full(PARTICLES, COLOURS["particles"])
-        colours[self.chosen] = [COLOURS[look] for look in LOOKS]
+        colours[self.chosen] = [COLOURS[look] for look in LOOKS.values()]
         return colours
 
 
@@ -68,239 +60,186 @@ def one_update() -> Update:
     hall, f, s, rng = load("hall"), my_filter(file="none"), SETTINGS, np.random.default_rng(4)
     poses, weights = np.zeros((PARTICLES, 3)), np.full(PARTICLES, 1 / PARTICLES)
     log_odds, waiting = np.zeros(s.shape), []
-    scans = list(scans_and_controls(f, s, hall, EVERY, SECONDS))
-    truth = hall.true_path()
-    for k, (_, points_b, inputs) in enumerate(scans):
-        if k < len(scans) - BLIND:  # the map of the past is drawn by the filter itself
-            state = step(f, s, poses, weights, log_odds, points_b, inputs, rng)
-            poses, weights, log_odds, _ = state
-        else:
-            waiting += inputs
-    poses, _ = BOOK["resample"](poses, weights, rng)
-    return _shown(f, s, poses, waiting, points_b, log_odds, truth.at(scans[-1][0]), rng)
-
-
-def _shown(f: Filter, s: Settings, before, inputs, points_b, log_odds, true_pose, rng) -> Update:
+    *past, (t, points_b, inputs) = moments(f, hall, EVERY, SECONDS)
+    for _, points, driven in past[: 1 - BLIND]:  # the map of the past is drawn by the filter itself
+        poses, weights, log_odds, _ = step(f, s, poses, weights, log_odds, points, driven, rng)
+    for _, _, driven in past[1 - BLIND :]:
+        waiting += driven
+    before, _ = f.resample(poses, weights, rng)
     predicted = before
-    for v, omega, dt in inputs:
-        predicted = f.move(predicted, v, omega, dt, s.sigma_v, s.sigma_omega * (v != 0), rng)
-    walls = log_odds > 0
+    for v, omega, dt in waiting + inputs:
+        predicted = f.move(predicted, v, omega, dt, s.sigma_v, s.sigma_omega, rng)
     scans = [f.to_world(pose, points_b) for pose in predicted]
-    counts = np.array([f.count_on_walls(points, walls, s.origin, s.resolution) for points in scans])
-    weights = f.update(np.full(PARTICLES, 1 / PARTICLES), np.exp(s.sharpness * (counts - counts.max())))
-    estimate, offset = f.mean_pose(predicted, weights), 0.4
-    teeth = (np.arange(PARTICLES) + offset) / PARTICLES
-    ancestors = np.searchsorted(np.cumsum(weights), teeth, side="right")
+    counts = np.array([f.count_on_walls(p, log_odds > 0, s.origin, s.resolution) for p in scans])
+    likelihood = np.exp(s.sharpness * (counts - counts.max()) / len(points_b))
+    weights = f.update(np.full(PARTICLES, 1 / PARTICLES), likelihood)
+    estimate = f.mean_pose(predicted, weights)
+    ancestors = np.searchsorted(np.cumsum(weights), (np.arange(PARTICLES) + 0.4) / PARTICLES, side="right")
     hits = f.cell_of(f.to_world(estimate, points_b), s.origin, s.resolution)
-    nothing = np.zeros((0, 2), dtype=int)
-    drawn = f.update_log_odds(log_odds, hits, nothing, s.hit, s.free, s.clamp)
+    drawn = f.update_log_odds(log_odds, hits, np.zeros((0, 2), dtype=int), s.hit, s.free, s.clamp)
+    true_pose = hall.true_path().at(t)
     return Update(
-        points_b, before, predicted, counts, weights, offset, ancestors, log_odds, drawn, estimate, true_pose
+        points_b, before, predicted, counts, weights, ancestors, log_odds, drawn, estimate, true_pose
     )
 
 
-# ---- the pictures
+# ---- what the pictures are made of
 
 
-def _map(axes: Axes, log_odds: np.ndarray, middle: np.ndarray, reach: float) -> None:
-    grid = OccupancyGrid(
-        GridSpec(SETTINGS.origin, SETTINGS.resolution, SETTINGS.shape), log_odds.astype(np.float32)
-    )
-    draw_map(axes, grid)
-    axes.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach))
-    axes.set(xticks=(), yticks=(), xlabel=f"{2 * reach:.0f} m wide", ylabel="")
+def show_map(axes: Axes, log_odds: np.ndarray, u: Update) -> None:
+    spec = GridSpec(SETTINGS.origin, SETTINGS.resolution, SETTINGS.shape)
+    draw_map(axes, OccupancyGrid(spec, log_odds.astype(np.float32)))
+    frame(axes, u.true_pose, FAR, f"{2 * FAR:.0f} m wide")
     axes.set_facecolor(COLOURS["unknown"])
 
 
-def _cloud(axes: Axes, poses: np.ndarray, colours, sizes=30.0, length: float = 0.12) -> None:
-    """Particles as dots with a line along their heading, in one colour or a colour for each."""
-    x, y, theta = poses.T
-    colours, sizes = (np.broadcast_to(values, len(poses)) for values in (colours, sizes))
-    for k in range(len(poses)):
-        ends = [x[k], x[k] + length * np.cos(theta[k])], [y[k], y[k] + length * np.sin(theta[k])]
-        axes.plot(*ends, color=colours[k], linewidth=0.8)
-    axes.scatter(x, y, s=sizes, c=list(colours), linewidths=0, alpha=0.85, zorder=3)
-
-
-def _letters(axes: Axes, u: Update, x: np.ndarray, y: np.ndarray, **look) -> None:
-    for k, name, colour in zip(u.chosen, NAMES, LOOKS, strict=True):
-        axes.annotate(
-            name, (x[k], y[k]), color=COLOURS[colour], fontweight="bold", fontsize=13, zorder=5, **look
-        )
-
-
-def _scan_of(k: int) -> Callable[[Axes, Axes, Update], str]:
-    """The scan laid on the map from the k-th chosen particle."""
-
-    def draw(left: Axes, right: Axes, u: Update) -> str:
-        particle = u.chosen[k]
-        _map(left, u.log_odds, u.true_pose, 6.0)
-        x, y = BOOK["to_world"](u.predicted[particle], u.points_b).T
-        left.scatter(x, y, s=3, color=COLOURS[LOOKS[k]], zorder=3)
-        bars = u.counts[u.chosen[: k + 1]]
-        right.bar(list(NAMES[: k + 1]), bars, color=[COLOURS[c] for c in LOOKS[: k + 1]], width=0.6)
-        right.set(ylabel="points on walls", ylim=(0, 1.15 * u.counts.max()), xlim=(-0.6, 2.6))
-        return f"score {NAMES[k]}: {u.counts[particle]} of {len(u.points_b)} points on walls"
-
-    return draw
-
-
-def _before(left: Axes, right: Axes, u: Update) -> str:
-    _map(left, u.log_odds, u.true_pose, 6.0)
-    _cloud(left, u.before, COLOURS["particles"], 8.0)
-    _zoom(right, u, u.before, COLOURS["particles"], 30.0, u.before[:, :2].mean(axis=0))
-    return "before: map and cloud of the last scan"
-
-
-def _predicted(left: Axes, right: Axes, u: Update) -> str:
-    _map(left, u.log_odds, u.true_pose, 6.0)
-    for a, b, colour in zip(u.before, u.predicted, u.colours, strict=True):
-        left.plot(*np.stack([a, b])[:, :2].T, color=colour, linewidth=0.6)
-    _cloud(left, u.predicted, u.colours, 8.0)
-    _zoom(right, u, u.predicted, u.colours, 30.0, u.true_pose, letters=True)
-    return "predict: each drives by its own noise"
-
-
-def _zoom(axes: Axes, u: Update, poses, colours, sizes, middle, letters: bool = False) -> None:
-    _cloud(axes, poses, colours, sizes, 0.05)
-    axes.plot(*u.true_pose[:2], "x", color=COLOURS["truth"], markersize=9, markeredgewidth=2.5, zorder=6)
-    if letters:
-        _letters(axes, u, *u.predicted[:, :2].T, xytext=(4, 4), textcoords="offset points")
-    metric_axes(axes)
+def frame(axes: Axes, middle: np.ndarray, reach: float, words: str) -> None:
+    x, y = middle[:2]
     axes.set(
-        xlim=(middle[0] - ZOOM, middle[0] + ZOOM),
-        ylim=(middle[1] - ZOOM, middle[1] + ZOOM),
+        xlim=(x - reach, x + reach),
+        ylim=(y - reach, y + reach),
         xticks=(),
         yticks=(),
+        xlabel=words,
+        ylabel="",
     )
-    axes.set(xlabel=f"{2 * ZOOM:g} m; cross: truth", ylabel="")
 
 
-def _weights(left: Axes, right: Axes, u: Update) -> str:
-    _zoom(left, u, u.predicted, u.colours, 30 * PARTICLES * u.weights, u.true_pose, letters=True)
+def show_cloud(axes: Axes, poses: np.ndarray, colours, sizes=40.0, length: float = 0.05) -> None:
+    """Particles as dots with a line along their heading."""
+    x, y, theta = poses.T
+    axes.quiver(x, y, np.cos(theta), np.sin(theta), color=colours, angles="xy", scale_units="xy", scale=1 / length,
+                width=0.004, headwidth=1, headlength=0)  # fmt: skip
+    axes.scatter(x, y, s=sizes, c=colours, linewidths=0, alpha=0.85, zorder=3)
+
+
+def show_near(axes: Axes, u: Update, poses: np.ndarray, colours, sizes=40.0, middle=None) -> None:
+    """The cloud from near, with the truth."""
+    show_cloud(plan(axes), poses, colours, sizes)
+    axes.plot(*u.true_pose[:2], "x", color=COLOURS["truth"], markersize=11, markeredgewidth=3, zorder=6)
+    frame(axes, u.true_pose if middle is None else middle, NEAR, f"{200 * NEAR:.0f} cm wide; cross: truth")
+
+
+def name_them(axes: Axes, u: Update, points) -> None:
+    for (name, look), k in zip(LOOKS.items(), u.chosen, strict=True):
+        axes.annotate(name, points[k], xytext=(4, 4), textcoords="offset points", color=COLOURS[look],
+                      fontweight="bold", zorder=7)  # fmt: skip
+
+
+# ---- the pictures: each draws left and right, and gives its title and its words
+
+
+def show_before(left, right, u):
+    show_map(left, u.log_odds, u)
+    show_cloud(left, u.before, COLOURS["particles"], 10.0, 0.12)
+    show_near(right, u, u.before, COLOURS["particles"], middle=u.before.mean(axis=0))
+    return "before", f"The cloud of {PARTICLES} particles after the last scan, on the map so far."
+
+
+def show_predict(left, right, u):
+    show_map(left, u.log_odds, u)
+    for k, colour in enumerate(u.colours):
+        left.plot(*np.stack([u.before[k], u.predicted[k]])[:, :2].T, color=colour, lw=0.8)
+    show_near(right, u, u.predicted, u.colours)
+    name_them(right, u, u.predicted[:, :2])
+    wide = np.hypot(*u.predicted[:, :2].std(axis=0))
+    return "predict: each drives by its own noise", f"The predicted cloud is {wide:.2f} m wide."
+
+
+def show_score(name, left, right, u):
+    k, among = u.chosen["ABC".index(name)], "ABC"[: "ABC".index(name) + 1]
+    show_map(left, u.log_odds, u)
+    points = my_filter("none").to_world(u.predicted[k], u.points_b)
+    left.scatter(*points.T, s=4, color=COLOURS[LOOKS[name]], zorder=3)
+    right.bar(
+        list(among), u.counts[u.chosen[: len(among)]], color=[COLOURS[LOOKS[n]] for n in among], width=0.6
+    )
+    right.set(ylabel="points on walls", ylim=(0, 1.15 * u.counts.max()), xlim=(-0.6, 2.6))
+    words = f"{u.counts[k]} of {len(u.points_b)} points on walls"
+    return f"score {name}: {words}", f"The scan laid on the map from particle {name}: {words}."
+
+
+def show_weights(left, right, u):
+    show_near(left, u, u.predicted, u.colours, 40 * PARTICLES * u.weights)
+    name_them(left, u, u.predicted[:, :2])
     right.bar(np.arange(PARTICLES), u.weights, color=list(u.colours))
-    _letters(right, u, np.arange(PARTICLES), u.weights, ha="center", va="bottom")
+    name_them(right, u, list(enumerate(u.weights)))
     right.set(xlabel="particle", ylabel="weight", ylim=(0, 1.25 * u.weights.max()))
-    return "weigh: exp(sharpness × count)"
+    return "weigh: exp(sharpness × share)", f"Weights as bars; the heaviest is {u.weights.max():.2f}."
 
 
-def _comb(left: Axes, right: Axes, u: Update) -> str:
-    draw_comb(left, u.weights, u.offset, u.colours)
-    rows, inherited = np.arange(PARTICLES), u.colours[u.ancestors]
-    for column, colours in ((0, u.colours), (1, inherited)):
-        right.scatter(np.full(PARTICLES, column), rows, s=14, c=list(colours), zorder=3)
+def show_comb(left, right, u):
+    edges, inherited = np.concatenate([[0.0], np.cumsum(u.weights)]), u.colours[u.ancestors]
+    left.stairs(edges[1:], np.arange(PARTICLES + 1), baseline=None, color=COLOURS["particles"], lw=1.6)
     for new, old in enumerate(u.ancestors):
-        right.plot([0, 1], [old, new], color=inherited[new], linewidth=0.8)
-    right.set(xticks=(0, 1), xlim=(-0.2, 1.2), yticks=())
-    right.set_xticklabels(("old", "new"))
-    right.grid(False)
-    return f"resample: {len(np.unique(u.ancestors))} of {PARTICLES} have descendants"
+        left.plot([0, old], 2 * [(new + 0.4) / PARTICLES], color=INK, lw=0.7)
+        left.plot([old, old], edges[old : old + 2], color=u.colours[old], lw=3.0)
+        right.plot([0, 1], [old, new], color=inherited[new], lw=0.9)
+    left.set(xlim=(0, PARTICLES), ylim=(0, 1), xlabel="particle", ylabel="cumulative weight")
+    for column, colours in enumerate((u.colours, inherited)):
+        right.scatter(np.full(PARTICLES, column), np.arange(PARTICLES), s=18, c=list(colours), zorder=3)
+    right.set(xlim=(-0.2, 1.2), yticks=())
+    right.set_xticks((0, 1), ("old", "new"))
+    words = f"{len(np.unique(u.ancestors))} of {PARTICLES} have descendants"
+    return f"resample: {words}", f"The comb over the cumulative weights, and lines from old to new: {words}."
 
 
-def _after(left: Axes, right: Axes, u: Update) -> str:
-    spread = 0.004 * np.random.default_rng(0).standard_normal((PARTICLES, 3))
-    _zoom(left, u, u.predicted, u.colours, 30.0, u.true_pose)
-    _zoom(right, u, u.after + spread, u.colours[u.ancestors], 30.0, u.true_pose)
-    left.set_title("cloud before")
-    right.set_title("cloud after")
-    return "after: copies lie on one another"
+def show_after(left, right, u):
+    apart = 0.004 * np.random.default_rng(0).standard_normal((PARTICLES, 3))
+    after = u.predicted[u.ancestors]
+    show_near(left, u, u.predicted, u.colours)
+    show_near(right, u, after + apart, u.colours[u.ancestors])
+    wide = np.hypot(*after[:, :2].std(axis=0))
+    return "before and after: copies lie on one another", f"After resampling the cloud is {wide:.2f} m wide."
 
 
-def _drawn(left: Axes, right: Axes, u: Update) -> str:
-    for axes, log_odds in ((left, u.log_odds), (right, u.drawn)):
-        _map(axes, log_odds, u.true_pose, 6.0)
-    left.set_title("map before")
-    right.set_title("map after")
-    return "draw: the scan goes into the map"
-
-
-STEPS: tuple[Callable[[Axes, Axes, Update], str], ...] = (
-    _before, _predicted, _scan_of(0), _scan_of(1), _scan_of(2), _weights, _comb, _after, _drawn
-)  # fmt: skip
-
-
-def draw_step(k: int) -> Figure:
-    """One picture of the update."""
-    figure, (left, right) = new_figure(5.1, 3.5, columns=2, width_ratios=[1.25, 1])
-    figure.suptitle(f"{k}. {STEPS[k - 1](left, right, one_update())}", fontsize=12)
-    figure.set_layout_engine("none")  # every picture of the update has its axes in the same places
-    if k > 7:  # before and after, side by side at one scale
-        left.set_position((0.04, 0.1, 0.44, 0.67))
-        right.set_position((0.54, 0.1, 0.44, 0.67))
-    else:
-        left.set_position((0.13, 0.16, 0.45, 0.67))
-        right.set_position((0.745, 0.16, 0.235, 0.67) if k in (3, 4, 5, 6) else (0.64, 0.16, 0.34, 0.67))
-    return figure
-
-
-def describe_step(k: int) -> str:
-    """The same in words, with the numbers of the update."""
-    u = one_update()
-    counts = ", ".join(f"{name} {u.counts[i]}" for name, i in zip(NAMES, u.chosen, strict=True))
+def show_drawn(left, right, u):
+    show_map(left, u.log_odds, u)
+    show_map(right, u.drawn, u)
     miss = np.hypot(*(u.estimate - u.true_pose)[:2])
-    words = (
-        f"The cloud of {PARTICLES} particles after the last scan, on the map so far.",
-        f"The predicted cloud is {np.hypot(*u.predicted[:, :2].std(axis=0)):.2f} m wide.",
-        *(f"The scan on the map from particle {name}. Points on walls: {counts}." for name in NAMES),
-        f"Weights as bars; the heaviest is {u.weights.max():.2f}.",
-        f"The comb over the cumulative weights, and lines from old to new particles: {len(np.unique(u.ancestors))} "
-        "have descendants.",
-        f"The cloud after resampling is {np.hypot(*u.after[:, :2].std(axis=0)):.2f} m wide.",
-        f"The map before and after the scan was drawn from the mean, which is {miss:.2f} m from the truth.",
+    return "draw: the map before and after", f"The scan is drawn from the mean, {miss:.2f} m from the truth."
+
+
+def show_score_of(name):
+    return lambda *drawing: show_score(name, *drawing)
+
+
+STEPS = (
+    show_before,
+    show_predict,
+    *map(show_score_of, "ABC"),
+    show_weights,
+    show_comb,
+    show_after,
+    show_drawn,
+)
+
+
+def draw_step(k: int) -> tuple[Figure, str]:
+    """One picture of the step, and its words."""
+    figure, (left, right) = sheet(4.4, 1, 2, width_ratios=[1.25, 1] if k < 8 else [1, 1])
+    title, words = STEPS[k - 1](left, right, one_update())
+    figure.suptitle(f"{k}. {title}", fontsize=15)
+    figure.set_layout_engine("none")  # every picture has its axes in the same places
+    high, low = 0.66, 0.17
+    left.set_position((0.1, low, 0.46, high) if k < 8 else (0.03, low, 0.46, high))
+    right.set_position(
+        (0.7, low, 0.28, high)
+        if k in (3, 4, 5, 6)
+        else (0.6, low, 0.37, high)
+        if k < 8
+        else (0.52, low, 0.46, high)
     )
-    return f"Step {k} of {len(STEPS)}. {words[k - 1]}"
+    return figure, f"Step {k} of {len(STEPS)}. {words}"
 
 
 def slow_motion_explorer() -> Explorer:
-    """The update, step by step."""
+    """The step, picture by picture."""
     return Explorer(
-        draw_step,
+        lambda k: draw_step(k)[0],
         [Slider("k", tuple(range(1, len(STEPS) + 1)), 0, "Step")],
-        alt=describe_step,
+        alt=lambda k: draw_step(k)[1],
         title="One scan in slow motion",
         play="k",
         pause=2500,
     )
-
-
-# ---- the comb
-
-
-def draw_comb(axes: Axes, weights: np.ndarray, offset: float, colours: np.ndarray) -> None:
-    """The cumulative weights as stairs, and the teeth of the comb from the left to the particles that they pick."""
-    n, edges = len(weights), np.concatenate([[0.0], np.cumsum(weights)])
-    axes.stairs(edges[1:], np.arange(n + 1), baseline=None, color=COLOURS["particles"], linewidth=1.6)
-    for tooth in (np.arange(n) + offset) / n:
-        at = int(np.searchsorted(edges[1:], tooth, side="right"))
-        axes.plot([0, at], [tooth, tooth], color=INK, linewidth=0.7)
-        axes.plot([at, at], [edges[at], edges[at + 1]], color=colours[at], linewidth=3.0)
-    axes.set(xlim=(0, n), ylim=(0, 1), xlabel="particle", ylabel="cumulative weight")
-
-
-def comb_picture(weights=(0.6, 0.25, 0.15), offset: float = 0.637) -> Picture:
-    """Three particles and a comb of three teeth: what one does by hand."""
-    weights = np.asarray(weights)
-    edges, n = np.concatenate([[0.0], np.cumsum(weights)]), len(weights)
-    figure, axes = new_figure(5.1, 2.2)
-    axes.barh(
-        np.zeros(n),
-        weights,
-        left=edges[:-1],
-        color=COLOURS["particles"],
-        edgecolor=PAPER,
-        linewidth=3,
-        height=0.6,
-    )
-    for k in range(n):
-        axes.text(edges[k] + weights[k] / 2, 0, f"{k}", ha="center", va="center", fontsize=14)
-    teeth = (np.arange(n) + offset) / n
-    for tooth in teeth:
-        axes.annotate("", (tooth, 0.3), (tooth, 0.85), arrowprops={"arrowstyle": "-|>", "linewidth": 2.0})
-        axes.text(tooth, 0.9, f"{tooth:.3f}", ha="center", va="bottom")
-    axes.plot(teeth[[0, -1]], [0.85, 0.85], color=INK, linewidth=2.0)
-    axes.set(xlim=(0, 1), ylim=(-0.4, 1.3), yticks=(), xticks=edges.round(2), xlabel="cumulative weight")
-    axes.grid(False)
-    ancestors = np.searchsorted(edges[1:], teeth, side="right").tolist()
-    alt = f"""A bar from 0 to 1 with the shares of three particles, {", ".join(f"{w:g}" for w in weights)}. A comb with
-    teeth at {", ".join(f"{t:.3f}" for t in teeth)} points at the particles {ancestors}."""
-    return Picture(figure, alt)

@@ -1,7 +1,9 @@
-"""Chapter 05, your filter: the exercises of six chapters put together, driven, and broken on purpose."""
+"""Chapter 05, your filter: the exercises of five chapters, the loop that joins them, and a drive with it."""
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,34 +13,31 @@ import numpy as np
 
 from pfslam.evaluation.trajectory import TrajectoryError, trajectory_error
 from pfslam.grid import LOG_4, GridSpec, OccupancyGrid
-from pfslam.motion import controls, dead_reckoning, motion_model
+from pfslam.io.files import read_text
+from pfslam.motion import controls, motion_model
+from pfslam.particles import Particles
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
-from pfslam_book.show.figures import draw_map, draw_trajectory
 from pfslam_book.show.keep import FILE, giving, kept
-from pfslam_book.show.pictures import Picture
-from pfslam_book.show.style import new_figure
 
 FILTER_TABLE = Path(__file__).parent / "your_filter.csv"
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What the filter is set to: noise per control sample, sharpness per beam, map updates and resampling."""
+    """What the filter is set to."""
 
-    sigma_v: float = 0.2
-    sigma_omega: float = 0.1
-    sharpness: float = 0.05
-    """Log-likelihood that one more end point on a wall is worth."""
-    hit: float = LOG_4
-    free: float = 0.1 * LOG_4
-    clamp: float = 10.0
-    resample_below: float = 0.5
-    """Resample when N_eff is at most this share of N; 0: never."""
-    origin: tuple[float, float] = (-12.0, -12.0)
-    resolution: float = 0.05
-    shape: tuple[int, int] = (960, 960)
-    lidar_xy: tuple[float, float] = (0.13323, 0.0)
+    sigma_v: float = 0.2  # noise of every control sample, m/s
+    sigma_omega: float = 0.1  # and of its turning, rad/s
+    sharpness: float = 54.0  # of a whole scan
+    resample_below: float = 0.5  # resample when N_eff is at most this share of N
+    hit: float = LOG_4  # what a hit adds to a cell
+    free: float = 0.1 * LOG_4  # what a crossing takes away
+    clamp: float = 10.0  # how far log-odds may go
+    origin: tuple[float, float] = (-12.0, -12.0)  # corner of the map, m
+    resolution: float = 0.05  # side of a cell, m
+    shape: tuple[int, int] = (960, 960)  # rows and columns of the map
+    lidar_xy: tuple[float, float] = (0.13323, 0.0)  # where the LiDAR sits, m
 
 
 # ---- the printed solutions of the exercises; a test holds them to the notebooks
@@ -63,10 +62,20 @@ def cell_of(points, origin, resolution):
     return np.floor((points - np.array(origin)) / resolution).astype(int)[:, ::-1]
 
 
+def crossed_cells(start, ends):
+    """Row and column (F, 2) of the cells that beams cross on their way to their ends."""
+    cells = []
+    for end in ends:
+        n = np.abs(end - start).max()  # one cell for each step of the longer way
+        share = np.arange(n)[:, None] / max(n, 1)
+        cells.append(np.rint(start + share * (end - start)))
+    return np.concatenate(cells).astype(int)
+
+
 def update_log_odds(log_odds, hits, free, hit_step, free_step, clamp):
     """The map after one scan: hits win over free cells, each cell changes once."""
     change = np.zeros_like(log_odds)
-    change[free[:, 0], free[:, 1]] = -free_step  # repeated cells: written once
+    change[free[:, 0], free[:, 1]] = -free_step  # repeated: written once
     change[hits[:, 0], hits[:, 1]] = hit_step  # after the free ones: hits win
     return np.clip(log_odds + change, -clamp, clamp)
 
@@ -108,28 +117,24 @@ def mean_pose(poses, weights):
     return np.array([*(weights @ poses[:, :2]), np.arctan2(sine, cosine)])
 
 
-def step(f, s, poses, weights, log_odds, points_b, drive, rng):
+def step(f, s, poses, weights, log_odds, points_b, inputs, rng):
     """One scan: predict, weigh, estimate, resample, draw."""
-    for v, omega, dt in drive:  # predict; at rest the gyro's noise turns no particle
-        sigma_omega = s.sigma_omega * (v != 0)
-        poses = f.move(poses, v, omega, dt, s.sigma_v, sigma_omega, rng)
-    walls = log_odds > 0
-    if walls.any():  # score every particle where it stands, and weigh it
-        scans = [f.to_world(pose, points_b) for pose in poses]
-        grid = (walls, s.origin, s.resolution)
-        counts = np.array([f.count_on_walls(points, *grid) for points in scans])
-        likelihood = np.exp(s.sharpness * (counts - counts.max()))
-        weights = f.update(weights, likelihood)
+    for v, omega, dt in inputs:
+        poses = f.move(poses, v, omega, dt, s.sigma_v, s.sigma_omega, rng)
+    walls, corner, side = log_odds > 0, s.origin, s.resolution
+    scans = [f.to_world(pose, points_b) for pose in poses]
+    counts = [f.count_on_walls(scan, walls, corner, side) for scan in scans]
+    share = np.array(counts) / len(points_b)
+    likelihood = np.exp(s.sharpness * (share - share.max()))
+    weights = f.update(weights, likelihood)
     estimate = f.mean_pose(poses, weights)
-    if 1 / np.sum(weights**2) <= s.resample_below * len(weights):  # the comb
+    if 1 / np.sum(weights**2) <= s.resample_below * len(weights):
         poses, weights = f.resample(poses, weights, rng)
-    ends = f.to_world(estimate, points_b)
-    sensor = f.to_world(estimate, np.array([s.lidar_xy]))
-    along = np.linspace(0, 1, 120)[:-1, None, None]  # 119 points on every ray
-    crossed = (sensor + along * (ends[::2] - sensor)).reshape(-1, 2)
-    hits = f.cell_of(ends, s.origin, s.resolution)
-    free = f.cell_of(crossed, s.origin, s.resolution)
-    log_odds = f.update_log_odds(log_odds, hits, free, s.hit, s.free, s.clamp)
+    ends = f.cell_of(f.to_world(estimate, points_b), corner, side)
+    lidar = f.to_world(estimate, np.array([s.lidar_xy]))
+    (start,) = f.cell_of(lidar, corner, side)
+    free = f.crossed_cells(start, ends)
+    log_odds = f.update_log_odds(log_odds, ends, free, s.hit, s.free, s.clamp)
     return poses, weights, log_odds, estimate
 
 
@@ -137,6 +142,7 @@ CHAPTERS = {
     "scan_points": "00",
     "to_world": "00",
     "cell_of": "02",
+    "crossed_cells": "02",
     "update_log_odds": "02",
     "move": "03",
     "count_on_walls": "04",
@@ -155,7 +161,7 @@ BOOK: Mapping[str, Callable] = {name: globals()[name] for name in CHAPTERS}
 
 
 class Filter(SimpleNamespace):
-    """The nine parts of the filter as attributes; it shows whose they are."""
+    """The ten parts of the filter as attributes; it shows whose they are."""
 
     def __repr__(self) -> str:
         whose = {name: "the book's" if vars(self)[name] is BOOK[name] else "yours" for name in CHAPTERS}
@@ -172,6 +178,8 @@ def my_filter(file=FILE, **parts: Callable) -> Filter:
         for name, f in (kept(file) | parts).items()
         if name in CHAPTERS
     }
+    if count := own.get("count_on_walls"):  # one number, even if it comes in a list
+        own["count_on_walls"] = lambda *case: count(*case).item()
     return Filter(**{**BOOK, **own})
 
 
@@ -189,11 +197,11 @@ CHANGES: dict[str, dict] = {
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """What a drive of the filter left: ``trajectory``, ``log_odds``, N_eff / N at each scan, and resamplings."""
+    """What a drive of the filter left: its path, the clouds after each scan, and the map as log-odds."""
 
     trajectory: Trajectory
+    clouds: list[Particles]
     log_odds: np.ndarray
-    n_eff: np.ndarray
     settings: Settings
 
     @property
@@ -203,68 +211,40 @@ class Driven:
         return OccupancyGrid(GridSpec(s.origin, s.resolution, s.shape), self.log_odds.astype(np.float32))
 
 
-def scans_and_controls(f: Filter, s: Settings, recording: Recording, every: int, seconds: float) -> Iterator:
-    """Time, points (M, 2) and controls since the scan before, for every ``every``-th scan."""
-    inputs, scans, lidar = controls(recording), recording.scans(), recording.robot.lidar
-    previous = inputs.t[0]
-    for i in range(0, len(scans.t), every):
-        t = scans.t[i]
-        if inputs.t[0] <= t <= inputs.t[-1] and t - scans.t[0] <= seconds:
-            points_b = f.scan_points(scans.ranges[i], lidar.angles, np.array(s.lidar_xy))
-            yield t, points_b, list(zip(*inputs.during(previous, t), strict=True))
-            previous = t
+def moments(f: Filter, recording: Recording, every: int, seconds: float) -> Iterator:
+    """Time, points (M, 2) and inputs (v, omega, dt) since the scan before."""
+    sent, scans, lidar = controls(recording), recording.scans(), recording.robot.lidar
+    last = sent.t[0]
+    for t, ranges in zip(scans.t[::every], scans.ranges[::every], strict=True):
+        if sent.t[0] <= t <= sent.t[-1] and t <= scans.t[0] + seconds:
+            points_b = f.scan_points(ranges.astype(float), lidar.angles, np.array(Settings().lidar_xy))
+            yield t, points_b, list(zip(*sent.during(last, t), strict=True))
+            last = t
 
 
-def drive(
-    step: Callable,
-    f: Filter,
-    recording: Recording,
-    *,
-    particles: int = 60,
-    every: int = 20,
-    seconds: float = 65.0,
-    seed: int = 0,
-    **changes,
-) -> Driven:
-    """Run a filter over a drive: ``step`` with the parts ``f``; ``changes`` are settings other than the usual."""
+def drive(step, f, recording, particles=60, every=20, seconds=65.0, seed=0, **changes):
+    """Run a filter over a drive; ``changes`` are settings other than the usual."""
     s, rng = Settings(**changes), np.random.default_rng(seed)
-    poses, weights, log_odds = np.zeros((particles, 3)), np.full(particles, 1 / particles), np.zeros(s.shape)
-    t, estimates, n_eff = [], [], []
-    for stamp, points_b, inputs in scans_and_controls(f, s, recording, every, seconds):
-        poses, weights, log_odds, estimate = step(f, s, poses, weights, log_odds, points_b, inputs, rng)
-        t.append(stamp)
-        estimates.append(np.asarray(estimate, dtype=float))
-        n_eff.append(1 / np.sum(np.square(weights)) / particles)
-    return Driven(Trajectory(np.array(t), np.array(estimates)), log_odds, np.array(n_eff), s)
+    poses, weights = np.zeros((particles, 3)), np.full(particles, 1 / particles)
+    log_odds, path, clouds = np.zeros(s.shape), [], []
+    for t, *scan in moments(f, recording, every, seconds):
+        poses, weights, log_odds, estimate = step(f, s, poses, weights, log_odds, *scan, rng)
+        path.append((t, *estimate))
+        with np.errstate(divide="ignore"):
+            clouds.append(Particles(poses, np.log(weights)))
+    path = np.array(path, dtype=float)
+    return Driven(Trajectory(path[:, 0], path[:, 1:]), clouds, log_odds, s)
 
 
-def error(driven: Driven | Trajectory, recording: Recording) -> TrajectoryError:
-    """The error of a path against the truth, by the first pose."""
-    path = driven.trajectory if isinstance(driven, Driven) else driven
-    return trajectory_error(path, recording.true_path())
+def error(driven: Driven, recording: Recording) -> TrajectoryError:
+    """The error of a drive's path against the truth, by the first pose."""
+    return trajectory_error(driven.trajectory, recording.true_path())
 
 
-def odometry_error(recording: Recording, path: Trajectory) -> float:
-    """What dead reckoning is off by (m, RMS) at the times of a path."""
-    return error(Trajectory(path.t, dead_reckoning(recording).at(path.t)), recording).ate_rmse_m
-
-
-# ---- pictures
-
-
-def driven_picture(runs: dict[str, Driven], recording: Recording) -> Picture:
-    """Map and path of each run, with the truth and what dead reckoning made of the same drive."""
-    figure, row = new_figure(5.1, 3.4, columns=len(runs), sharey=True, squeeze=False)
-    words = []
-    for axes, (name, run) in zip(row[0], runs.items(), strict=True):
-        draw_map(axes, run.grid, name)
-        at = run.trajectory.t
-        draw_trajectory(axes, Trajectory(at, dead_reckoning(recording).at(at)), "odometry")
-        draw_trajectory(axes, run.trajectory, "estimate")
-        draw_trajectory(axes, Trajectory(at, recording.true_path().at(at)), "truth")
-        off = error(run, recording)
-        words.append(f"{name}: {off.ate_rmse_m:.2f} m off (RMS), at most {off.ate_max_m:.2f} m")
-        axes.set_ylabel("y [m]" if axes is row[0, 0] else "")
-    handles = row[0, 0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=3)
-    return Picture(figure, f"Map, odometry, estimate and truth. {'; '.join(words)}.")
+def stored_errors(table: Path, **wanted: str) -> dict[str, np.ndarray]:
+    """The errors (m, RMS) of a table that ``book/_tools/filter_tables.py`` made, one array for each label."""
+    rows = [r for r in csv.DictReader(io.StringIO(read_text(table))) if wanted.items() <= r.items()]
+    errors: dict[str, list[float]] = {}
+    for row in rows:
+        errors.setdefault(row["label"], []).append(float(row["ate_rmse_m"]))
+    return {label: np.array(values) for label, values in errors.items()}
