@@ -92,9 +92,11 @@ def portrait(motion, beside) -> np.ndarray:
     """Middle, spread and shape of a cloud, measured in the spread of the one beside it, and what its noises share."""
     size = np.maximum(beside.std(axis=1), 1e-9)[:, None]
     ahead, _, turned = (motion - beside.mean(axis=1)[:, None]) / size
-    shared = np.corrcoef([ahead[::2], ahead[1::2], turned[::2], turned[1::2]])
+    with np.errstate(invalid="ignore"):  # a cloud without noise has no correlation
+        shared = np.corrcoef([ahead[::2], ahead[1::2], turned[::2], turned[1::2]])
+        both = np.corrcoef(ahead, turned)[0, 1]
     of_each = [(z.mean(), z.std(), np.median(np.abs(z))) for z in (ahead, turned)]
-    return np.array([*np.ravel(of_each), np.corrcoef(ahead, turned)[0, 1], shared[0, 1], shared[2, 3]])
+    return np.array([*np.ravel(of_each), both, shared[0, 1], shared[2, 3]])
 
 
 def same_cloud(found, expected) -> bool:
