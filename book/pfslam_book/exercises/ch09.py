@@ -36,15 +36,16 @@ check_sub_cell = Exercise(
 # ---- 2: the error by first pose
 
 
-def path_case(seed, start, n) -> tuple:
-    """An estimate that drifts and lives in a frame of its own, and the truth."""
-    rng = np.random.default_rng(seed)
-    steps = np.column_stack([rng.uniform(0.1, 0.3, n), np.zeros(n), rng.normal(0.0, 0.2, n)])
-    true_poses, poses = [np.zeros(3)], [np.array(start)]
-    for step in steps:
-        true_poses.append(compose(true_poses[-1], step))
-        poses.append(compose(poses[-1], step * [1.02, 1.0, 1.0] + [0.0, 0.0, 0.01]))
-    return np.array(poses), compose(np.array([2.0, -1.0, 0.4]), np.array(true_poses))
+def path_case(seed, start, n, back=0.0) -> tuple:
+    """An estimate that begins elsewhere and drifts, part of it ``back`` again, and the truth."""
+    rng, arc = np.random.default_rng(seed), np.linspace(0.0, 2.7, n)
+    truth = np.column_stack([2.0 + 3.0 * np.sin(arc), 1.0 - 2.0 * np.cos(arc), arc + 0.4])
+    drift = np.column_stack([0.02 * arc**2, -0.03 * arc, 0.04 * arc])
+    drift = drift * (1.0 - back * arc[:, None]) + 0.004 * rng.standard_normal((n, 3))
+    return compose(np.array(start), compose(truth, drift)), truth
+
+
+PATHS = [path_case(0, (5.0, -3.0, 0.63), 40), path_case(1, (-2.2, 0.7, -1.9), 55, back=0.3)]
 
 
 def away(poses, true_poses, sign=1.0):
@@ -70,7 +71,7 @@ def best_fit(poses, true_poses):
 
 check_first_pose_error = Exercise(
     right=lambda p, q: rms(away(p, q)),
-    cases=[path_case(0, (5.0, -3.0, 0.63), 40), path_case(1, (-2.2, 0.7, -1.9), 55)],
+    cases=PATHS,
     mistakes={
         "You fitted the whole path to the truth. A fit absorbs the heading error: SLAM is given its first pose and "
         "nothing else.": best_fit,
@@ -87,7 +88,8 @@ check_first_pose_error = Exercise(
             lambda p, q: float(np.hypot(*away(p, q).T).mean())
         ),
     },
-    praise="A best fit would have called each of these paths better than it is.",
+    praise=f"{100 * rms(away(*PATHS[0])):.1f} cm by the first pose; the best fit would have said "
+    f"{100 * best_fit(*PATHS[0]):.1f} cm.",
 )
 
 # ---- 3: one step of the polish

@@ -41,7 +41,7 @@ check_increments = Exercise(
             lambda readings: (plain(readings) + 127) % 255 - 127
         ),
     },
-    praise="The wrap is gone, and the stretches in reverse are still in reverse.",
+    praise="The wrap is gone, and the stretch in reverse is still in reverse.",
 )
 
 # ---- 2: the effective track
@@ -80,7 +80,7 @@ check_track = Exercise(
             lambda right, left, turned: 1 / track(right, left, turned)
         ),
     },
-    praise="0.74 m in the first drive, where a ruler says 0.39 m: the wheels skid sideways in every turn.",
+    praise="0.74 m, where a ruler says 0.39 m: the wheels skid sideways in every turn.",
 )
 
 # ---- 3: what a range says

@@ -74,11 +74,6 @@ def is_unanswered(answer) -> bool:
     return answer is None or answer is ...
 
 
-def is_number(answer) -> bool:
-    """Whether an answer is one finite number, of Python or of NumPy."""
-    return np.ndim(answer) == 0 and np.asarray(answer).dtype.kind in "fiu" and bool(np.isfinite(answer))
-
-
 def attempt(function: Callable, *arguments):
     """What a student's function returns; a ``Check`` that quotes the error where it raises one."""
     try:
@@ -87,17 +82,6 @@ def attempt(function: Callable, *arguments):
         return ...
     except Exception as error:
         return hint(f"Your function stops with {type(error).__name__}: {error}")
-
-
-def not_a_number(answer, unit: str) -> Check | None:
-    """The verdict on an answer that is no number at all: unanswered, an error, or a hint; None if it is one."""
-    if is_unanswered(answer):
-        return unanswered()
-    if isinstance(answer, Check):
-        return answer
-    if not is_number(answer):
-        return hint(f"One number is asked for, in {unit}; your function returns {answer!r}.")
-    return None
 
 
 # ---- a function beside a right one
