@@ -74,7 +74,10 @@ def defined(cell) -> set[str]:
 
 
 def used(cell) -> set[str]:
-    return {node.id for node in ast.walk(ast.parse(source(cell))) if isinstance(node, ast.Name)}
+    """The names that a code cell uses, but for the arguments of its functions."""
+    nodes = list(ast.walk(ast.parse(source(cell))))
+    own = {node.arg for node in nodes if isinstance(node, ast.arg)}
+    return {node.id for node in nodes if isinstance(node, ast.Name)} - own
 
 
 @each_chapter

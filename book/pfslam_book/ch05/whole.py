@@ -228,7 +228,7 @@ LOOP = {
     seen_estimate: estimates,
     seen_draw: draws,
 }
-PARTS = {
+PARTS: dict[str, Callable] = {
     "scan_points": ch00.check_scan_points,
     "to_world": ch00.check_to_world,
     "cell_of": ch02.check_cell_of,

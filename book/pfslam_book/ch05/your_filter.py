@@ -157,7 +157,7 @@ KINDS: Mapping[str, tuple[type, ...]] = {
     "resample": (float, float),
 }
 """What a part returns, if not one array of floats."""
-BOOK: Mapping[str, Callable] = {name: globals()[name] for name in CHAPTERS}
+BOOK: dict[str, Callable] = {name: globals()[name] for name in CHAPTERS}
 
 
 class Filter(SimpleNamespace):
@@ -226,13 +226,13 @@ def drive(step, f, recording, particles=60, every=20, seconds=65.0, seed=0, **ch
     """Run a filter over a drive; ``changes`` are settings other than the usual."""
     s, rng = Settings(**changes), np.random.default_rng(seed)
     poses, weights = np.zeros((particles, 3)), np.full(particles, 1 / particles)
-    log_odds, path, clouds = np.zeros(s.shape), [], []
+    log_odds, rows, clouds = np.zeros(s.shape), [], []
     for t, *scan in moments(f, recording, every, seconds):
         poses, weights, log_odds, estimate = step(f, s, poses, weights, log_odds, *scan, rng)
-        path.append((t, *estimate))
+        rows.append((t, *estimate))
         with np.errstate(divide="ignore"):
             clouds.append(Particles(poses, np.log(weights)))
-    path = np.array(path, dtype=float)
+    path = np.array(rows, dtype=float)
     return Driven(Trajectory(path[:, 0], path[:, 1:]), clouds, log_odds, s)
 
 

@@ -287,7 +287,8 @@ def _usual_suspect(answers: Sequence, expected: Sequence, same: Callable) -> str
         return "Your array is transposed: rows and columns have changed places."
     if all(a.ndim > 0 and same(a[::-1], e) for a, e in pairs):
         return "Your answers are right, in the opposite order."
-    if all(e.dtype.kind == "f" and (same(a - 1.0, e) or same(a + 1.0, e)) for a, e in pairs):
+    # To the last digit: an exercise whose answers may scatter would find many answers one off.
+    if all(a.shape == e.shape and np.allclose(np.abs(a - e), 1.0, rtol=0, atol=1e-6) for a, e in pairs):
         return "Each of your answers is off by one."
     return ""
 
