@@ -19,7 +19,7 @@ def particles_needed(bins, epsilon, z):
 
 check_particles_needed = Exercise(
     right=particles_needed,
-    cases=[(8, 0.05, 2.326), (120, 0.05, 2.326), (37, 0.02, 1.282), (1000, 0.11, 0.674)],
+    cases=[(8, 0.05, 2.326), (120, 0.05, 2.326), (37, 0.02, 1.282), (1000, 0.11, 0.674), (3, 0.4, 1.1)],
     mistakes={
         "You use the number of bins. Shares that sum to 1 leave one fewer to choose: bins - 1 degrees of freedom, "
         "wherever k stands.": bound,
