@@ -2,7 +2,7 @@
 
 ``python book/_tools/hard.py DATA [--seeds 3] [--out FILE]`` runs the refined filter with its defaults over simulated
 drives, over ``DATA/corridor20`` and over every folder in ``DATA/hard``. Those recordings are never stored. With
-``--without`` it writes another table: what each ingredient of care is worth, by leaving it out. ``--figure FILE`` draws
+``--without`` it writes another table: what each ingredient of robustness is worth, by leaving it out. ``--figure FILE`` draws
 the first and the second look at the hall among people instead.
 """
 
@@ -140,14 +140,14 @@ WITHOUT = {
     "rate": Without(config={"every": 5}),
     "sweep": Without(lidar=partial(replace, sweep=0.0)),
     "second look": Without(second_look=False),
-    "waiting": Without(careful={"care.gone": 1000}),
-    "free space": Without(careful={"care.free_scans": 1000}),
-    "gate": Without(careful={"care.gate": np.inf}),
-    "odometry": Without(careful={"polish.independent_beams": 0.0}),
+    "waiting": Without(careful={"outliers.gone": 1000}),
+    "free space": Without(careful={"outliers.free_scans": 1000}),
+    "gate": Without(careful={"outliers.gate": np.inf}),
+    "odometry": Without(careful={"lines.independent_beams": 0.0}),
     "lines": Without(
-        careful={f"polish.{name}": getattr(LineConfig(), name) for name in ("min_hits", "elongation")}
+        careful={f"lines.{name}": getattr(LineConfig(), name) for name in ("min_hits", "elongation")}
     ),
-    "noise": Without(careful={"care.margin": OutlierConfig().margin}),
+    "noise": Without(careful={"outliers.margin": OutlierConfig().margin}),
 }
 """The ingredients, by the names that the page about trust explains."""
 DRIVES = {
