@@ -2,8 +2,8 @@
 
 ``python book/_tools/hard.py DATA [--seeds 3] [--out FILE]`` runs the refined filter with its defaults over simulated
 drives, over ``DATA/corridor20`` and over every folder in ``DATA/hard``. Those recordings are never stored. With
-``--without`` it writes another table: what each ingredient of robustness is worth, by leaving it out. ``--figure FILE`` draws
-the first and the second look at the hall among people instead.
+``--without`` it writes another table: what each ingredient of robustness is worth, by leaving it out. ``--figure
+FILE`` draws the first and the second look at the hall among people instead.
 """
 
 from __future__ import annotations

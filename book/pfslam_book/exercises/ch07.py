@@ -84,7 +84,9 @@ def ignores_rng(theirs, *case):
     before = case[-1].bit_generator.state
     theirs(*case)
     own = case[-1].bit_generator.state == before
-    return "Your function draws from an rng of its own. Draw from the one that is given." if own else ""
+    return (
+        "Your function never draws from the rng that it is given. Take all chance from there." if own else ""
+    )
 
 
 check_median_interval = Exercise(
