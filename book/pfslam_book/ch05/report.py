@@ -21,7 +21,7 @@ from pfslam_book.show.pictures import steady
 from pfslam_book.show.widgets import Explorer, Slider
 
 LATTICE_TABLE = Path(__file__).parent / "lattice.csv"
-FRAMES = 20
+FRAMES = 14
 
 
 @dataclass(frozen=True, eq=False)
