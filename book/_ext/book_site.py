@@ -169,10 +169,10 @@ def wrap_sentences(app, doctree) -> None:
 
 
 def name_formulas(app, doctree) -> None:
-    """A page whose formulas say N_eff is found by that name too: a search does not see into formulas."""
+    """A page whose formulas say N_eff is found by its names, too: a search does not see into formulas."""
     formulas = doctree.findall(lambda node: isinstance(node, nodes.math | nodes.math_block))
     if any(N_EFF.search(formula.astext()) for formula in formulas):
-        doctree.append(nodes.meta(name="keywords", content="Neff, N_eff"))
+        doctree.append(nodes.meta(name="keywords", content="Neff, N_eff, ESS"))
 
 
 class Eval(EvalRoleAny):

@@ -90,7 +90,7 @@ def test_the_site_is_light(site):
     [
         ("Neff", "notebooks/05", False),
         ("ICP", "book/glossary", False),
-        ("ESS", "notebooks/03", True),
+        ("ESS", "notebooks/04", True),
         ("kidnapped", "notebooks/11", True),
         ("bag", "notebooks/13", True),
     ],
