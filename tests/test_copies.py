@@ -192,11 +192,13 @@ def tiny(path, expression="f'{x:.2f}'"):
     return path
 
 
+@pytest.mark.slow
 def test_numbers_are_taken_where_they_stand(tmp_path):
     """After the cells above a sentence, before those below it."""
     assert numbers_of(tiny(tmp_path / "tiny.ipynb")) == ["0.33", "True"]
 
 
+@pytest.mark.slow
 def test_numbers_of_the_book_s_build_serve_again_until_something_changes(tmp_path):
     path = tiny(tmp_path / "tiny.ipynb")
     write_numbers(path, ["kept", "kept"], tmp_path)
@@ -204,6 +206,7 @@ def test_numbers_of_the_book_s_build_serve_again_until_something_changes(tmp_pat
     assert numbers_of(tiny(path, "f'{x:.1f}'"), tmp_path) == ["0.3", "True"]
 
 
+@pytest.mark.slow
 def test_a_name_that_no_cell_made_is_an_error(tmp_path, capsys):
     assert main([str(tmp_path / "out"), str(tiny(tmp_path / "tiny.ipynb", "missing"))]) == 2
     assert "name 'missing' is not defined" in capsys.readouterr().err

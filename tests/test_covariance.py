@@ -120,6 +120,7 @@ def position_sigma(result):
     return np.sqrt(result.covariances[:, 0, 0] + result.covariances[:, 1, 1])
 
 
+@pytest.mark.slow
 def test_covariances_are_proper_and_grow_on_the_way_out_and_shrink_on_the_way_back(result):
     assert result.covariances.shape == (len(result.trajectory), 3, 3)
     np.testing.assert_array_equal(result.covariances, result.covariances.transpose(0, 2, 1))

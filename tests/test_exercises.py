@@ -32,6 +32,7 @@ EARLIER = {("08", 3): lambda: {"robots": robots()}}
 """What an exercise takes from an earlier cell of its chapter, besides the set-up."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("chapter", "number"), list(exercises()))
 def test_the_stub_is_unanswered_and_the_solution_right(chapter, number, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # where a reader's own filter is kept

@@ -228,6 +228,7 @@ def test_a_sweep_is_stated_in_the_recording():
 # --- bumps and slip -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_bumps_tilt_the_robot_for_seconds():
     simulation, flat = drive(bumps=6), drive()
     np.testing.assert_array_equal(simulation.recording.truth.poses, flat.recording.truth.poses)
@@ -278,6 +279,7 @@ def test_the_ring_has_its_measures_and_closes():
     assert (alcoves[:, 0] > -1.0 - 1e-9).all()  # the fourth corridor, at the left, is bare
 
 
+@pytest.mark.slow
 def test_the_rings_scanner_wheels_and_gyro_are_off_as_its_settings_say():
     simulation = drive("ring", 1, exact=False)
     recording = simulation.recording

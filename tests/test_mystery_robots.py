@@ -6,6 +6,8 @@ from pfslam_book.exercises.ch08 import check_diagnosis
 
 import pfslam
 
+pytestmark = pytest.mark.slow
+
 HEALTHY = {"delay [s]": 0.0, "lever [m]": 0.01, "turn ratio": 1.0, "cut scans": 0.0, "metres lost": 0.0}
 
 

@@ -29,6 +29,8 @@ from pfslam_book.show.tables import errors_by_label, read_table
 
 import pfslam
 
+pytestmark = pytest.mark.slow
+
 SOLUTIONS = {
     "scan_points": ("00", 1),
     "to_world": ("00", 3),
