@@ -15,14 +15,14 @@ from it to the walls and end in purple points that lie on the black cells. Two h
 particles, fill the circle that stands for the robot."""
 
 MAPS_ALT = """A corridor of fifteen cells with doors at 1, 4 and 10; the robot is in cell 3, early in its second
-round. Below, the map on which forty particles agree, and the cells in which they believe to be: most of the
+round. Below, the map on which forty particles agree, and the cells in which they believe they are: most of the
 weight is in cell 3, some in 14. Then forty rows, one for each particle: its own map with the doors that it has
 drawn, and a dot in its cell. Three groups of rows differ in where they have the third door. Lines at the left
 lead from each row to the particle that was copied."""
 
 
 def maps_lab() -> Laboratory:
-    """Make the laboratory of act three: the doors are unknown, and each particle draws a map of its own."""
+    """Make the laboratory of fifteen cells: the doors are unknown, and each particle draws a map of its own."""
     return show_lab("maps", "SLAM in fifteen cells: the doors are unknown", MAPS_ALT)
 
 

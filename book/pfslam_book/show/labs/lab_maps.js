@@ -118,7 +118,7 @@
     const place = layout(tall, rows, narrow);
     stage.words(
       `<b>Each row is one particle</b> and its own map: ${dot("wall")} a door, ${dot("free")} no door, ${dot("paper")} not ` +
-      `seen yet. ${dot("particles")} is the cell in which it believes to be; the larger, the heavier. The lines at the left ` +
+      `seen yet. ${dot("particles")} is the cell in which it believes it is; the larger, the heavier. The lines at the left ` +
       "lead from each row to the particle of which it is a copy.");
     const story = stage.words("");
     const clock = stage.clock({hertz: 2, tick: () => walk.step(), step: () => walk.step()});
@@ -174,7 +174,7 @@
     label("the map on which they agree", place.common + 0.8);
     draw.line(plan, [-0.5, place.belief, CELLS - 0.5, place.belief], colours.muted, {width: 1});
     belief.forEach((value, cell) => box(plan, cell, place.belief, value * room, colours.estimate, 0.8));
-    label("where they believe to be", place.belief + room);
+    label("where they believe they are", place.belief + room);
     label("the particles", place.rows);
     paintRows(plan, colours, walk, place, shade);
     paintFamily(plan, colours, walk, place);
