@@ -56,10 +56,10 @@ def test_figures_are_numbered_by_chapter(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "book" / "_ext"))
     book = importlib.import_module("book_site")
     counted = {
-        "book/index": {"figure": {"hero": (1,)}},
+        "book/trust": {"figure": {"hall": (6,), "ring": (9,)}},
         "notebooks/03_prediction_only": {"figure": {"fans": (7,), "corridor": (8,)}, "table": {"t": (1,)}},
     }
     env = type("Env", (), {"toc_fignumbers": counted})
-    assert book.number_figures(None, env) == ["notebooks/03_prediction_only"]
+    assert book.number_figures(None, env) == list(counted)
     assert counted["notebooks/03_prediction_only"]["figure"] == {"fans": (3, 1), "corridor": (3, 2)}
-    assert counted["book/index"]["figure"] == {"hero": (1,)}
+    assert counted["book/trust"]["figure"] == {"hall": (1,), "ring": (2,)}

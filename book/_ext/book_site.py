@@ -152,13 +152,15 @@ def anchor_sources(app, doctree) -> None:
 
 
 def number_figures(app, env) -> list[str]:
-    """Figures are numbered by chapter, the second of chapter 03 as 3.2, so that a teacher can name one."""
-    chapters = {page: number for page, number in env.toc_fignumbers.items() if CHAPTER.match(page)}
-    for page, kinds in chapters.items():
-        chapter = int(CHAPTER.match(page)[1])
-        for name in kinds.get("figure", {}):
-            kinds["figure"][name] = (chapter, list(kinds["figure"]).index(name) + 1)
-    return list(chapters)
+    """Figures are numbered by chapter, the second of chapter 03 as 3.2, so that a teacher can name one.
+
+    On every other page they count from 1.
+    """
+    for page, kinds in env.toc_fignumbers.items():
+        chapter = CHAPTER.match(page)
+        for number, name in enumerate(kinds.get("figure", {}), start=1):
+            kinds["figure"][name] = (int(chapter[1]), number) if chapter else (number,)
+    return list(env.toc_fignumbers)
 
 
 def wrap_sentences(app, doctree) -> None:
