@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from box_recording import box_recording
 from drives import simulated
-from pfslam_book.ch13.robot import FAULTS, HEALTHY
+from pfslam_book.ch12.robot import FAULTS, HEALTHY
 
 import pfslam
 from pfslam.evaluation.checkup import check_up, scan_turn_fit

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pfslam_book import ch09, ch10
+from pfslam_book import ch09, kinds
 from pfslam_book.ch09 import judging
 from pfslam_book.ch09 import walls as ch09_walls
 from pfslam_book.ch09.tables import changed_fields, median_interval
-from pfslam_book.ch10 import kinds as ch10_kinds
+from pfslam_book.kinds import kinds as ch09_kinds
 from pfslam_book.show.tables import study_file
 
 from pfslam.evaluation.trajectory import trajectory_error
@@ -44,7 +44,7 @@ def test_one_wrong_first_heading_shows_by_first_pose_and_nearly_vanishes_in_the_
 def test_lineages_follow_the_ancestors():
     clouds = np.arange(12.0).reshape(3, 4, 1) * np.ones(3)
     ancestors = np.array([[0, 0, 2, 3], [1, 1, 1, 2], [0, 1, 2, 3]])
-    run = ch10_kinds.Histories(None, np.arange(3.0), clouds, ancestors, np.array([2]), ())
+    run = ch09_kinds.Histories(None, np.arange(3.0), clouds, ancestors, np.array([2]), ())
     assert run.lineages(2).tolist() == [[0, 0, 0, 2], [1, 1, 1, 2], [0, 1, 2, 3]]
     assert run.alive(2).tolist() == [2, 2, 4]
     assert run.paths(2)[0, :, 0].tolist() == [0.0, 0.0, 0.0, 2.0]
@@ -92,7 +92,7 @@ def test_the_hard_ladder_is_the_ladder_in_buildings_with_hazards():
 
 HARD = [
     ("ch09_leave_one_out", "ch09_hard_leave_one_out", {"every"}),
-    ("ch10_kinds", "ch10_hard_kinds", {"every"}),
+    ("ch09_kinds", "ch09_hard_kinds", {"every"}),
 ]
 
 
@@ -119,7 +119,7 @@ def test_the_interval_of_a_median_misses_it_in_one_sample_of_twenty_at_most(n, e
 
 
 def test_a_proposal_that_knows_the_scan_wastes_no_particle():
-    case = ch10.Proposals()
+    case = kinds.Proposals()
     assert case.n_eff(True) == pytest.approx(case.n)
     assert case.n_eff(False) < 0.3 * case.n
     exact = (case.seen / case.sigma_scan**2) / (1 / case.sigma_scan**2 + 1 / case.sigma_motion**2)

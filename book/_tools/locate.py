@@ -1,6 +1,6 @@
 """How often, how soon and with how many particles a robot is found: ``python book/_tools/locate.py``.
 
-Writes the three tables of chapter 11: ``locate.csv`` over simulated buildings and starts, ``poor.csv`` with a map that
+Writes the three tables of chapter 10: ``locate.csv`` over simulated buildings and starts, ``poor.csv`` with a map that
 lacks the furniture, and ``exact.csv``, how far clouds of several sizes are from a histogram filter on a small map.
 """
 
@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from pfslam_book.ch11.building import distances, match_along, part, true_map, without_furniture
-from pfslam_book.ch11.exact import distance_to_exact
-from pfslam_book.ch11.measured import COLUMNS, EXACT, POOR, TABLE
+from pfslam_book.ch10.building import distances, match_along, part, true_map, without_furniture
+from pfslam_book.ch10.exact import distance_to_exact
+from pfslam_book.ch10.measured import COLUMNS, EXACT, POOR, TABLE
 
 from pfslam.beyond.localization import LocalizationConfig, locate, spread
 from pfslam.io.files import write_text

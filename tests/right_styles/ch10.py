@@ -1,79 +1,52 @@
 """Right answers to the exercises of chapter 10, in the ways that people write them: each must pass its check."""
 
 import math
-from collections import deque
+from statistics import NormalDist
 
 import numpy as np
 
-
-def product(li, p):
-    return li * p / (li * p).sum()
+from pfslam.beyond.localization import kld_bound
 
 
-def by_logs(li, p):
-    with np.errstate(divide="ignore"):
-        logs = np.log(li) + np.log(p)
-    return np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
+def bound(b, e, z):
+    a = 2 / (9 * (b - 1))
+    return (b - 1) / (2 * e) * (1 - a + a**0.5 * z) ** 3
 
 
-def summed(log_li, log_p):
-    return np.logaddexp.reduce(log_li + log_p)
+def quantile_first(b, e, z):
+    k = b - 1
+    chi_square = k * (1 - 2 / (9 * k) + z * math.sqrt(2 / (9 * k))) ** 3
+    return 0.5 * chi_square / e
 
 
-def one_by_one(log_li, log_p):
-    total = -math.inf
-    for a, b in zip(log_li, log_p, strict=True):
-        high, low = max(total, a + b), min(total, a + b)
-        total = high + math.log1p(math.exp(low - high))
-    return total
+def step(slow, fast, fit, a, b):
+    slow, fast = (1 - a) * slow + a * fit, (1 - b) * fast + b * fit
+    return slow, fast, max(0.0, 1 - fast / slow)
 
 
-def with_scipy(log_li, log_p):
-    from scipy.special import logsumexp
-
-    return logsumexp(log_li + log_p)
-
-
-def draw(maps, ancestors, hits):
-    new = []
-    for a, h in zip(ancestors, hits, strict=True):
-        if h is None:
-            new.append(maps[a])
-        else:
-            new.append(maps[a] + np.eye(len(maps[a]))[h])
-    return new
-
-
-def draw_lazily(maps, ancestors, hits):
-    new = [maps[k] for k in ancestors]
-    for k, h in enumerate(hits):
-        if h is not None:
-            new[k] = new[k].copy()
-            new[k][h] += 1
-    return new
+def with_if(slow, fast, fit, a, b):
+    slow += a * (fit - slow)
+    fast += b * (fit - fast)
+    if fast >= slow:
+        return [slow, fast, 0]
+    return [slow, fast, (slow - fast) / slow]
 
 
 STYLES = {
-    "check_proposal": [
-        by_logs,
-        lambda li, p: [a * b / sum(li * p) for a, b in zip(li, p, strict=True)],
-        lambda li, p: product(li, p).astype(np.float32),
-        lambda li, p: tuple(product(li, p)),
-        lambda li, p: np.round(product(li, p), 5),
-        lambda li, p: np.multiply(li, p) / np.dot(li, p),
+    "check_particles_needed": [
+        bound,
+        quantile_first,
+        lambda b, e, z: kld_bound(b, e, NormalDist().cdf(-z)),
+        lambda b, e, z: np.float32(bound(b, e, z)),
+        lambda b, e, z: [bound(b, e, z)],
+        lambda b, e, z: float(f"{bound(b, e, z):.5g}"),
+        lambda b, e, z: np.power(1 - 2 / 9 / (b - 1) + np.sqrt(2 / 9 / (b - 1)) * z, 3) * (b - 1) / 2 / e,
     ],
-    "check_log_weight": [
-        summed,
-        one_by_one,
-        with_scipy,
-        lambda a, b: np.float32(summed(a, b)),
-        lambda a, b: [summed(a, b)],
-        lambda a, b: a.max() + np.log(np.exp(a - a.max()) @ np.exp(b)),
-    ],
-    "check_draw_all": [
-        draw,
-        draw_lazily,
-        lambda m, a, h: tuple(draw(m, a, h)),
-        lambda m, a, h: deque(draw(m, a, h)),
+    "check_inject": [
+        step,
+        with_if,
+        lambda *given: list(step(*given)),
+        lambda *given: np.array(step(*given), dtype=np.float32),
+        lambda *given: np.clip(np.round(step(*given), 6), 0.0, 1.0),
     ],
 }

@@ -1,52 +1,52 @@
 """Right answers to the exercises of chapter 11, in the ways that people write them: each must pass its check."""
 
+import cmath
 import math
-from statistics import NormalDist
 
 import numpy as np
 
-from pfslam.beyond.localization import kld_bound
+from pfslam.beyond.loops.graph import robust_weights
+from pfslam.poses import between, rotation_matrix, wrap_angle
 
 
-def bound(b, e, z):
-    a = 2 / (9 * (b - 1))
-    return (b - 1) / (2 * e) * (1 - a + a**0.5 * z) ** 3
+def error(a, b, z):
+    e = between(a, b) - z
+    e[2] = wrap_angle(e[2])
+    return e
 
 
-def quantile_first(b, e, z):
-    k = b - 1
-    chi_square = k * (1 - 2 / (9 * k) + z * math.sqrt(2 / (9 * k))) ** 3
-    return 0.5 * chi_square / e
+def by_matrix(a, b, z):
+    e = np.zeros(3)
+    e[:2] = rotation_matrix(yaw=a[2])[:2, :2].T @ (b - a)[:2] - z[:2]
+    e[2] = (b[2] - a[2] - z[2] + np.pi) % (2 * np.pi) - np.pi
+    return e
 
 
-def step(slow, fast, fit, a, b):
-    slow, fast = (1 - a) * slow + a * fit, (1 - b) * fast + b * fit
-    return slow, fast, max(0.0, 1 - fast / slow)
+def by_complex(a, b, z):
+    d = complex(b[0] - a[0], b[1] - a[1]) * cmath.exp(-1j * a[2]) - complex(z[0], z[1])
+    return [d.real, d.imag, cmath.phase(cmath.exp(1j * (b[2] - a[2] - z[2])))]
 
 
-def with_if(slow, fast, fit, a, b):
-    slow += a * (fit - slow)
-    fast += b * (fit - fast)
-    if fast >= slow:
-        return [slow, fast, 0]
-    return [slow, fast, (slow - fast) / slow]
+def by_polar(a, b, z):
+    way, bearing = math.hypot(b[0] - a[0], b[1] - a[1]), math.atan2(b[1] - a[1], b[0] - a[0]) - a[2]
+    turn = math.remainder(b[2] - a[2] - z[2], 2 * math.pi)
+    return way * math.cos(bearing) - z[0], way * math.sin(bearing) - z[1], turn
 
 
 STYLES = {
-    "check_particles_needed": [
-        bound,
-        quantile_first,
-        lambda b, e, z: kld_bound(b, e, NormalDist().cdf(-z)),
-        lambda b, e, z: np.float32(bound(b, e, z)),
-        lambda b, e, z: [bound(b, e, z)],
-        lambda b, e, z: float(f"{bound(b, e, z):.5g}"),
-        lambda b, e, z: np.power(1 - 2 / 9 / (b - 1) + np.sqrt(2 / 9 / (b - 1)) * z, 3) * (b - 1) / 2 / e,
+    "check_edge_error": [
+        error,
+        by_matrix,
+        by_complex,
+        by_polar,
+        lambda a, b, z: tuple(error(a, b, z)),
+        lambda a, b, z: np.float32(error(a, b, z)),
     ],
-    "check_inject": [
-        step,
-        with_if,
-        lambda *given: list(step(*given)),
-        lambda *given: np.array(step(*given), dtype=np.float32),
-        lambda *given: np.clip(np.round(step(*given), 6), 0.0, 1.0),
+    "check_robust_weight": [
+        robust_weights,
+        lambda c, k: (1.0 + c / k**2) ** -2.0,
+        lambda c, k: [(k * k / (k * k + x)) ** 2 for x in c],
+        lambda c, k: k**4 / (k**2 + c) ** 2,
+        lambda c, k: np.exp(-2.0 * np.log1p(c / k**2)),
     ],
 }

@@ -1,52 +1,69 @@
 """Right answers to the exercises of chapter 12, in the ways that people write them: each must pass its check."""
 
-import cmath
-import math
-
 import numpy as np
 
-from pfslam.beyond.loops.graph import robust_weights
-from pfslam.poses import between, rotation_matrix, wrap_angle
+
+def in_a_loop(readings):
+    steps, last = [], int(readings[0])
+    for reading in readings.tolist():
+        step = reading - last
+        steps.append(step - 256 if step > 127 else step + 256 if step < -128 else step)
+        last = reading
+    return steps
 
 
-def error(a, b, z):
-    e = between(a, b) - z
-    e[2] = wrap_angle(e[2])
-    return e
+def signed_bytes(readings):
+    return np.diff(readings, prepend=readings[0]).view(np.int8)
 
 
-def by_matrix(a, b, z):
-    e = np.zeros(3)
-    e[:2] = rotation_matrix(yaw=a[2])[:2, :2].T @ (b - a)[:2] - z[:2]
-    e[2] = (b[2] - a[2] - z[2] + np.pi) % (2 * np.pi) - np.pi
-    return e
+def unwrapped(readings):
+    angle = np.unwrap(readings * (2 * np.pi / 256))
+    return np.diff(angle, prepend=angle[0]) * 256 / (2 * np.pi)
 
 
-def by_complex(a, b, z):
-    d = complex(b[0] - a[0], b[1] - a[1]) * cmath.exp(-1j * a[2]) - complex(z[0], z[1])
-    return [d.real, d.imag, cmath.phase(cmath.exp(1j * (b[2] - a[2] - z[2])))]
+def slope(right, left, turned):
+    return (right - left) @ turned / (turned @ turned)
 
 
-def by_polar(a, b, z):
-    way, bearing = math.hypot(b[0] - a[0], b[1] - a[1]), math.atan2(b[1] - a[1], b[0] - a[0]) - a[2]
-    turn = math.remainder(b[2] - a[2] - z[2], 2 * math.pi)
-    return way * math.cos(bearing) - z[0], way * math.sin(bearing) - z[1], turn
+def slope_in_a_loop(right, left, turned):
+    top = bottom = 0.0
+    for r, side, angle in zip(right, left, turned, strict=True):
+        top, bottom = top + (r - side) * angle, bottom + angle * angle
+    return top / bottom
+
+
+def classify(r, low, high):
+    return "hit" if low <= r <= high else "free" if r > high else "unknown"
+
+
+def classify_nan_first(r, low, high):
+    if np.isnan(r):
+        return "unknown"
+    return ("unknown", "hit", "free")[int(r >= low) + int(r > high)]
 
 
 STYLES = {
-    "check_edge_error": [
-        error,
-        by_matrix,
-        by_complex,
-        by_polar,
-        lambda a, b, z: tuple(error(a, b, z)),
-        lambda a, b, z: np.float32(error(a, b, z)),
+    "check_increments": [
+        in_a_loop,
+        signed_bytes,
+        unwrapped,
+        lambda r: tuple(in_a_loop(r)),
+        lambda r: np.float32(in_a_loop(r)),
     ],
-    "check_robust_weight": [
-        robust_weights,
-        lambda c, k: (1.0 + c / k**2) ** -2.0,
-        lambda c, k: [(k * k / (k * k + x)) ** 2 for x in c],
-        lambda c, k: k**4 / (k**2 + c) ** 2,
-        lambda c, k: np.exp(-2.0 * np.log1p(c / k**2)),
+    "check_track": [
+        slope,
+        slope_in_a_loop,
+        lambda r, left, t: np.linalg.lstsq(t[:, None], r - left, rcond=None)[0],
+        lambda r, left, t: np.float32(slope(r, left, t)),
+        lambda r, left, t: round(slope(r, left, t), 4),
+        lambda r, left, t: [slope(r, left, t)],
+    ],
+    "check_classify": [
+        classify,
+        classify_nan_first,
+        lambda *given: str(np.array(classify(*given))),
+        lambda *given: np.str_(classify(*given)),
+        lambda r, a, b: {(True, False): "hit", (True, True): "free"}.get((r >= a, r > b), "unknown"),
+        lambda r, a, b: next((w for w, x in (("free", r > b), ("hit", r >= a)) if x), "unknown"),
     ],
 }

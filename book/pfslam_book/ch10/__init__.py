@@ -1,62 +1,68 @@
 """What the notebook of chapter 10 calls."""
 
-from pfslam.beyond.per_particle import per_particle_step
-from pfslam.map import Map
-from pfslam.particles import Particles
-from pfslam_book.ch10.intel import intel_errors, intel_facts, intel_picture, intel_slips, intel_table
-from pfslam_book.ch10.kinds import (
-    cost_ratio,
-    histories_explorer,
-    kind_errors,
-    kinds_table,
-    loop_recording,
-    medians_cm,
-    one_and_many,
-    play_histories,
-    private_better,
+from pfslam.beyond.localization import (
+    KnownMap,
+    LocalizationConfig,
+    enough,
+    kld_bound,
+    likelihood_field,
+    localization_step,
+    locate,
+    spread,
 )
-from pfslam_book.ch10.particles import (
-    lost_while_blind,
-    particles_explorer,
-    particles_help,
-    particles_table,
-    situation_errors,
+from pfslam_book.ch10.building import distances, kidnapped, part, two_halves
+from pfslam_book.ch10.exact import HEADINGS, Histogram
+from pfslam_book.ch10.measured import (
+    counts,
+    distances_by_number,
+    exact_picture,
+    found_table,
+    right_on_poor_maps,
+    values,
 )
-from pfslam_book.ch10.proposals import Proposals, proposals_picture
-from pfslam_book.exercises.ch10 import check_draw_all, check_log_weight, check_proposal
+from pfslam_book.ch10.pictures import (
+    info_at,
+    kidnap_picture,
+    likelihood_picture,
+    numbers_picture,
+    search_explorer,
+    shares,
+    start_table,
+)
+from pfslam_book.exercises.ch10 import check_inject, check_particles_needed
+from pfslam_book.show.figures import map_along
 from pfslam_book.show.source import show_source
-from pfslam_book.show.tables import number_of_buildings
 
 __all__ = [
-    "Map",
-    "Particles",
-    "Proposals",
-    "align",
-    "check_draw_all",
-    "check_log_weight",
-    "check_proposal",
-    "cost_ratio",
-    "histories_explorer",
-    "intel_errors",
-    "intel_facts",
-    "intel_picture",
-    "intel_slips",
-    "intel_table",
-    "kind_errors",
-    "kinds_table",
-    "loop_recording",
-    "lost_while_blind",
-    "medians_cm",
-    "number_of_buildings",
-    "one_and_many",
-    "particles_explorer",
-    "particles_help",
-    "particles_table",
-    "per_particle_step",
-    "play_histories",
-    "private_better",
-    "proposals_picture",
-    "shifted",
+    "HEADINGS",
+    "Histogram",
+    "KnownMap",
+    "LocalizationConfig",
+    "check_inject",
+    "check_particles_needed",
+    "counts",
+    "distances",
+    "distances_by_number",
+    "enough",
+    "exact_picture",
+    "found_table",
+    "info_at",
+    "kidnap_picture",
+    "kidnapped",
+    "kld_bound",
+    "likelihood_field",
+    "likelihood_picture",
+    "localization_step",
+    "locate",
+    "map_along",
+    "numbers_picture",
+    "part",
+    "right_on_poor_maps",
+    "search_explorer",
+    "shares",
     "show_source",
-    "situation_errors",
+    "spread",
+    "start_table",
+    "two_halves",
+    "values",
 ]

@@ -1,68 +1,49 @@
 """What the notebook of chapter 11 calls."""
 
-from pfslam.beyond.localization import (
-    KnownMap,
-    LocalizationConfig,
-    enough,
-    kld_bound,
-    likelihood_field,
-    localization_step,
-    locate,
-    spread,
+from pfslam.beyond.loops.closing import close_loops, consistent
+from pfslam.beyond.loops.graph import gauss_newton_step, jacobians, relax, residuals, robust_weights
+from pfslam_book.ch11.drives import (
+    corner_picture,
+    drives_table,
+    error,
+    given,
+    given_table,
+    numbers,
+    ring_picture,
+    scale_picture,
 )
-from pfslam_book.ch11.building import distances, kidnapped, part, two_halves
-from pfslam_book.ch11.exact import HEADINGS, Histogram
-from pfslam_book.ch11.measured import (
-    counts,
-    distances_by_number,
-    exact_picture,
-    found_table,
-    right_on_poor_maps,
-    values,
+from pfslam_book.ch11.springs import (
+    kernel_picture,
+    outlier_case,
+    outlier_explorer,
+    six_poses,
+    springs_picture,
 )
-from pfslam_book.ch11.pictures import (
-    info_at,
-    kidnap_picture,
-    likelihood_picture,
-    numbers_picture,
-    search_explorer,
-    shares,
-    start_table,
-)
-from pfslam_book.exercises.ch11 import check_inject, check_particles_needed
-from pfslam_book.show.figures import map_along
+from pfslam_book.exercises.ch11 import check_edge_error, check_robust_weight
 from pfslam_book.show.source import show_source
 
 __all__ = [
-    "HEADINGS",
-    "Histogram",
-    "KnownMap",
-    "LocalizationConfig",
-    "check_inject",
-    "check_particles_needed",
-    "counts",
-    "distances",
-    "distances_by_number",
-    "enough",
-    "exact_picture",
-    "found_table",
-    "info_at",
-    "kidnap_picture",
-    "kidnapped",
-    "kld_bound",
-    "likelihood_field",
-    "likelihood_picture",
-    "localization_step",
-    "locate",
-    "map_along",
-    "numbers_picture",
-    "part",
-    "right_on_poor_maps",
-    "search_explorer",
-    "shares",
+    "check_edge_error",
+    "check_robust_weight",
+    "close_loops",
+    "consistent",
+    "corner_picture",
+    "drives_table",
+    "error",
+    "gauss_newton_step",
+    "given",
+    "given_table",
+    "jacobians",
+    "kernel_picture",
+    "numbers",
+    "outlier_case",
+    "outlier_explorer",
+    "relax",
+    "residuals",
+    "ring_picture",
+    "robust_weights",
+    "scale_picture",
     "show_source",
-    "spread",
-    "start_table",
-    "two_halves",
-    "values",
+    "six_poses",
+    "springs_picture",
 ]

@@ -1,49 +1,37 @@
 """What the notebook of chapter 12 calls."""
 
-from pfslam.beyond.loops.closing import close_loops, consistent
-from pfslam.beyond.loops.graph import gauss_newton_step, jacobians, relax, residuals, robust_weights
-from pfslam_book.ch12.drives import (
-    corner_picture,
-    drives_table,
-    error,
-    given,
-    given_table,
-    numbers,
-    ring_picture,
-    scale_picture,
+from pfslam_book.ch12.bag import record_bag
+from pfslam_book.ch12.gallery import gallery, gallery_picture, gallery_table
+from pfslam_book.ch12.robot import (
+    calibration_table,
+    check_up_table,
+    complaints,
+    drives,
+    faults_table,
+    lever_explorer,
+    run_figure,
+    sharpest_lever,
+    track_explorer,
 )
-from pfslam_book.ch12.springs import (
-    kernel_picture,
-    outlier_case,
-    outlier_explorer,
-    six_poses,
-    springs_picture,
-)
-from pfslam_book.exercises.ch12 import check_edge_error, check_robust_weight
+from pfslam_book.exercises.ch12 import check_classify, check_increments, check_track
 from pfslam_book.show.source import show_source
 
 __all__ = [
-    "check_edge_error",
-    "check_robust_weight",
-    "close_loops",
-    "consistent",
-    "corner_picture",
-    "drives_table",
-    "error",
-    "gauss_newton_step",
-    "given",
-    "given_table",
-    "jacobians",
-    "kernel_picture",
-    "numbers",
-    "outlier_case",
-    "outlier_explorer",
-    "relax",
-    "residuals",
-    "ring_picture",
-    "robust_weights",
-    "scale_picture",
+    "calibration_table",
+    "check_classify",
+    "check_increments",
+    "check_track",
+    "check_up_table",
+    "complaints",
+    "drives",
+    "faults_table",
+    "gallery",
+    "gallery_picture",
+    "gallery_table",
+    "lever_explorer",
+    "record_bag",
+    "run_figure",
+    "sharpest_lever",
     "show_source",
-    "six_poses",
-    "springs_picture",
+    "track_explorer",
 ]

@@ -5,80 +5,74 @@ from __future__ import annotations
 import numpy as np
 from pfslam_book.show.exercise import Exercise
 
-# ---- 1: how many particles
+from pfslam.poses import between, compose, wrap_angle
+
+# ---- 1: the error of an edge
 
 
-def bound(k, epsilon, z, power=3):
-    """Fox's bound for k degrees of freedom."""
-    return k / (2 * epsilon) * (1 - 2 / (9 * k) + np.sqrt(2 / (9 * k)) * z) ** power
+def edge_case(pose_i, z) -> tuple:
+    """A pose, another one near where it was measured from there, and the measurement."""
+    return np.array(pose_i), compose(np.array(pose_i), np.array(z)) + [0.1, -0.2, 0.05], np.array(z)
 
 
-def particles_needed(bins, epsilon, z):
-    return bound(bins - 1, epsilon, z)
+def edge_error(a, b, z, frame=1.0, wrap=lambda turn, measured: wrap_angle(turn - measured)):
+    """The error with the difference seen from a heading of ``frame`` times the first one."""
+    c, s = np.cos(frame * a[2]), np.sin(frame * a[2])
+    dx, dy, turn = np.subtract(b, a)
+    return np.array([c * dx + s * dy - z[0], c * dy - s * dx - z[1], wrap(turn, z[2])])
 
 
-check_particles_needed = Exercise(
-    right=particles_needed,
-    cases=[(8, 0.05, 2.326), (120, 0.05, 2.326), (37, 0.02, 1.282), (1000, 0.11, 0.674), (3, 0.4, 1.1)],
-    mistakes={
-        "You use the number of bins. Shares that sum to 1 leave one fewer to choose: bins - 1 degrees of freedom, "
-        "wherever k stands.": bound,
-        "The bracket is to be cubed: Wilson and Hilferty found the cube *root* of a chi-square nearly normal.": (
-            lambda bins, epsilon, z: bound(bins - 1, epsilon, z, power=1)
-        ),
-        "That is the mean of the chi-square over 2 epsilon: half of all clouds would be worse than epsilon. The "
-        "bracket makes it a quantile.": lambda bins, epsilon, z: (bins - 1) / (2 * epsilon),
-        "The term with z is added: to be surer takes more particles, not fewer.": (
-            lambda bins, epsilon, z: bound(bins - 1, epsilon, -z)
-        ),
-        "That is the right number, rounded up. A filter would do so; here return the bound as it is.": (
-            lambda *case: np.ceil(particles_needed(*case))
-        ),
-    },
-    praise="Ten thousand for a cloud over the whole building, a few hundred once it is one heap.",
-)
-
-# ---- 2: how many to draw anew
-
-
-def missing(slow, fast):
-    return max(0.0, 1 - fast / slow)
-
-
-def injecting(share):
-    """One step, with some share of the averages before it, of the fit, and of the averages after it."""
-
-    def inject(slow, fast, fit, alpha_slow, alpha_fast):
-        new = slow + alpha_slow * (fit - slow), fast + alpha_fast * (fit - fast)
-        return np.array([*new, share((slow, fast), fit, new)])
-
-    return inject
-
-
-inject = injecting(lambda old, fit, new: missing(*new))
-
-check_inject = Exercise(
-    right=inject,
+check_edge_error = Exercise(
+    right=edge_error,
     cases=[
-        (0.9, 0.8, 0.31, 0.01, 0.2),
-        (0.62, 0.83, 0.95, 0.05, 0.3),
-        (0.7, 0.75, 0.2, 0.02, 0.5),
-        (0.9, 0.93, 0.94, 0.01, 0.2),
+        (np.array([1.0, 2.0, np.pi / 2]), np.array([1.0, 4.0, np.pi / 2]), np.array([1.9, 0.1, 0.0])),
+        edge_case([0.3, -1.7, 0.9], [1.1, -0.4, 0.7]),
+        edge_case([-2.6, 1.2, -2.1], [0.8, 0.5, -1.3]),
+        (np.array([0.0, 1.0, 3.0]), np.array([-1.0, 1.3, -2.8]), np.array([1.0, 0.2, 0.4])),
+        (np.array([0.2, 0.4, 0.0]), np.array([1.1, 0.5, 3.1]), np.array([0.9, 0.2, -3.1])),
     ],
     mistakes={
-        "Right while scans fit badly. Where they fit better than usual, your share is negative: use max(0, ...).": (
-            injecting(lambda old, fit, new: 1 - new[1] / new[0])
+        "The difference of the positions is in the world. Turn it into the frame of pose i, in which z was measured.": (
+            lambda a, b, z: edge_error(a, b, z, frame=0.0)
         ),
-        "The share follows from the averages *after* this scan; you use those before it, so the alarm comes one scan "
-        "late.": injecting(lambda old, fit, new: missing(*old)),
-        "You compare a single scan with the slow average: one person in front of the scanner would scatter the cloud. "
-        "Compare the fast average.": injecting(lambda old, fit, new: missing(new[0], fit)),
-        "That is the share to keep. The share to draw anew is what is missing to 1.": (
-            injecting(lambda old, fit, new: min(1.0, new[1] / new[0]))
+        "You turn by +theta_i. From the world into the frame of pose i it is the transpose.": (
+            lambda a, b, z: edge_error(a, b, z, frame=-1.0)
         ),
-        "The two rates have changed places: alpha_slow belongs to the slow average.": (
-            lambda slow, fast, fit, a, b: inject(slow, fast, fit, b, a)
+        "The heading must be wrapped into (-pi, pi]: see the pose that looks backwards.": (
+            lambda a, b, z: edge_error(a, b, z, wrap=np.subtract)
+        ),
+        "You wrap the turn and then subtract the measured one, which leads out of (-pi, pi] again: 3.1 - (-3.1) is "
+        "6.2. Subtract first, wrap last.": (
+            lambda a, b, z: edge_error(a, b, z, wrap=lambda turn, measured: wrap_angle(turn) - measured)
+        ),
+        "Close: that is the error in the frame of the measured pose. Here the two are subtracted.": (
+            lambda a, b, z: between(z, between(a, b))
         ),
     },
-    praise="While all is well it is nothing, and a robot carried away is looked for everywhere.",
+    praise="All that a pose graph minimises is a sum of such errors, each weighed by its information.",
+)
+
+# ---- 2: the weight under a robust kernel
+
+check_robust_weight = Exercise(
+    right=lambda chi2, k: (k**2 / (k**2 + chi2)) ** 2,
+    cases=[
+        (np.array([0.0, 1.0, 9.0, 100.0, 1e6]), 3.0),
+        (np.array([2.0, 50.0, 7.0]), 10.0),
+        (np.array([4.0]), 0.5),
+    ],
+    mistakes={
+        "That fraction must be squared. Unsquared, the cost never levels off.": lambda chi2, k: (
+            k**2 / (k**2 + chi2)
+        ),
+        "That is the kernel, the cost. The weight is its derivative by chi^2.": (
+            lambda chi2, k: k**2 * chi2 / (k**2 + chi2)
+        ),
+        "The width enters squared, as chi does.": lambda chi2, k: (k / (k + chi2)) ** 2,
+        "chi2 is squared already.": lambda chi2, k: (k**2 / (k**2 + chi2**2)) ** 2,
+        "A hard threshold. The kernel lets go gradually, so that steps can change their minds.": (
+            lambda chi2, k: (chi2 < k**2).astype(float)
+        ),
+    },
+    praise="An error of one width keeps a quarter of its weight; one of ten widths a ten-thousandth.",
 )
