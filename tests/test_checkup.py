@@ -6,13 +6,44 @@ import numpy as np
 import pytest
 from box_recording import box_recording
 from drives import simulated
-from pfslam_book.ch12.robot import FAULTS, HEALTHY
+from pfslam_book.show.faults import clockwise, late_scans, scaled_gyro, silent_gyro
 
 import pfslam
 from pfslam.evaluation.checkup import check_up, scan_turn_fit
 from pfslam.poses import Trajectory
-from pfslam.recording import Imu, LidarScans, Recording
-from pfslam.study.disturbances import first_seconds
+from pfslam.recording import Encoders, Imu, LidarScans, Recording
+from pfslam.study.disturbances import first_seconds, missing_beams
+
+HEALTHY = "none"
+
+
+def with_counts(recording, counts):
+    encoders, _ = recording.wheels_and_gyro()
+    return replace(recording, encoders=Encoders(encoders.t, counts))
+
+
+def totals(recording):
+    return np.cumsum(recording.wheels_and_gyro()[0].counts, axis=0)
+
+
+def wrapped(recording, bits=8):
+    """The increments that careless differences make of a counter of so many bits, jumps included."""
+    readings = totals(recording) % 2**bits
+    return np.diff(readings, axis=0, prepend=readings[:1])
+
+
+FAULTS = {
+    HEALTHY: lambda r: r,
+    "running totals": lambda r: with_counts(r, totals(r)),
+    "8-bit counter": lambda r: with_counts(r, wrapped(r)),
+    "gyro in degrees": lambda r: scaled_gyro(r, float(np.rad2deg(1.0))),
+    "gyro flipped": lambda r: scaled_gyro(r, -1.0),
+    "beams backwards": clockwise,
+    "both mirrored": lambda r: clockwise(scaled_gyro(r, -1.0)),
+    "scans 150 ms late": lambda r: late_scans(r, 0.15),
+    "gyro silent for 3 s": lambda r: silent_gyro(r, 30.0, 33.0),
+    "60 % of beams lost": lambda r: missing_beams(r, 0.6, np.random.default_rng(0)),
+}
 
 
 @pytest.fixture(scope="module")

@@ -1,37 +1,35 @@
 """What the notebook of chapter 12 calls."""
 
+from dataclasses import replace
+
+from pfslam.evaluation.checkup import check_up
+from pfslam.recording import Recording
+from pfslam.study.disturbances import first_seconds
 from pfslam_book.ch12.bag import record_bag
 from pfslam_book.ch12.gallery import gallery, gallery_picture, gallery_table
-from pfslam_book.ch12.robot import (
-    calibration_table,
-    check_up_table,
-    complaints,
-    drives,
-    faults_table,
-    lever_explorer,
-    run_figure,
-    sharpest_lever,
-    track_explorer,
-)
 from pfslam_book.exercises.ch12 import check_classify, check_increments, check_track
 from pfslam_book.show.source import show_source
+from pfslam_book.show.tables import Shown
 
 __all__ = [
-    "calibration_table",
     "check_classify",
     "check_increments",
     "check_track",
     "check_up_table",
-    "complaints",
-    "drives",
-    "faults_table",
     "gallery",
     "gallery_picture",
-    "gallery_table",
-    "lever_explorer",
-    "record_bag",
-    "run_figure",
-    "sharpest_lever",
-    "show_source",
-    "track_explorer",
 ]
+__all__ += ["gallery_table", "minute", "record_bag", "show_source"]
+
+MARKS = {True: "✓", False: "✗", None: "–"}
+
+
+def minute(recording: Recording) -> Recording:
+    """The first minute of a drive, without its images."""
+    return replace(first_seconds(recording, 60.0), camera=None)
+
+
+def check_up_table(recording: Recording) -> Shown:
+    """The check-up of one recording: the question, what was found and what is expected."""
+    rows = [(MARKS[f.ok], f.question, f.found, f.expected) for f in check_up(recording)]
+    return Shown(("verdict", "question", "found", "expected"), rows, left=(1, 2, 3))

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from matplotlib.axes import Axes
 
 import pfslam
 from pfslam.evaluation.calibration import Calibration, calibrate
@@ -15,10 +14,8 @@ from pfslam.recording import Recording
 from pfslam.refined.health import in_doubt
 from pfslam.run import SlamResult
 from pfslam.study.disturbances import first_seconds
+from pfslam_book.show.artists import COLOURS, draw_map, sheet, show
 from pfslam_book.show.faults import clockwise, heading_from_wheels, scaled_gyro, scaled_ranges, turned_lidar
-from pfslam_book.show.figures import draw_map
-from pfslam_book.show.pictures import Picture
-from pfslam_book.show.style import COLOURS, INK, new_figure
 from pfslam_book.show.tables import Shown
 
 SECONDS = 60.0
@@ -102,37 +99,20 @@ def _outcome(failure: Failure, harmed: Recording) -> Outcome:
     return Outcome(failure, result, complaints, calibrate(harmed, result))
 
 
-def gallery_picture(outcomes: list[Outcome]) -> Picture:
+def gallery_picture(outcomes: list[Outcome]) -> show:
     """Draw the maps in two columns, each with a bar of the same length in metres."""
-    rows = (len(outcomes) + 1) // 2
-    figure, grid = new_figure(5.2, 2.75 * rows, rows, 2)
-    for axes, outcome in zip(np.ravel(grid), outcomes, strict=False):
-        draw_map(axes, outcome.result.grid)
-        axes.set_title(outcome.failure.name, fontsize=12.5)
-        _square(axes)
-        _draw_bar(axes)
+    figure, grid = sheet(3.9 * (len(outcomes) // 2), len(outcomes) // 2, 2)
+    for axes, outcome in zip(np.ravel(grid), outcomes, strict=True):
+        draw_map(axes, outcome.result.grid, outcome.failure.name)
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        half, x, y = 0.57 * max(right - left, high - low), (left + right) / 2, (low + high) / 2
+        axes.set(xlim=(x - half, x + half), ylim=(y - 1.1 * half, y + 0.9 * half), xticks=[], yticks=[])
+        axes.set(xlabel="", ylabel="", facecolor=COLOURS["unknown"])
+        end, bottom = x + 0.92 * half, y - half
+        axes.plot([end - BAR, end], [bottom, bottom], color="black", linewidth=3.5)
+        axes.text(end - BAR, bottom, f"{BAR:.0f} m ", ha="right", va="center", fontsize=13)
     looks = "; ".join(f"{outcome.failure.name}: {outcome.failure.looks}" for outcome in outcomes)
-    return Picture(figure, f"Maps of the same minute. {looks}.")
-
-
-def _square(axes: Axes) -> None:
-    """Make the picture a square around its map, with room below for the bar; what no beam saw is grey there too."""
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    half = 0.57 * max(right - left, high - low)
-    x, y = (left + right) / 2, (low + high) / 2 - 0.1 * half
-    axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half), xticks=[], yticks=[], xlabel="", ylabel="")
-    axes.set_facecolor(COLOURS["unknown"])
-    axes.grid(visible=False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_visible(False)
-
-
-def _draw_bar(axes: Axes) -> None:
-    (left, right), (low, _) = axes.get_xlim(), axes.get_ylim()
-    margin = 0.04 * (right - left)
-    end, y = right - margin, low + margin
-    axes.plot([end - BAR, end], [y, y], color=INK, linewidth=3.5, solid_capstyle="butt")
-    axes.text(end - BAR - margin / 2, y, f"{BAR:.0f} m", ha="right", va="center", fontsize=12)
+    return show(figure, f"Maps of the same minute. {looks}.")
 
 
 def what_tells(outcome: Outcome) -> str:

@@ -3,6 +3,7 @@
 from pfslam.beyond.per_particle import per_particle_step
 from pfslam.map import Map
 from pfslam.particles import Particles
+from pfslam_book.exercises.kinds import check_draw_all, check_log_weight, check_proposal
 from pfslam_book.kinds.intel import intel_errors, intel_facts, intel_picture, intel_slips, intel_table
 from pfslam_book.kinds.kinds import (
     cost_ratio,
@@ -23,7 +24,6 @@ from pfslam_book.kinds.particles import (
     situation_errors,
 )
 from pfslam_book.kinds.proposals import Proposals, proposals_picture
-from pfslam_book.exercises.kinds import check_draw_all, check_log_weight, check_proposal
 from pfslam_book.show.source import show_source
 from pfslam_book.show.tables import number_of_buildings
 
