@@ -4,13 +4,14 @@ import ast
 import importlib
 import inspect
 import math
+from dataclasses import replace
 from itertools import accumulate
 
 import numpy as np
 import pytest
 import right_styles.ch05
 from notebook_cells import source
-from pfslam_book.ch05 import whole, your_filter
+from pfslam_book.ch05 import your_filter
 from pfslam_book.ch05.report import LATTICE_TABLE
 from pfslam_book.ch05.slow_motion import one_update
 from pfslam_book.ch05.whole import check_filter
@@ -18,6 +19,7 @@ from pfslam_book.ch05.your_filter import (
     BOOK,
     CHAPTERS,
     FILTER_TABLE,
+    Filter,
     drive,
     error,
     my_filter,
@@ -144,31 +146,65 @@ def test_a_loop_in_another_style_is_right_too():
     assert verdict, verdict
 
 
-LOOP_MISTAKES = [(seen, words) for seen, check in whole.LOOP.items() for words in check.mistakes]
+def spoiled(parts=lambda s: {}, settings=lambda s, w: {}, inputs=list, log_odds=np.copy):
+    """The printed loop with other parts, settings or inputs, or another map, which make of it what a mistake does."""
+
+    def loop(f, s, poses, weights, walls, points_b, controls, rng):
+        f, changed = Filter(**vars(f) | parts(s)), replace(s, **settings(s, weights))
+        return step(f, changed, poses, weights, log_odds(walls), points_b, inputs(controls), rng)
+
+    return loop
 
 
-@pytest.mark.parametrize(("seen", "words"), LOOP_MISTAKES)
-def test_every_mistake_of_the_loop_gets_its_own_words(seen, words):
-    check = whole.LOOP[seen]
-    assert len(check.mistakes) <= 5
-    assert check(check.mistakes[words]).message == f"Not yet. {words}"
+def summed(inputs):
+    """All inputs as a single one of the same length in time."""
+    v, omega, dt = np.reshape(inputs, (-1, 3)).T
+    return [(v @ dt / dt.sum(), omega @ dt / dt.sum(), dt.sum())] if len(dt) else []
+
+
+def upside_down(s, weights):
+    return {"resample_below": float(1 / np.sum(weights**2) > s.resample_below * len(weights))}
+
+
+def after_resampling(s):
+    again = lambda p, w: B["resample"](p, w, np.random.default_rng(1)) if s.resample_below else (p, w)  # noqa: E731
+    return {"mean_pose": lambda p, w: B["mean_pose"](*again(p, w))}
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "step_of_the_loop"),
     [
-        ({"inputs": whole.summed}, "input by input"),
-        ({"settings": lambda s, w: {"sigma_v": 0, "sigma_omega": 0}}, "All particles drive alike"),
-        ({"log_odds": lambda log_odds: log_odds + 1e-9}, "unknown cells as walls"),
-        ({"settings": lambda s, w: {"sharpness": 240 * s.sharpness}}, "number of points"),
-        ({"parts": lambda s: {"mean_pose": lambda p, w: p[np.argmax(w)]}}, "heaviest"),
-        ({"settings": lambda s, w: {"free": 0.0}}, "No cell is ever cleared"),
+        ({"inputs": lambda u: []}, "Predict"),
+        ({"inputs": summed}, "Predict"),
+        ({"inputs": lambda u: u[-1:]}, "Predict"),
+        ({"settings": lambda s, w: {"sigma_v": 0, "sigma_omega": 0}}, "Predict"),
+        ({"settings": lambda s, w: {"resample_below": 0.0}}, "Resample"),
+        ({"settings": lambda s, w: {"resample_below": 1.0}}, "Resample"),
+        ({"settings": upside_down}, "Resample"),
+        ({"parts": lambda s: {"resample": lambda p, w, rng: (B["resample"](p, w, rng)[0], w)}}, "Resample"),
+        ({"parts": lambda s: {"update": lambda w, likelihood: w}}, "Weigh"),
+        ({"parts": lambda s: {"update": lambda w, likelihood: likelihood / likelihood.sum()}}, "Weigh"),
+        ({"log_odds": lambda log_odds: log_odds + 1e-9}, "Weigh"),
+        ({"settings": lambda s, w: {"sharpness": 240 * s.sharpness}}, "Weigh"),
+        ({"parts": after_resampling}, "Estimate"),
+        ({"parts": lambda s: {"mean_pose": lambda p, w: p[np.argmax(w)]}}, "Estimate"),
+        (
+            {"parts": lambda s: {"mean_pose": lambda p, w: B["mean_pose"](p, np.full(len(w), 1 / len(w)))}},
+            "Estimate",
+        ),
+        ({"parts": lambda s: {"update_log_odds": lambda log_odds, *scan: log_odds}}, "Draw"),
+        ({"settings": lambda s, w: {"free": 0.0}}, "Draw"),
+        ({"settings": lambda s, w: {"lidar_xy": (0.0, 0.0)}}, "Draw"),
+        (
+            {"parts": lambda s: {"update_log_odds": lambda m, *scan: B["update_log_odds"](0 * m, *scan)}},
+            "Draw",
+        ),
     ],
 )
-def test_a_spoiled_loop_is_told_what_it_does(change, words):
-    verdict = check_filter(whole.spoiled(**change), my_filter(file="none"))
+def test_the_step_that_is_wrong_is_named(change, step_of_the_loop):
+    verdict = check_filter(spoiled(**change), my_filter(file="none"))
     assert verdict.verdict == "wrong"
-    assert words in verdict.message
+    assert verdict.message.startswith(f"Not yet. **{step_of_the_loop}**")
 
 
 def test_an_unwritten_loop_is_unanswered_and_a_short_answer_is_named():
