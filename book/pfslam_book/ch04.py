@@ -34,7 +34,8 @@ NOISE = 0.01  # m
 WINDOW = (-16.0, 37.0, -3.6, 23.4)  # x from, to, y from, to (m)
 START = (0.0, 0.0, 0.0)
 ALT = """A piece of the map with its walls, and the points of a scan beside them, since the guessed pose is wrong.
-Below, the scores of all shifts of the scan at this heading as a small square map, with a cross at the guess."""
+In the lower right corner, the scores of all shifts
+of the scan at this heading as a small square map, with a cross at the guess."""
 
 
 def slide_options(recording: Recording, **places: Place) -> dict:

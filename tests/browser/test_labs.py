@@ -69,6 +69,7 @@ def open_lab(chromium, opener, tmp_path):
         contexts.append(chromium.new_context(viewport={"width": width, "height": 900}, **context))
         visits.append(opener(contexts[-1], place.as_uri(), "file:///"))
         visits[-1].page.wait_for_function(READY)
+        visits[-1].page.evaluate("document.querySelectorAll('details').forEach(box => { box.open = true; })")
         return visits[-1].page
 
     yield go
@@ -289,6 +290,90 @@ def test_drive(lab, by):
     assert found["nEff"] == pytest.approx(found["settings"]["particles"])
     hand.press("Start again", "n")
     assert hand.see("trace")["trace"] == []
+
+
+DRIVE_THERE = f"""([x, y]) => {{
+  const drive = {LAB}.state;
+  drive.goTo(x, y);
+  for (let k = 0; k < 60 * 60 && drive.way.length; k++) drive.tick(false);
+  return [drive.refused, Math.hypot(drive.truth[0] - x, drive.truth[1] - y)];
+}}"""
+
+
+def test_a_tapped_place_is_reached_or_refused_in_words(lab):
+    page, rng, refused = lab("drive").page, np.random.default_rng(0), 0
+    for place in rng.uniform([0.0, 0.0], [9.0, 6.0], (60, 2)).tolist():
+        words, away = page.evaluate(DRIVE_THERE, place)
+        refused += bool(words)
+        assert words in ("There is no room for the robot.", "No way leads there.") or away < 0.7
+    assert 0 < refused < 12
+    assert page.evaluate(DRIVE_THERE, [8.3, 5.3])[0], "inside a box"
+    assert page.evaluate(DRIVE_THERE, [6.0, 7.0])[0], "outside the building"
+
+
+def test_who_was_carried_away_is_told_and_put_back(lab):
+    hand = lab("drive", options={"small": True})
+    hand.wait("state.looks > 20")
+    hand.press("Pause", " ")
+    before = hand.see("truth", "poses", "grid")
+    hand.press("Kidnap", "k")
+    hand.hears("the robot was carried away")
+    assert hand.see("truth") != before["truth"]
+    hand.press("Put it back", "k")
+    assert hand.see("truth", "poses", "grid") == before
+
+
+def test_the_floor_is_painted_where_the_robot_was(lab):
+    page = lab("drive", options={"small": True}).page
+    count = f"() => {LAB}.state.floor.data.filter((value, k) => k % 4 === 3 && value).length"
+    page.evaluate(f"() => {{ for (let k = 0; k < 120; k++) {LAB}.state.tick(); }}")
+    few = page.evaluate(count)
+    page.evaluate(f"() => {{ for (let k = 0; k < 3000; k++) {LAB}.state.tick(); }}")
+    assert page.evaluate(count) > 5 * few > 0
+
+
+@pytest.mark.parametrize("name", LABS)
+def test_a_swipe_up_scrolls_the_page_and_changes_nothing(open_lab, name):
+    page = open_lab(
+        name, width=390, has_touch=True, is_mobile=True, below="<div style='height: 3000px'></div>"
+    )
+    hand = Hand(page, "finger")
+    state = f"""() => JSON.stringify({LAB}.state, (key, value) =>
+      ['trace', 'parts', 'picture', 'canvas'].includes(key) ? null
+      : ArrayBuffer.isView(value) ? Array.from(value) : value)"""
+    canvas = page.locator(".pfslam-plan canvas").first
+    canvas.scroll_into_view_if_needed()
+    box, before, top = canvas.bounding_box(), page.evaluate(state), page.evaluate("scrollY")
+    x, y = box["x"] + 0.3 * box["width"], box["y"] + 0.9 * box["height"]
+    touch = page.context.new_cdp_session(page)
+    for k in range(16):
+        kind = "touchStart" if k == 0 else "touchMove"
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y - 12 * k}]})
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    page.wait_for_function(f"scrollY > {top} + 50")
+    assert page.evaluate(state) == before
+    assert hand.page.evaluate(f"!{LAB}.stage.beat?.running")
+
+
+def test_a_laboratory_that_is_built_before_its_style_sheet_is_not_black(open_lab):
+    page = open_lab("grow")
+    dark = """() => { const {canvas} = document.querySelector('figure.pfslam-lab').lab.stage.sheets[0];
+      const {data} = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+      let black = 0; for (let k = 0; k < data.length; k += 4) black += data[k] + data[k + 1] + data[k + 2] < 3;
+      return black / (data.length / 4); }"""
+    assert page.evaluate(dark) < 0.2
+    page.evaluate("""() => {
+      const sheets = [...document.querySelectorAll('link[rel=stylesheet]')];
+      const old = document.querySelector('figure.pfslam-lab');
+      sheets.forEach(sheet => { sheet.disabled = true; });
+      const figure = document.createElement('figure'), options = old.lab.stage.options;
+      figure.className = 'pfslam-lab';
+      pfslam.mount(figure, 'grow', options);  // as in JupyterLab: not yet on the page, and no style sheet
+      setTimeout(() => { old.replaceWith(figure); }, 50);
+      setTimeout(() => sheets.forEach(sheet => { sheet.disabled = false; }), 400);
+    }""")
+    page.wait_for_timeout(1200)
+    assert page.evaluate(dark) < 0.2
 
 
 @nightly
@@ -547,7 +632,7 @@ def test_the_scan_slides(lab, by):
         hand.keys(*5 * ["ArrowRight"], "ArrowUp", "q", "q", "e", "q", plan=1)
         here = [0.5, 0.1, np.deg2rad(10)]
     else:
-        hand.tap(12.0, -0.8, sheet=2)
+        hand.tap(12.0, -0.8, sheet=1)
         here = [12.0, -0.8, 0.0]
     found = hand.see("place", "here", "share", "surface")
     assert found["place"] == "anywhere"
@@ -726,6 +811,8 @@ def test_the_cloud_grows(lab, by):
         assert hand.see("points")["points"] == []
     else:
         hand.drag((0, 0), (8, 0), (12, 6), (4, 12))
+        hand.wait("state.settings.part < 50")
+        hand.press("Pause", " ")  # the path is driven anew from its beginning
         drawn = the_cloud_agrees(hand)
         np.testing.assert_allclose(drawn["points"][-1], [4, 12], atol=0.5)
         hand.tap(2, 4)

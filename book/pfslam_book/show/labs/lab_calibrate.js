@@ -105,9 +105,9 @@
     });
     const chart = stage.chart({name: "The error of the heading over time, with the turns shaded", height: 120});
     stage.words(
-      '<span class="pfslam-dot" style="background:var(--lab-truth)"></span> the true path. ' +
-      '<span class="pfslam-dot" style="background:var(--lab-odometry)"></span> what wheels and gyro give with your numbers; it turns ' +
-      `<span class="pfslam-dot" style="background:var(--lab-clear)"></span> green below ${FIT} m.`);
+      '<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-truth)">●</span>\u00a0the true path. ' +
+      '<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-odometry)">●</span>\u00a0what wheels and gyro give with your numbers; it turns ' +
+      `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-clear)">●</span>\u00a0green below ${FIT} m.`);
     const sliders = {};
     const slider = (key, options) => {
       sliders[key] = stage.slider({...options, value: state.guess[key], change: value => state.set(key, value)});

@@ -95,8 +95,8 @@
     });
     const {settings} = corridor;
     if (settings.dots) stage.words(
-      '<span class="pfslam-dot" style="background:var(--lab-estimate)"></span> the belief, exact. ' +
-      '<span class="pfslam-dot" style="background:var(--lab-particles)"></span> <b>Each blue dot is a particle</b>, a guess; the ' +
+      '<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-estimate)">●</span>\u00a0the belief, exact. ' +
+      '<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-particles)">●</span>\u00a0<b>Each blue dot is a particle</b>, a guess; the ' +
       'larger, the heavier. The outlines are what the particles believe together.');
     stage.button({name: "Look", key: "l", press: () => corridor.look()}).classList.add("pfslam-main");
     stage.button({name: "Move", key: "m", press: () => corridor.move()}).classList.add("pfslam-main");

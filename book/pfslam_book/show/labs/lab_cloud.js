@@ -5,7 +5,7 @@
 
   const WINDOW = [-14, 31, -8.5, 23.5], SHOWN = 10;  // m; particles whose whole paths are drawn
   const SPEED = 0.7, TURN = 1.6, DT = 0.1;  // of the robot on a drawn path: m/s, rad/s, s
-  const KEEP = 5;  // of so many moments one is kept, from which the others follow
+  const ELLIPSES = 8, KEEP = 5;  // of so many moments one is kept, from which the others follow
   const STRIDE = 0.5, CLICK = Math.PI / 12, APART = 0.4;  // m and rad for a key; m from one point of a drawn path to the next
   const RATE = 100;  // the noise is given for one sample of so many a second, as in the report
 
@@ -108,10 +108,10 @@
       name: "The particles, and the path without noise, from above",
       help: "Draw a path with the mouse or a finger; a click or tap drives on to that place. Keys: up drives on by half a metre, left " +
         "and right turn, Backspace clears your path.",
-      window: WINDOW, touch: "pinch-zoom",
+      window: WINDOW,
     });
-    stage.words('<span class="pfslam-dot" style="background:var(--lab-particles)"></span> <b>Each blue dot is a particle</b>, a guess ' +
-      'of where the robot is by now. <span class="pfslam-dot" style="background:var(--lab-odometry)"></span> dead reckoning, the ' +
+    stage.words('<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-particles)">●</span>\u00a0<b>Each blue dot is a particle</b>, a guess ' +
+      'of where the robot is by now. <span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-odometry)">●</span>\u00a0dead reckoning, the ' +
       'path without noise.');
     const tick = by => {
       driven.value = Number(driven.value) + by;
@@ -140,8 +140,15 @@
       clock.pause();
       tick(100);
     }
+    /** Drive one's own path from its beginning, so that the cloud is seen to grow. */
+    function replay() {
+      if (stage.calm) return;
+      tick(-100);
+      clock.start();
+    }
     let last = null;
     stage.drag(plan, {
+      grab: (x, y) => plan.near(x, y, fan.straight[fan.step]),
       start: (x, y) => { last = {x, y, drawn: false}; },
       move: (x, y) => {
         if (Math.hypot(x - last.x, y - last.y) < APART) return;
@@ -151,7 +158,8 @@
         own();
       },
       end: cancelled => {
-        if (cancelled || last.drawn) return;
+        if (last.drawn) { replay(); return; }
+        if (cancelled) return;
         if (!fan.points.length) fan.extend(0, 0);
         fan.extend(last.x, last.y);
         own();
@@ -178,6 +186,8 @@
       }
     }
     draw.line(plan, flat(straight.slice(0, step + 1)), colours.odometry, {dash: [7, 4]});
+    const apart = Math.max(KEEP, KEEP * Math.round(straight.length / (KEEP * ELLIPSES)));
+    for (let k = apart; k < step; k += apart) ellipse(plan, fan.kept[k / KEEP], colours.estimate);
     const places = Float64Array.from({length: 2 * n}, (_, k) => poses[3 * (k >> 1) + (k & 1)]);
     draw.dots(plan, places, colours.particles, plan.width < 500 ? 1.8 : 2.6);
     Object.assign(plan.context, {strokeStyle: colours.estimate, lineWidth: 0.5});
@@ -188,6 +198,24 @@
     const [x, y] = plan.at(WINDOW[1] - 6, WINDOW[2] + 1);
     draw.line(plan, [WINDOW[1] - 6, WINDOW[2] + 0.8, WINDOW[1] - 1, WINDOW[2] + 0.8], colours.ink, {width: 2});
     draw.text(plan, "5 m", x, y - 4, colours.ink, {size});
+  }
+
+  /** The ellipse that holds nine of ten particles, if they are normally distributed: covariance of x and y, chi-square of two. */
+  function ellipse(plan, poses, colour) {
+    const n = poses.length / 3, mean = [0, 0], cov = [0, 0, 0];
+    for (let k = 0; k < n; k++) { mean[0] += poses[3 * k] / n; mean[1] += poses[3 * k + 1] / n; }
+    for (let k = 0; k < n; k++) {
+      const x = poses[3 * k] - mean[0], y = poses[3 * k + 1] - mean[1];
+      cov[0] += (x * x) / n;
+      cov[1] += (x * y) / n;
+      cov[2] += (y * y) / n;
+    }
+    const middle = (cov[0] + cov[2]) / 2, half = Math.hypot((cov[0] - cov[2]) / 2, cov[1]), {context} = plan;
+    const [long, short] = [middle + half, Math.max(0, middle - half)].map(value => Math.sqrt(4.605 * value) * plan.scale);
+    context.beginPath();
+    context.ellipse(...plan.at(...mean), long, short, -0.5 * Math.atan2(2 * cov[1], cov[0] - cov[2]), 0, 2 * Math.PI);
+    Object.assign(context, {strokeStyle: colour, lineWidth: 1.5});
+    context.stroke();
   }
 
   function sentence(fan) {

@@ -15,6 +15,8 @@
   const ROUTE = [[6.7, 3], [6.7, 4.9], [4.5, 4.9], [2.1, 4.9], [2.1, 3.1], [1.7, 2.8], [1.7, 1.2], [4.2, 1.2], [6.9, 1.2],
                  [6.9, 2.8], [8.3, 3], [7, 3.1], [0.8, 3]];
   const PLACES = [[7.6, 5.4, 3], [0.8, 0.8, 0.5], [3.4, 5.4, 0], [7.6, 1.6, 2], [5.6, 0.7, 0.2]];  // where a kidnapper leaves it
+  const ROOM = RADIUS + 0.08;  // m that a planned way keeps from the walls
+  const CAMERA = {near: 0.35, far: 1.5, aside: 0.75}, TILE = 0.025;  // m ahead, m to each side at the far end; m of a pixel of the floor
   const PEOPLE = [[2.6, 2.6, 7.6, 3.4, 0.5], [5.3, 4.3, 8.2, 4.5, 0.3], [2.6, 0.5, 3.2, 1.9, 0.4]];  // from, to, m/s
   const WALLS = Float64Array.from([
     [0, 0, 9, 0], [9, 0, 9, 6], [9, 6, 0, 6], [0, 6, 0, 0],
@@ -40,7 +42,8 @@
       const {seed = 1} = this.settings;
       Object.assign(this, {
         worldDice: core.generator(seed), filterDice: core.generator(seed + 1), ticks: 0, looks: 0, resamplings: 0,
-        truth: START.slice(), reckoned: [START.slice()], leg: 0, kidnaps: 0, auto: true, keys: {}, target: null,
+        truth: START.slice(), reckoned: [START.slice()], leg: 0, way: [], kidnaps: 0, auto: true, keys: {}, target: null,
+        before: null, refused: "", floor: {data: new Uint8ClampedArray(4 * FLOOR.width * FLOOR.height)},
         points_b: new Float64Array(0), history: [], trace: [], moved: true, waiting: false, said: "",
         grid: {spec: SPEC, logOdds: new Float32Array(SPEC.shape[0] * SPEC.shape[1])},
       });
@@ -85,23 +88,37 @@
       });
     }
 
-    /** Speed and turn that the driver asks for: arrow keys, a target on the map, or the autopilot, which knows the way. */
+    /** Speed and turn that the driver asks for: arrow keys, or along a way over free ground to a tapped place or the next
+     * corner of the round. The driver sees the robot; only the filter does not know where it is. */
     command() {
-      const {left, right, up, down} = this.keys;
+      const {left, right, up, down} = this.keys, {truth, way} = this;
       if (left || right || up || down) {
         return [SPEED * ((up ? 1 : 0) - (down ? 1 : 0)), TURN * ((left ? 1 : 0) - (right ? 1 : 0))];
       }
-      const goal = this.auto ? ROUTE[this.leg] : this.target, pose = this.auto ? this.truth : this.estimate;
-      if (!goal) return [0, 0];
-      const dx = goal[0] - pose[0], dy = goal[1] - pose[1];
-      if (Math.hypot(dx, dy) < 0.2) {
-        if (this.auto) this.leg = (this.leg + 1) % ROUTE.length;
-        else this.target = null;
+      if (!way.length) {
+        if (!this.auto) { this.target = null; return [0, 0]; }
+        this.way = wayTo(truth, ROUTE[this.leg]) || [];
+        this.leg = (this.leg + 1) % ROUTE.length;
         return [0, 0];
       }
-      const aside = core.wrapAngle(Math.atan2(dy, dx) - pose[2]);
+      const dx = way[0][0] - truth[0], dy = way[0][1] - truth[1];
+      if (Math.hypot(dx, dy) < (way.length > 1 ? 0.04 : 0.15)) {
+        way.shift();
+        return [0, 0];
+      }
+      const aside = core.wrapAngle(Math.atan2(dy, dx) - truth[2]);
       return [SPEED * Math.max(0, Math.cos(aside)) ** 3, Math.max(-TURN, Math.min(TURN, 3 * aside))];
     }
+
+    /** Drive to a place, or say why not. */
+    goTo(x, y) {
+      const way = wayTo(this.truth, [x, y]);
+      Object.assign(this, {auto: false, way: way || [], target: way && way[way.length - 1]});
+      this.refused = way ? "" : touches([x, y], ROOM) ? "There is no room for the robot." : "No way leads there.";
+    }
+
+    /** The driver lets go, or takes over. */
+    setAuto(auto) { Object.assign(this, {auto, way: [], target: null, refused: ""}); }
 
     /** One sixtieth of a second: the robot moves, its wheels and gyro report, every particle is predicted. Without `look`
      * no scan is taken. */
@@ -115,6 +132,7 @@
         const next = Array.from(core.motionModel(this.truth, slips ? 0.75 * v : v, slips ? omega + 0.3 * v : omega, dt));
         const bumped = touches(next) && touches(next) >= touches(this.truth);
         this.truth = bumped ? [x, y, next[2]] : next;
+        if (bumped && this.way.length) this.way = wayTo(this.truth, this.way[this.way.length - 1]) || [];
         const noise = this.worldDice.normals(2);
         this.predict((bumped ? 0 : 1.03 * v) + 0.1 * noise[0], omega + 0.012 + 0.1 * noise[1], dt);
       }
@@ -171,6 +189,25 @@
       const sensor = core.transformPoints(this.estimate, LIDAR.position);
       this.grid = core.integrateScan(this.grid, points_w, sensor, {hit: HIT, free, clamp: CLAMP});
       this.note({free});
+      this.paintFloor();
+    }
+
+    /** What the camera sees of the floor from where the robot is goes into the picture where the filter believes it to be. */
+    paintFloor() {
+      const {estimate, truth, grid, floor} = this, {near, far, aside} = CAMERA, step = TILE, places = [];
+      for (let ahead = near; ahead < far; ahead += step) {
+        const reach = (aside * ahead) / far;
+        for (let across = -reach; across <= reach; across += step) places.push(ahead, across);
+      }
+      const real = core.transformPoints(truth, places), drawn = core.transformPoints(estimate, places);
+      const cells = core.worldToCell(SPEC, drawn), pixels = core.worldToCell(FLOOR.spec, drawn), seen = core.worldToCell(FLOOR.spec, real);
+      for (let k = 0; k < places.length; k += 2) {
+        if (!core.contains(SPEC, cells[k], cells[k + 1]) || !core.contains(FLOOR.spec, seen[k], seen[k + 1])) continue;
+        if (!(grid.logOdds[cells[k + 1] * SPEC.shape[1] + cells[k]] < 0)) continue;
+        const from = 4 * ((FLOOR.height - 1 - seen[k + 1]) * FLOOR.width + seen[k]);
+        floor.data.set(FLOOR.colours.subarray(from, from + 4), 4 * ((FLOOR.height - 1 - pixels[k + 1]) * FLOOR.width + pixels[k]));
+      }
+      floor.changed = true;
     }
 
     /** Draw the particles anew by their weights: heavy ones several times, light ones never; then all weigh the same. */
@@ -194,9 +231,24 @@
 
     /** Lift the robot and put it down elsewhere: wheels and gyro notice nothing. */
     kidnap() {
+      const {truth, poses, logWeights, grid, reckoned, floor} = this;
+      this.before = {truth, poses, logWeights, grid, reckoned: reckoned.slice(), floor: {data: floor.data.slice(), changed: true}};
       this.truth = PLACES[this.kidnaps % PLACES.length].slice();
-      this.leg = this.truth[1] > 3.8 ? 2 : 8;
+      Object.assign(this, {way: [], leg: this.truth[1] > 3.8 ? 2 : 8, target: null});
       this.kidnaps += 1;
+    }
+
+    /** Put it back where it was taken, with the map and the particles of that moment. */
+    putBack() {
+      Object.assign(this, this.before, {before: null, way: [], leg: this.before.truth[1] > 3.8 ? 2 : 8, target: null});
+      this.note({putBack: true});
+    }
+
+    /** How far the estimate, and odometry alone, are from the truth, m. */
+    get off() { return Math.hypot(this.estimate[0] - this.truth[0], this.estimate[1] - this.truth[1]); }
+    get offAlone() {
+      const [x, y] = this.reckoned[this.reckoned.length - 1];
+      return Math.hypot(x - this.truth[0], y - this.truth[1]);
     }
 
     /** Put so many particles into the cloud, drawn from those that there are. */
@@ -213,30 +265,100 @@
     note(event) { if (this.settings.trace) this.trace.push(event); }
   }
 
-  /** How deep (m) the robot would stand in a wall; 0 if it is free. */
-  function touches(pose) {
+  /** How deep (m) a robot of a radius would stand in a wall; 0 if it is free. */
+  function touches(pose, radius = RADIUS) {
     let depth = 0;
     for (let w = 0; w < WALLS.length; w += 4) {
       const ex = WALLS[w + 2] - WALLS[w], ey = WALLS[w + 3] - WALLS[w + 1], x = pose[0] - WALLS[w], y = pose[1] - WALLS[w + 1];
       const part = Math.max(0, Math.min(1, (x * ex + y * ey) / (ex * ex + ey * ey)));
-      depth = Math.max(depth, RADIUS - Math.hypot(x - part * ex, y - part * ey));
+      depth = Math.max(depth, radius - Math.hypot(x - part * ex, y - part * ey));
     }
     return depth;
   }
 
+  /** Whether the robot can drive straight from a place to another. */
+  function straight([ax, ay], [bx, by]) {
+    const steps = Math.ceil(Math.hypot(bx - ax, by - ay) / 0.05);
+    for (let k = 1; k <= steps; k++) {
+      if (touches([ax + (k / steps) * (bx - ax), ay + (k / steps) * (by - ay)], ROOM - 0.02)) return false;
+    }
+    return true;
+  }
+
+  /** The corners of a way over free ground, by breadth-first search over the cells; null where there is none. */
+  function wayTo(from, to) {
+    if (straight(from, to) && !touches(to, ROOM - 0.02)) return [to.slice(0, 2)];
+    const [rows, columns] = SPEC.shape, at = k => [SPEC.origin[0] + 0.1 * (k % columns + 0.5), SPEC.origin[1] + 0.1 * (Math.floor(k / columns) + 0.5)];
+    const free = (wayTo.free = wayTo.free || Uint8Array.from({length: rows * columns}, (_, k) => touches(at(k), ROOM) === 0));
+    const nearest = ([x, y]) => {
+      let best = -1, least = 0.35;  // m: who taps beside a wall means the floor beside it
+      free.forEach((open, k) => {
+        const away = Math.hypot(at(k)[0] - x, at(k)[1] - y);
+        if (open && away < least) [best, least] = [k, away];
+      });
+      return best;
+    };
+    const [start, goal] = [nearest(from), nearest(to)];
+    if (start < 0 || goal < 0) return null;
+    const came = new Int32Array(rows * columns).fill(-1), queue = [goal];
+    came[goal] = goal;
+    for (let next = 0; next < queue.length && came[start] < 0; next++) {
+      for (const step of [1, -1, columns, -columns, columns + 1, columns - 1, 1 - columns, -1 - columns]) {
+        const there = queue[next] + step;
+        if (free[there] && came[there] < 0) { came[there] = queue[next]; queue.push(there); }
+      }
+    }
+    if (came[start] < 0) return null;
+    const cells = [], way = [at(start)];
+    for (let k = start; k !== goal; k = came[k]) cells.push(at(k));
+    cells.push(at(goal));
+    for (let here = 0; here < cells.length - 1;) {  // straight on as far as one can
+      let far = here + 1;
+      for (let k = far + 1; k < cells.length; k++) if (straight(cells[here], cells[k])) far = k;
+      way.push(cells[far]);
+      here = far;
+    }
+    return way;
+  }
+
+  /** The floor of the building, as the camera would see it: boards along the corridor, tiles in the rooms, and words. */
+  const FLOOR = (() => {
+    const [rows, columns] = SPEC.shape, width = (columns * SPEC.resolution) / TILE, height = (rows * SPEC.resolution) / TILE;
+    const canvas = Object.assign(document.createElement("canvas"), {width, height}), context = canvas.getContext("2d");
+    const px = x => (x - SPEC.origin[0]) / TILE, py = y => height - (y - SPEC.origin[1]) / TILE;
+    const fill = (x0, y0, x1, y1, colour) => { context.fillStyle = colour; context.fillRect(px(x0), py(y1), (x1 - x0) / TILE, (y1 - y0) / TILE); };
+    const tiles = (x0, y0, x1, y1, side, ...colours) => {
+      for (let i = 0; x0 + i * side < x1; i++) {
+        for (let j = 0; y0 + j * side < y1; j++) {
+          fill(x0 + i * side, y0 + j * side, Math.min(x1, x0 + (i + 1) * side), Math.min(y1, y0 + (j + 1) * side), colours[(i + j) % colours.length]);
+        }
+      }
+    };
+    fill(-1, -1, 10, 7, "#b08a5a");
+    tiles(0, 2.2, 9, 3.8, 0.2, "#c99b62", "#bd8d54", "#d2a76f", "#b98449");  // the corridor
+    tiles(0, 0, 4.2, 2.2, 0.4, "#5b8db8", "#e9eef2");
+    tiles(4.2, 0, 9, 2.2, 0.4, "#6f9e6b", "#dfe9d6");
+    tiles(0, 3.8, 4.5, 6, 0.4, "#a8584c", "#efdcc8");
+    tiles(4.5, 3.8, 9, 6, 0.4, "#7a6a9c", "#e7e2ef");
+    Object.assign(context, {fillStyle: "#3a2a1a", textAlign: "center", textBaseline: "middle", font: `bold ${0.62 / TILE}px system-ui, sans-serif`});
+    context.fillText("PARTICLE  FILTER", px(4.3), py(3));
+    return {width, height, colours: context.getImageData(0, 0, width, height).data,
+            spec: {origin: SPEC.origin, resolution: TILE, shape: [height, width]}};
+  })();
+
   lab("drive", stage => {
     const wide = stage.small ? {particles: 100, noise: 1.8, sharpness: 4} : {};  // a cloud of which single dots are seen in a small picture
-    const drive = new Drive({...wide, ...stage.options}, stage.host), shown = {truth: false, near: false};
+    const drive = new Drive({...wide, ...stage.options}, stage.host), shown = {truth: false, near: false, floor: stage.small};
     const plan = stage.plan({
       name: "Plan of the building with the map so far, the robot, its beams and the particles",
       help: "Drive: tap a place, and the robot goes there; or use the arrow keys.",
       window: WHOLE,
     });
-    stage.words(
-      '<span class="pfslam-dot" style="background:var(--lab-particles)"></span> <b>Each blue dot is a guess</b> of where the ' +
-      'robot is; the larger the dot, the better its view fits the walls. ' +
-      '<span class="pfslam-dot" style="background:var(--lab-hits)"></span> where a beam ended. ' +
-      '<span class="pfslam-dot" style="background:var(--lab-wall)"></span> walls of the map so far.');
+    const dot = (colour, words) => `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-${colour})">●</span>\u00a0${words}`;
+    stage.words([
+      dot("particles", "<b>Each blue dot is a guess</b> of where the robot is; the larger the dot, the better its view fits the walls."),
+      dot("hits", "where a beam ended."), dot("wall", "walls of the map so far."), dot("odometry", "wheels and gyro alone."),
+    ].join(" "));
     const strip = stage.small ? null : stage.chart({name: "The last values of N_eff, the number of particles that count", height: 64});
 
     const clock = stage.clock({hertz: HERTZ, tick: () => drive.tick(), step: () => move(HERTZ)});
@@ -248,29 +370,32 @@
       stage.button({name: "Score", key: "s", press: byHand(() => { drive.scan(); drive.score(); })});
       stage.button({name: "Resample", key: "r", press: byHand(() => drive.resample())});
     }
-    stage.button({name: "Kidnap", key: "k", press: () => drive.kidnap()});
+    const thief = stage.button({name: "Kidnap", key: "k", press: () => (drive.before ? drive.putBack() : drive.kidnap())});
     stage.button({name: "Start again", key: "n", press: () => { drive.reset(); auto.checked = true; }});
-    stage.check({name: "Show the truth", key: "t", change: value => { shown.truth = value; }});
-    stage.check({name: "Look closely", key: "z", change: value => { shown.near = value; }});
-    const auto = stage.small ? {} : stage.check({name: "Autopilot", key: "a", value: true, change: value => { drive.auto = value; }});
-    const byHand = () => { drive.auto = auto.checked = false; };
-    if (!stage.small) controls(stage, drive);
+    const auto = stage.check({name: "Autopilot", key: "a", value: true, change: value => { drive.setAuto(value); if (value) clock.wake(); }});
+    const byHand = () => { if (drive.auto) drive.setAuto(false); auto.checked = false; };
+    if (!stage.small) {
+      stage.check({name: "Show the truth", key: "t", change: value => { shown.truth = value; }});
+      stage.check({name: "Look closely", key: "z", change: value => { shown.near = value; }});
+      stage.check({name: "Floor", key: "f", change: value => { shown.floor = value; }});
+      controls(stage, drive);
+    }
 
-    stage.drag(plan, {
-      start: (x, y) => { byHand(); drive.target = [x, y]; clock.wake(); },
-      move: (x, y) => { drive.target = [x, y]; },
-    });
+    const goTo = (x, y) => { byHand(); drive.goTo(x, y); clock.wake(); };
+    stage.drag(plan, {start: goTo, move: goTo});
     const key = name => down => {
       drive.keys[name] = down;
-      if (down) { byHand(); drive.target = null; clock.wake(); }
+      if (down) { byHand(); drive.setAuto(false); clock.wake(); }
     };
     stage.keys(plan, {ArrowUp: key("up"), ArrowDown: key("down"), ArrowLeft: key("left"), ArrowRight: key("right")});
+    if (stage.small) clock.wake();  // on the first page the robot is on its way
 
     return {
       state: drive,
       constants: {SPEC, LIDAR, EVERY, HIT, CLAMP, START},
       draw() {
-        paint(plan, stage.colours, drive, shown);
+        thief.firstChild.data = drive.before ? "Put it back " : "Kidnap ";
+        paint(plan, stage, drive, shown);
         if (strip) paintStrip(strip, stage.colours, drive);
       },
       describe: () => sentence(drive, shown),
@@ -283,6 +408,7 @@
                   change: value => drive.setParticles(value)});
     stage.slider({name: "Noise", min: 0, max: 3, step: 0.05, value: settings.noise, unit: "times",
                   change: value => { settings.noise = value; }});
+    stage.fold("More settings");
     stage.slider({name: "Sharpness", min: 0, max: 40, step: 0.5, value: settings.sharpness, digits: 1,
                   change: value => { settings.sharpness = value; }});
     stage.slider({name: "Resample below", min: 0, max: 1, step: 0.01, value: settings.threshold, unit: "of N",
@@ -295,21 +421,24 @@
     stage.check({name: "People", change: value => { settings.people = value; }});
   }
 
-  function paint(plan, colours, drive, shown) {
-    const {estimate, settings} = drive, half = [4.9 / NEAR, 3.4 / NEAR], [cx, cy] = estimate;
+  function paint(plan, stage, drive, shown) {
+    const {colours} = stage, {estimate, settings} = drive, half = [4.9 / NEAR, 3.4 / NEAR], [cx, cy] = estimate;
     plan.window = shown.near ? [cx - half[0], cx + half[0], cy - half[1], cy + half[1]] : WHOLE;
     plan.clear(colours.paper);
     draw.grid(plan, drive.grid, colours, CLAMP);
+    if (shown.floor) paintFloor(plan, drive.floor);
     if (settings.slip) hatch(plan, SLIPPERY, colours.odometry);
     const points_w = core.transformPoints(estimate, drive.points_b), sensor = core.transformPoints(estimate, LIDAR.position);
     if (drive.looks) draw.rays(plan, sensor, points_w, colours.clear);
+    if (shown.truth || stage.small) {
+      draw.line(plan, drive.reckoned.filter((_, k) => k % 6 === 0).flatMap(([x, y]) => [x, y]), colours.odometry, {dash: [7, 4]});
+    }
     if (shown.truth) {
       draw.line(plan, WALLS, colours.truth, {width: 1, gaps: true});
-      draw.line(plan, drive.reckoned.filter((_, k) => k % 6 === 0).flatMap(([x, y]) => [x, y]), colours.odometry, {dash: [7, 4]});
       const {discs} = drive;
       for (let k = 0; k < discs.length; k += 3) draw.robot(plan, [discs[k], discs[k + 1], 0], colours.muted, {radius: 0.18});
-      draw.robot(plan, drive.truth, colours.truth, {radius: RADIUS, fill: colours.muted});
     }
+    if (shown.truth || drive.before) draw.robot(plan, drive.truth, colours.truth, {radius: RADIUS, fill: colours.muted});
     draw.dots(plan, points_w, colours.hits, 1.8);
     draw.robot(plan, estimate, colours.estimate, {radius: RADIUS});
     const few = settings.particles <= 500, single = settings.particles <= 100;
@@ -321,11 +450,31 @@
       Object.assign(plan.context, {strokeStyle: colours.highlight, lineWidth: 3});
       plan.context.strokeRect(x - 7, y - 7, 14, 14);
     }
-    if (drive.said) draw.text(plan, drive.said, 10, 24, colours.hits, {halo: colours.paper});
-    if (!drive.looks) {
-      const size = plan.width < 500 ? 15 : 20;
-      draw.text(plan, "An empty map. Press Start.", plan.width / 2, 0.4 * plan.height, colours.ink, {size, align: "center"});
+    const size = plan.width < 500 ? 13 : 16;
+    news(drive, stage).forEach((line, k) => draw.text(plan, line, 8, (1.4 * k + 1.3) * size, colours.ink, {size, halo: colours.paper}));
+  }
+
+  /** What happens, in a line or two: nobody leaves the map in ruins without being told why. */
+  function news(drive, stage) {
+    const {off, offAlone} = drive, metres = value => (value < 1 ? `${(100 * value).toFixed(0)} cm` : `${value.toFixed(1)} m`);
+    if (drive.said) return [drive.said];
+    if (drive.refused) return [drive.refused];
+    if (!drive.looks) return [`An empty map. Press ${stage.calm ? "Step" : "Start"}.`];
+    if (drive.before) return ["Carried away: the dots cannot know it.", "Put it back, or watch the map being spoilt."];
+    if (off > 0.6) return [`Lost: the dots are ${metres(off)} off, and the map is spoilt.`, "Start again."];
+    return [`Dots ${metres(off)} off, wheels and gyro alone ${metres(offAlone)}.`];
+  }
+
+  /** The picture of the floor so far, under the robot. */
+  function paintFloor(plan, floor) {
+    if (!floor.canvas) floor.canvas = Object.assign(document.createElement("canvas"), {width: FLOOR.width, height: FLOOR.height});
+    if (floor.changed) {
+      floor.canvas.getContext("2d").putImageData(new ImageData(floor.data, FLOOR.width, FLOOR.height), 0, 0);
+      floor.changed = false;
     }
+    const [x, y] = plan.at(SPEC.origin[0], SPEC.origin[1] + SPEC.shape[0] * SPEC.resolution);
+    plan.context.imageSmoothingEnabled = true;
+    plan.context.drawImage(floor.canvas, x, y, SPEC.shape[1] * SPEC.resolution * plan.scale, SPEC.shape[0] * SPEC.resolution * plan.scale);
   }
 
   function paintStrip(strip, colours, drive) {
@@ -345,14 +494,13 @@
   }
 
   function sentence(drive, shown) {
-    if (drive.said) return drive.said;
+    if (drive.said || drive.refused) return drive.said || drive.refused;
     if (!drive.looks) return "The map is empty. The robot stands at the left end of a corridor.";
     const {poses, weights, estimate} = drive;
     const spread = Math.sqrt(weights.reduce((sum, w, k) =>
       sum + w * ((poses[3 * k] - estimate[0]) ** 2 + (poses[3 * k + 1] - estimate[1]) ** 2), 0));
-    const off = Math.hypot(estimate[0] - drive.truth[0], estimate[1] - drive.truth[1]);
     return `The estimate is at ${estimate[0].toFixed(1)}, ${estimate[1].toFixed(1)} metres; the particles spread over ` +
       `${(100 * spread).toFixed(0)} centimetres, and ${drive.nEff.toFixed(0)} of ${weights.length} count` +
-      (shown.truth ? `; it is off by ${(100 * off).toFixed(0)} centimetres.` : ".");
+      (drive.before ? "; the robot was carried away" : "") + (shown.truth ? `; it is off by ${(100 * drive.off).toFixed(0)} centimetres.` : ".");
   }
 })(globalThis);

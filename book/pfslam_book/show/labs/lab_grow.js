@@ -127,7 +127,7 @@
     const plan = stage.plan({
       name: "The map, the robot, and the chosen cell",
       help: "Drag the robot; click any cell for its diary. Keys: arrows drive, the letters A, D, W and S choose the next cell.",
-      window: WINDOW, touch: "pinch-zoom",
+      window: WINDOW,
     });
     const chart = stage.chart({name: "The log-odds of the chosen cell after each scan", height: 130});
     const diary = stage.words("");
@@ -144,12 +144,13 @@
     slider("clamp", "Clamp", 0.5, 20);
     stage.drag(plan, {
       start: (x, y) => {
-        shown.held = Math.hypot(x - survey.pose[0], y - survey.pose[1]) < 2 * RADIUS;
+        shown.held = plan.near(x, y, survey.pose) || Math.hypot(x - survey.pose[0], y - survey.pose[1]) < 2 * RADIUS;
         if (!shown.held) survey.choose(...core.worldToCell(SPEC, [x, y]));
       },
       move: (x, y) => {
         if (shown.held) survey.drive(x, y);
       },
+      grab: (x, y) => plan.near(x, y, survey.pose),
     });
     const go = (dx, dy) => down => {
       if (down) survey.drive(survey.pose[0] + 1.01 * STEP * dx, survey.pose[1] + 1.01 * STEP * dy);
@@ -234,7 +235,7 @@
   /** The diary in words: the last scans that touched the cell. */
   function inWords(survey) {
     const pages = survey.diary, {clamp} = survey.settings;
-    const dot = name => `<span class="pfslam-dot" style="background:var(--lab-${name})"></span>`;
+    const dot = name => `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-${name})">●</span>`;
     const lines = pages.slice(-LINES).map(({scan, hit, level}) =>
       `scan ${scan} ${hit ? `${dot("hits")} hit` : `${dot("clear")} passed`} ${signed(level)}${Math.abs(level) > clamp - 1e-6 ? " (clamp)" : ""}`);
     const start = `<b>Diary of cell (${survey.cell.join(", ")})</b>: ${tally(pages)}.`;

@@ -5,6 +5,7 @@
 
   const NO_READING = 2047, NEAREST = 0.1, FARTHEST = 10;  // the disparity of a hole; m
   const EVERY = 8;  // of the pixels, each way, one is drawn from the side
+  const BRUSH = 10, FLOOR = {side: 0.05, far: 2.6, half: 1};  // pixels; m: a cell, and how far ahead and aside the painted floor goes
   const SIDE = {x0: -0.2, x1: 8.2, z0: -0.6, z1: 1.5};  // the side view, m
 
   /** One image pair and its camera; the pixels are there as soon as the browser has unpacked them. */
@@ -13,6 +14,7 @@
       Object.assign(this, {camera, pose, spec, ready: false});
       this.settings = {pitch: camera.pitch, tolerance: 0.01};
       this.pixel = {u: 310, v: 413};
+      this.painted = new Map();
       Promise.all([disparity, rgb].map(unpack)).then(([packed, colours]) => {
         this.disparity = Uint16Array.from({length: packed.width * packed.height},
                                           (_, k) => 256 * packed.data[4 * k] + packed.data[4 * k + 1]);
@@ -72,9 +74,24 @@
       return points;
     }
 
+    /** The pixels round the chosen one colour the floor ahead of the robot, each in its cell, if its journey gets there. */
+    paint() {
+      if (!this.ready) return;
+      const {u, v} = this.pixel, {width, height} = this.camera;
+      for (let b = Math.max(0, v - BRUSH); b <= Math.min(height - 1, v + BRUSH); b += 2) {
+        for (let a = Math.max(0, u - BRUSH); a <= Math.min(width - 1, u + BRUSH); a += 2) {
+          const steps = this.journey({u: a, v: b});
+          if (steps.end !== "floor") continue;
+          const [x, y] = steps.body;
+          this.painted.set(`${Math.floor(x / FLOOR.side)},${Math.floor(y / FLOOR.side)}`, colourOf(this, steps));
+        }
+      }
+    }
+
     choose(u, v) {
       const {width, height} = this.camera, inside = (value, end) => Math.max(0, Math.min(end - 1, Math.floor(value)));
       this.pixel = {u: inside(u, width), v: inside(v, height)};
+      this.paint();
     }
   }
 
@@ -99,9 +116,10 @@
     });
     const side = stage.chart({name: "The points of the image from the side, with the ray of the chosen pixel", height: 220});
     const story = stage.words("");
+    story.classList.add("pfslam-story");
     const degrees = 180 / Math.PI;
     stage.slider({name: "Pitch", min: 14, max: 22, step: 0.05, value: shot.settings.pitch * degrees, unit: "°",
-                  change: value => { shot.settings.pitch = value / degrees; }});
+                  change: value => { shot.settings.pitch = value / degrees; shot.painted.clear(); }});
     stage.slider({name: "Tolerance", min: 0.2, max: 15, step: 0.1, value: 100 * shot.settings.tolerance, unit: "cm", digits: 1,
                   change: value => { shot.settings.tolerance = value / 100; }});
     const choose = (x, y) => shot.choose(x, -y);
@@ -118,6 +136,7 @@
       if (down) shot.choose(u + far * du, v + far * dv);
     };
     stage.keys(plan, {ArrowLeft: go(-1, 0), ArrowRight: go(1, 0), ArrowUp: go(0, -1), ArrowDown: go(0, 1)});
+    stage.button({name: "Bare floor", key: "n", press: () => shot.painted.clear()});
     return {
       state: shot,
       draw() {
@@ -126,6 +145,7 @@
         if (!shot.ready) return;
         const steps = shot.journey();
         paintImage(plan, stage.colours, shot, steps);
+        paintFloor(plan, stage.colours, shot);
         paintSide(side, stage.colours, shot, steps);
         story.innerHTML = tell(steps, shot);
       },
@@ -157,6 +177,23 @@
       }
       context.stroke();
     }
+  }
+
+  /** In the upper right corner, from above with the robot below: the floor that the chosen pixels have painted. */
+  function paintFloor(plan, colours, shot) {
+    const {context} = plan, scale = Math.min(150, 0.3 * plan.width) / (2 * FLOOR.half);
+    const [left, top, wide, high] = [plan.width - 8 - 2 * FLOOR.half * scale, 8, 2 * FLOOR.half * scale, FLOOR.far * scale];
+    context.fillStyle = colours.paper;
+    context.fillRect(left, top, wide, high);
+    for (const [cell, colour] of shot.painted) {
+      const [ix, iy] = cell.split(",").map(Number), x = ix * FLOOR.side, y = iy * FLOOR.side;
+      if (x < 0 || x >= FLOOR.far - FLOOR.side || Math.abs(y) > FLOOR.half - FLOOR.side) continue;
+      context.fillStyle = colour;
+      context.fillRect(left + (FLOOR.half - y - FLOOR.side) * scale, top + high - (x + FLOOR.side) * scale, FLOOR.side * scale + 0.7, FLOOR.side * scale + 0.7);
+    }
+    context.fillStyle = colours.estimate;
+    context.fillRect(left + FLOOR.half * scale - 4, top + high - 6, 8, 6);
+    draw.text(plan, "your floor, from above", left + wide, top + high + 16, "#ffffff", {size: 13, align: "right", halo: "#1b1b1b"});
   }
 
   /** All points from the side: floor in green. The ray of the pixel goes from the camera to its point. */
@@ -207,7 +244,7 @@
                            `<b>2</b> point ahead of the camera ${metres(...optical)} m`, `<b>3</b> depth ${depth.toFixed(2)} m`);
     if (world) lines.push(`<b>4</b> in the world ${metres(world[0], world[1])}, ${world[2].toFixed(3)} m`);
     if (cell) lines.push("<b>5</b> floor", `<b>6</b> cell [iy = ${cell[1]}, ix = ${cell[0]}] becomes ` +
-                         `<span class="pfslam-dot" style="background:${colourOf(shot, steps)}"></span>`);
+                         `<span class="pfslam-dot" aria-hidden="true" style="color:${colourOf(shot, steps)}">●</span>`);
     else lines.push(`<b>${steps.end}</b>: the journey ends here`);
     return lines.join("; ");
   }

@@ -8,7 +8,7 @@
   const STEP = [0.05, 0.9, 0.05];  // sent one cell on, it stays, moves one, or moves two
   const MARGIN = 2.4;  // the room at the left for the lines from parents to children, in cells
 
-  const dot = name => `<span class="pfslam-dot" style="background:var(--lab-${name});outline:1px solid var(--lab-muted)"></span>`;
+  const dot = name => `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-${name});outline:1px solid var(--lab-muted)">●</span>`;
 
   const stepOf = u => (u < STEP[0] ? 0 : u < STEP[0] + STEP[1] ? 1 : 2);
 

@@ -5,7 +5,7 @@
   const {core, draw, lab} = root.pfslam;
 
   const REACH = 3.5, SHIFT = 0.05, SHIFTS = 8;  // m around the robot; m from one shift to the next, so many each way
-  const LIMIT = SHIFT * SHIFTS, TURN = 10, RADIUS = 0.2;  // m and degrees that the guess may be moved; m
+  const LIMIT = SHIFT * SHIFTS, TURN = 10, RADIUS = 0.2, HANDLE = 1.1;  // m and degrees that the guess may be moved; m; m from robot to handle
   const FULL = {occupied: 1, distance: 1000};  // what a point scores at most
   const RADIANS = Math.PI / 180;
   const STRIDE = 0.1, CLICK = 5;  // m and degrees for a key, when the reader walks
@@ -20,11 +20,20 @@
 
     /** Stand at x, y (m), facing theta (rad), and take a scan there: rays against the walls of the building, with noise. */
     walk(x, y, theta) {
+      if (this.place === "anywhere" && !this.fits(x, y)) return;
       const {walls, lidar, spec, occupied, noise} = this.building, angles = core.beamAngles(lidar), pose = [x, y, theta];
       const sensor = [...core.transformPoints(pose, lidar.position), theta], dice = core.generator(1).normals(lidar.beams);
       const ranges = core.castRays(walls, [], sensor, angles).map((range, k) => range + noise * dice[k]);
       this.places.anywhere = {pose, points: core.scanPoints(ranges, lidar), occupied, spec};
       this.stand("anywhere");
+    }
+
+    /** Whether the robot has room at a place of the building. */
+    fits(x, y) {
+      const {walls, window} = this.building;
+      if (x < window[0] || x > window[1] || y < window[2] || y > window[3]) return false;
+      const around = core.beamAngles({angleMin: -Math.PI, angleMax: Math.PI, beams: 48});
+      return core.castRays(walls, [], [x, y, 0], around).every(range => range > RADIUS && range < 60);
     }
 
     /** Where the reader stands, if it is a place of the reader's own. */
@@ -81,26 +90,28 @@
     const window = () => [guess.start[0] - REACH, guess.start[0] + REACH, guess.start[1] - 0.7 * REACH, guess.start[1] + 0.7 * REACH];
     const plan = stage.plan({
       name: "The map and the scan as it lies from the guessed pose",
-      help: "Drag the scan. Keys: arrows slide it by a centimetre, the letters Q and E turn it.",
-      window: window(), touch: "pinch-zoom",
+      help: "Drag the scan, and turn it by the dot before the robot. Keys: arrows slide it by a centimetre, the letters Q and E turn it.",
+      window: window(),
     });
-    const map = stage.chart({name: "The scores of all shifts at this heading; the cross is the guess", height: 180});
     const turned = value => { guess.turn = value; };
     const turn = stage.slider({name: "Turn", min: -TURN, max: TURN, step: 0.1, value: 0, unit: "°", digits: 1, change: turned});
     const go = () => { plan.window = window(); turn.value = 0; turn.dispatchEvent(new Event("input")); };
-    const facing = guess.building && stage.slider({
-      name: "Stand facing", min: -180, max: 180, step: 1, value: guess.here[2] / RADIANS, unit: "°", digits: 0,
-      change: value => walk(guess.here[0], guess.here[1], value * RADIANS),
-    });
     const where = stage.choice({name: "Place", options: Object.fromEntries(Object.keys(guess.places).map(name => [name, name])),
                   value: guess.place, change: name => { guess.stand(name); go(); }});
     stage.choice({name: "Score by", options: {occupied: "count of points on walls", distance: "likelihood field"}, value: guess.kind,
                   change: kind => { guess.kind = kind; }});
     stage.button({name: "Start again", key: "n", press: () => { guess.stand(guess.place); go(); }});
     let held = null;
+    const onHandle = (x, y) => plan.near(x, y, handle(guess.pose));
     stage.drag(plan, {
-      start: (x, y) => { held = [x - guess.shift[0], y - guess.shift[1]]; },
-      move: (x, y) => guess.slide(x - held[0], y - held[1]),
+      start: (x, y) => { held = onHandle(x, y) ? "handle" : [x - guess.shift[0], y - guess.shift[1]]; },
+      move: (x, y) => {
+        if (held !== "handle") { guess.slide(x - held[0], y - held[1]); return; }
+        const [px, py] = guess.pose, turned = core.wrapAngle(Math.atan2(y - py, x - px) - guess.start[2]) / RADIANS;
+        turn.value = Math.max(-TURN, Math.min(TURN, turned));
+        turn.dispatchEvent(new Event("input"));
+      },
+      grab: (x, y) => onHandle(x, y) || plan.near(x, y, guess.pose),
     });
     const by = (dx, dy) => down => { if (down) guess.slide(guess.shift[0] + dx, guess.shift[1] + dy); };
     const spin = by_ => down => {
@@ -116,12 +127,17 @@
       where.querySelector("[value=anywhere]").checked = true;
       go();
     }
+    if (guess.building) stage.fold("Stand anywhere in the building");
+    const facing = guess.building && stage.slider({
+      name: "Stand facing", min: -180, max: 180, step: 1, value: guess.here[2] / RADIANS, unit: "°", digits: 0,
+      change: value => walk(guess.here[0], guess.here[1], value * RADIANS),
+    });
     const overview = guess.building && stroll(stage, guess, walk, facing);
     return {
       state: guess,
       draw() {
         paintMap(plan, stage.colours, guess);
-        paintScores(map, stage.colours, guess);
+        paintScores(plan, stage.colours, guess);
         if (overview) paintBuilding(overview, stage.colours, guess);
       },
       describe: () => sentence(guess),
@@ -133,10 +149,10 @@
     const overview = stage.plan({
       name: "The whole building, and where the robot stands",
       help: "Click, tap or drag in the building to stand there. Keys: arrows walk, the letters Q and E turn.",
-      window: guess.building.window, touch: "pinch-zoom",
+      window: guess.building.window,
     });
     const goTo = (x, y) => walk(x, y, guess.here[2]);
-    stage.drag(overview, {start: goTo, move: goTo});
+    stage.drag(overview, {start: goTo, move: goTo, grab: (x, y) => overview.near(x, y, guess.here)});
     const by = (dx, dy) => down => { if (down) goTo(guess.here[0] + dx * STRIDE, guess.here[1] + dy * STRIDE); };
     const spin = degrees => down => {
       if (!down) return;
@@ -187,9 +203,30 @@
     }
     squares(plan, off, colours.hits, 1.6);
     squares(plan, on, colours.highlight, 2.4);
+    paintHandle(plan, colours, pose, guess.share / Math.max(...guess.surface()));
     draw.robot(plan, pose, colours.estimate, {radius: RADIUS});
     draw.text(plan, `${(100 * guess.share).toFixed(0)} % of the best possible score`, 8, 20, colours.ink, {size: 16, halo: colours.free});
   }
+
+  /** The handle on its line, and a glow round the robot that grows as the scan nears the best shift. */
+  function paintHandle(plan, colours, pose, share) {
+    const {context} = plan, [x, y] = plan.at(pose[0], pose[1]), [hx, hy] = plan.at(...handle(pose)), near = Math.max(0, 5 * share - 4);
+    const glow = context.createRadialGradient(x, y, 0, x, y, 70);
+    glow.addColorStop(0, colours.highlight);
+    glow.addColorStop(1, `${colours.highlight}00`);
+    Object.assign(context, {fillStyle: glow, globalAlpha: 0.7 * near});
+    context.fillRect(x - 70, y - 70, 140, 140);
+    context.globalAlpha = 1;
+    draw.line(plan, [...pose.slice(0, 2), ...handle(pose)], colours.estimate, {width: 1.5, dash: [4, 4]});
+    context.beginPath();
+    context.arc(hx, hy, 9, 0, 2 * Math.PI);
+    Object.assign(context, {fillStyle: colours.free, strokeStyle: colours.estimate, lineWidth: 2.5});
+    context.fill();
+    context.stroke();
+  }
+
+  /** The dot before the robot by which the scan is turned. */
+  function handle([x, y, theta]) { return [x + HANDLE * Math.cos(theta), y + HANDLE * Math.sin(theta)]; }
 
   /** Small squares at points: a thousand of them are quicker than discs. */
   function squares(plan, points, colour, half) {
@@ -200,15 +237,15 @@
     }
   }
 
-  /** The scores of all shifts, blue the worst and white-hot the best, with a cross at the guess. */
-  function paintScores(map, colours, guess) {
-    const {context} = map, n = 2 * SHIFTS + 1, size = map.height / n, left = (map.width - map.height) / 2, surface = guess.surface();
-    map.clear(colours.paper);
+  /** In the lower right corner the scores of all shifts, blue the worst and white-hot the best, with a cross at the guess. */
+  function paintScores(plan, colours, guess) {
+    const {context} = plan, n = 2 * SHIFTS + 1, side = Math.min(150, 0.3 * plan.width), size = side / n, surface = guess.surface();
+    const left = plan.width - side - 8, top = plan.height - side - 8;
     surface.forEach((share, k) => {
       context.fillStyle = `hsl(${220 - 175 * share}, 75%, ${12 + 75 * share}%)`;
-      context.fillRect(left + (k % n) * size, (n - 1 - Math.floor(k / n)) * size, size + 0.5, size + 0.5);
+      context.fillRect(left + (k % n) * size, top + (n - 1 - Math.floor(k / n)) * size, size + 0.5, size + 0.5);
     });
-    const [x, y] = [left + (guess.shift[0] / SHIFT + SHIFTS + 0.5) * size, (SHIFTS + 0.5 - guess.shift[1] / SHIFT) * size];
+    const [x, y] = [left + (guess.shift[0] / SHIFT + SHIFTS + 0.5) * size, top + (SHIFTS + 0.5 - guess.shift[1] / SHIFT) * size];
     for (const [colour, width] of [["#1b1b1b", 5], ["#ffffff", 2]]) {
       Object.assign(context, {strokeStyle: colour, lineWidth: width});
       context.beginPath();
@@ -218,7 +255,8 @@
       context.lineTo(x, y + 8);
       context.stroke();
     }
-    draw.text(map, "scores of all shifts", 8, 18, colours.ink, {size: map.width < 500 ? 12 : 14});
+    draw.text(plan, "scores of all shifts", plan.width - 8, top - 6, colours.ink,
+              {size: plan.width < 500 ? 12 : 14, align: "right", halo: colours.free});
   }
 
   function sentence(guess) {

@@ -11,14 +11,16 @@
  *   stage.choice({name: "Score by", options: {count: "count", field: "likelihood field"}, value: "count", change});
  *   stage.check({name: "Show the truth", key: "t", value: false, change});
  *   stage.clock({hertz: 60, tick() {...}, step() {...}});                  Start and Pause, and Step
- *   stage.drag(plan, {start(x, y), move(x, y), end(cancelled)});           mouse and finger alike, in metres
- *   stage.keys(plan, {ArrowUp(down) {...}});                               while the plan has the focus
+ *   stage.drag(plan, {start(x, y), move(x, y), end(cancelled), grab(x, y)});   mouse and finger, in metres
+ *   stage.keys(plan, {ArrowUp(down) {...}});                               while the plan, or a button of its, has the focus
  *   stage.say("Sentence.");                                                for who listens, once a second at most
+ *   stage.fold("More settings");                                           what comes after it is folded away
  *   stage.redraw();                                                        before the next frame
  */
 (function (root) {
   "use strict";
   const calm = () => root.matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const SIDEWAYS = 8, FINGER = 26;  // pixels after which a finger drags; pixels within which one takes hold of a thing
   // In JupyterLab each laboratory loads this file once more: what is known by then must stay.
   const known = (root.pfslam.known = root.pfslam.known || {builders: {}, count: 0});
 
@@ -70,6 +72,9 @@
 
     /** The point of the world under a pixel. */
     world(px, py) { return [this.window[0] + px / this.scale, this.window[3] - py / this.scale]; }
+
+    /** Whether a finger at a point of the world takes hold of a thing at another. */
+    near(x, y, [thereX, thereY]) { return Math.hypot(x - thereX, y - thereY) * this.scale < FINGER; }
   }
 
   class Stage {
@@ -81,7 +86,8 @@
       this.controls = make("div", {class: "pfslam-settings"});
       this.buttons = make("div", {class: "pfslam-buttons"});
       this.status = make("p", {class: "pfslam-status", role: "status", "aria-live": "polite"});
-      this.body.append(this.buttons, this.controls, this.status);
+      // In small the picture comes first: a visitor sees it before anything can be pressed.
+      this.body.append(...(this.small ? [this.controls, this.buttons] : [this.buttons, this.controls]), this.status);
       figure.append(this.body);
       figure.classList.add("pfslam-live");
       figure.addEventListener("keydown", event => this.pressed(event));
@@ -94,7 +100,10 @@
       new ResizeObserver(() => this.fit()).observe(this.body);
     }
 
-    /** The palette of the book, from the style sheet: `stage.colours.particles`. */
+    get calm() { return calm(); }
+
+    /** The palette of the book, from the style sheet: `stage.colours.particles`. It is known only once the figure and the
+     * style sheet are on the page, which in JupyterLab may be later than this script. */
     readColours() {
       const style = getComputedStyle(this.figure);
       this.colours = {};
@@ -114,19 +123,19 @@
 
     place(sheet, element) {
       this.sheets.push(sheet);
-      this.body.insertBefore(element, this.controls);
+      this.controls.before(element);
       return sheet;
     }
 
     /** A plan that takes the focus; `help` says what keys and fingers do. */
-    plan({name, help = "", window, touch = "pan-y pinch-zoom"}) {
+    plan({name, help = "", window}) {
       const canvas = make("canvas", {role: "img", "aria-label": name}), helpId = `${this.id}-help-${this.sheets.length}`;
       const words = make("p", {class: "pfslam-note", id: helpId, text: help});
       const holder = make("div", {class: "pfslam-plan", tabindex: "0", role: "application", "aria-label": name,
                                   "aria-describedby": helpId}, canvas);
-      canvas.style.touchAction = touch;
+      canvas.style.touchAction = "pan-y pinch-zoom";
       const plan = this.place(new Plan(canvas, window), holder);
-      this.body.insertBefore(words, this.controls);
+      this.controls.before(words);
       plan.holder = holder;
       return plan;
     }
@@ -141,8 +150,17 @@
     words(html) {
       const line = make("p", {class: "pfslam-legend"});
       line.innerHTML = html;
-      this.body.insertBefore(line, this.controls);
+      this.controls.before(line);
       return line;
+    }
+
+    /** What comes from now on lies folded under these words. */
+    fold(words) {
+      const box = make("details", {class: "pfslam-more"}, make("summary", {text: words}));
+      this.buttons = make("div", {class: "pfslam-buttons"});
+      this.controls = make("div", {class: "pfslam-settings"});
+      box.append(this.controls, this.buttons);
+      this.status.before(box);
     }
 
     button({name, key, press}) {
@@ -211,44 +229,62 @@
       return clock;
     }
 
-    /** Mouse, pen and finger on a plan; the handlers get metres. */
-    drag(plan, {start, move = () => {}, end = () => {}}) {
-      let held = null;
-      const place = event => plan.world(event.offsetX, event.offsetY);
-      plan.canvas.addEventListener("pointerdown", event => {
-        if (event.button !== 0) return;
-        held = event.pointerId;
-        plan.canvas.setPointerCapture(held);
+    /** Mouse, pen and finger on a plan; the handlers get metres. A finger that moves up or down scrolls the page and
+     * changes nothing. One that taps, moves sideways, or begins where `grab(x, y)` is true, acts. */
+    drag(plan, {start, move = () => {}, end = () => {}, grab = () => false}) {
+      const {canvas} = plan, place = event => plan.world(event.offsetX, event.offsetY);
+      let held = null, from = null, begun = false;
+      const begin = () => {
+        begun = true;
         plan.holder.focus({preventScroll: true});
-        start(...place(event));
+        start(...from);
+      };
+      canvas.addEventListener("touchstart", event => {
+        const {left, top} = canvas.getBoundingClientRect(), [touch, other] = event.touches;
+        if (!other && grab(...plan.world(touch.clientX - left, touch.clientY - top))) event.preventDefault();
+      }, {passive: false});
+      canvas.addEventListener("pointerdown", event => {
+        if (event.button !== 0 || held !== null) return;
+        Object.assign(this, {touched: event.pointerType === "touch"});
+        [held, from, begun] = [event.pointerId, place(event), false];
+        canvas.setPointerCapture(held);
+        if (!this.touched || grab(...from)) begin();
         this.redraw();
       });
-      plan.canvas.addEventListener("pointermove", event => {
+      canvas.addEventListener("pointermove", event => {
         if (event.pointerId !== held) return;
-        move(...place(event));
+        if (!begun && Math.abs(plan.at(...from)[0] - event.offsetX) > SIDEWAYS) begin();
+        if (begun) move(...place(event));
         this.redraw();
       });
       for (const kind of ["pointerup", "pointercancel"]) {
-        plan.canvas.addEventListener(kind, event => {
+        canvas.addEventListener(kind, event => {
           if (event.pointerId !== held) return;
           held = null;
-          end(kind === "pointercancel");
+          if (!begun && kind === "pointerup") begin();
+          if (begun) end(kind === "pointercancel");
           this.redraw();
         });
       }
     }
 
-    /** Keys that are pressed (`handler(true)`) and let go (`handler(false)`) while the plan has the focus. */
+    /** Keys that are pressed (`handler(true)`) and let go (`handler(false)`) while the plan has the focus. For the first plan
+     * arrows are heard on a button, too: who has pressed Start may drive on. */
     keys(plan, handlers) {
+      const ours = ({target, key}) => {
+        const place = target.closest(".pfslam-plan");
+        return place ? place === plan.holder
+          : plan === this.sheets[0] && target.matches("button") && key.startsWith("Arrow");
+      };
       const heard = down => event => {
-        if (!handlers[event.key] || event.altKey || event.ctrlKey || event.metaKey) return;
+        if (!handlers[event.key] || !ours(event) || event.altKey || event.ctrlKey || event.metaKey) return;
         event.preventDefault();
         handlers[event.key](down);
         this.redraw();
       };
-      plan.holder.addEventListener("keydown", heard(true));
-      plan.holder.addEventListener("keyup", heard(false));
-      plan.holder.addEventListener("blur", () => Object.values(handlers).forEach(handler => handler(false)));
+      this.figure.addEventListener("keydown", heard(true));
+      this.figure.addEventListener("keyup", heard(false));
+      this.figure.addEventListener("focusout", () => Object.values(handlers).forEach(handler => handler(false)));
     }
 
     /** The letters on the buttons, wherever in the laboratory the focus is; the space bar only on a plan. */
@@ -285,6 +321,8 @@
       this.asked = null;
       const clock = this.beat;
       if (!this.visible || !this.parts || !this.fitted) return;
+      if (!this.colours.paper) this.readColours();
+      if (!this.colours.paper) { this.redraw(); return; }
       if (clock && clock.running) {
         // A machine that is too slow drives more slowly; it does not skip.
         clock.due = Math.min(clock.due + ((now - clock.last) / 1000) * clock.hertz * clock.speed, 4);
