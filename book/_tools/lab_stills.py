@@ -29,6 +29,8 @@ MOMENTS = {
     "grow": "lab.state.drive(4.6, 1.0);",
     "journey": "",
     "slide": "",
+    "lost": "for (let k = 0; k < 8 * 60; k++) lab.state.tick();",
+    "springs": "lab.state.settings.honest = true; for (let k = 0; k < 9; k++) lab.state.step();",
 }
 WIDTH, QUALITY = 688, 0.85
 DRAWN = """async ([name, moment, quality]) => {

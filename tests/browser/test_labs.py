@@ -16,6 +16,8 @@ from pfslam_book.exercises.ch03 import CELLS, STEP, predict_belief, update_belie
 from pfslam_book.show.lab import FOLDER
 from pfslam_book.show.style import COLOURS
 
+from pfslam.beyond.localization import KnownMap, LocalizationConfig, enough, kld_bound
+from pfslam.beyond.loops.graph import Edges, chi_square, gauss_newton_step, robust_weights
 from pfslam.correlation import score_field
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import LOG_4, GridSpec, MapConfig, OccupancyGrid, integrate_scan
@@ -23,13 +25,14 @@ from pfslam.io.datasets import load
 from pfslam.motion import dead_reckoning, motion_model
 from pfslam.particles import (
     ControlNoise,
+    MotionNoise,
     Particles,
     effective_sample_size,
     predict,
     reweight,
     systematic_resample,
 )
-from pfslam.poses import average_pose, transform_points, wrap_angle
+from pfslam.poses import average_pose, compose, transform_points, wrap_angle
 from pfslam.sensors import LidarModel, scan_points
 from pfslam.texture import NO_READING, associate_rgb, back_project, depth_from_disparity, to_world
 
@@ -344,7 +347,7 @@ def test_a_swipe_up_scrolls_the_page_and_changes_nothing(open_lab, name):
     canvas = page.locator(".pfslam-plan canvas").first
     canvas.scroll_into_view_if_needed()
     box, before, top = canvas.bounding_box(), page.evaluate(state), page.evaluate("scrollY")
-    x, y = box["x"] + 0.3 * box["width"], box["y"] + 0.9 * box["height"]
+    x, y = box["x"] + 0.05 * box["width"], box["y"] + 0.9 * box["height"]
     touch = page.context.new_cdp_session(page)
     for k in range(16):
         kind = "touchStart" if k == 0 else "touchMove"
@@ -826,6 +829,131 @@ def test_the_cloud_grows(lab, by):
     hand.wait("state.settings.part > 3")
     hand.press("Pause", " ")
     assert the_cloud_agrees(hand)["step"] > 10
+
+
+# ---- Lost: a known map, and particles all over it
+
+
+def test_who_is_lost_is_found_as_the_package_finds(lab):
+    hand = lab("lost", options={"first": 4000, "trace": True})
+    found = hand.see("trace", "constants")
+    c, (first,) = found["constants"], found["trace"]
+    spec = spec_of(c)
+    grid = OccupancyGrid(spec, np.reshape(np.array(c["logOdds"], dtype=np.float32), spec.shape))
+    known = KnownMap.of(grid, LocalizationConfig())
+    names = ("sigma", "random", "beams")
+    assert [c["MODEL"][name] for name in names] == [0.2, 0.1, known.config.effective_beams]
+
+    def weighed(event, log_weights):
+        poses, points = (np.reshape(event[name], (-1, n)) for name, n in (("poses", 3), ("points", 2)))
+        cloud, _ = reweight(Particles(poses, log_weights), known.log_likelihood(poses, points))
+        np.testing.assert_allclose(event["logWeights"], cloud.log_weights, atol=1e-4)
+
+    weighed(first, np.full(4000, -np.log(4000)))
+    hand.press("Step", ".", times=6)
+    trace, said = hand.see("trace")["trace"], c["NOISE"]
+    ours = {"xy_per_metre": "xyPerMetre", "yaw_per_radian": "yawPerRadian", "yaw_per_metre": "yawPerMetre"}
+    names = {name: said[theirs] for name, theirs in ({"xy": "xy", "yaw": "yaw"} | ours).items()}
+    moves = [event for event in trace if "motion" in event]
+    assert len(moves) >= 4
+    for event in moves:
+        before, normals = (np.reshape(event[name], (-1, 3)) for name in ("before", "normals"))
+        motion, noise = np.array(event["motion"]), MotionNoise(**names)
+        xy, yaw = noise.sigmas(np.hypot(*motion[:2]), abs(motion[2]))
+        after = trace[trace.index(event) + 1]["poses"]
+        moved = compose(before, motion + normals * [xy, xy, yaw])
+        np.testing.assert_allclose(np.reshape(after, (-1, 3)), moved, atol=1e-9)
+    page = hand.page
+    bins = [1, 2, 3, 10, 100, 1234]
+    assert page.evaluate("bins => bins.map(pfslam.core.kldBound)", bins) == pytest.approx(
+        kld_bound(bins).tolist()
+    )
+    poses = np.random.default_rng(0).uniform([0, 0, -np.pi], [3, 2, np.pi], (3000, 3))
+    for least in (50, 2500):
+        call = "([poses, least]) => pfslam.core.enough(Float64Array.from(poses.flat()), least)"
+        assert page.evaluate(call, [poses.tolist(), least]) == enough(poses, least)
+
+
+@by_each_hand
+def test_a_door_decides_and_a_kidnapped_robot_is_found_again(lab, by):
+    hand = lab("lost", by)
+    drive = f"() => {{ for (let k = 0; k < 60 * 40; k++) {LAB}.state.tick(); {LAB}.stage.redraw(); }}"
+    hand.page.evaluate(drive)
+    here, there = hand.see("shares")["shares"]
+    assert here > 0.9 > 0.1 > there
+    hand.press("Kidnap", "k")
+    hand.wait("state.injected > 0")
+    hand.page.evaluate(drive)
+    hand.page.evaluate(drive)
+    assert sum(hand.see("shares")["shares"]) > 0.8, "at the robot, or at its twin"
+    hand.page.evaluate(f"() => {{ {LAB}.state.goTo(10, 5); }}")
+    assert hand.see("auto")["auto"] is False
+
+
+# ---- Springs: a pose graph
+
+
+def relaxed(graph: dict, constants: dict, robust: bool) -> np.ndarray:
+    """The poses of the graph by the package's steps, from the same poses as driven."""
+    edges, n = graph["edges"], len(graph["poses"])
+    made = Edges(
+        np.array([e["i"] for e in edges]),
+        np.array([e["j"] for e in edges]),
+        np.array([e["z"] for e in edges]),
+        np.array([np.diag(e["information"]) for e in edges]),
+        np.zeros(len(edges)),
+        np.array([e["loop"] for e in edges]),
+    )
+    poses, scale = np.array(graph["poses"]), np.zeros(n)
+    widths = [k or np.inf for k in constants["KERNELS"]] if robust else [np.inf] * 10
+    for width in np.repeat(widths, constants["ITERATIONS"]):
+        chi2 = chi_square(made, poses, scale)
+        poses, scale = gauss_newton_step(
+            made, poses, scale, np.where(made.doubtful, robust_weights(chi2, width), 1.0)
+        )
+    return poses
+
+
+@pytest.mark.parametrize(
+    ("boxes", "robust"), [(["True loop"], False), (["True loop", "False loop", "Robust kernel"], True)]
+)
+def test_springs_settle_where_the_package_says(lab, boxes, robust):
+    hand = lab("springs")
+    # All at once, so that both begin from the poses as driven.
+    names = {"True loop": "honest", "False loop": "false", "Robust kernel": "robust"}
+    for name in boxes:
+        hand.page.evaluate(f"{LAB}.state.settings['{names[name]}'] = true")
+    before = hand.see("poses", "edges", "constants")
+    hand.page.evaluate(f"() => {{ {LAB}.state.shake(); {LAB}.stage.redraw(); }}")
+    hand.wait("state.settled")
+    expected = relaxed(before, before["constants"], robust)
+    np.testing.assert_allclose(hand.see("poses")["poses"], expected, atol=1e-3)
+
+
+@by_each_hand
+def test_a_pose_is_pulled_and_a_false_loop_is_let_go(lab, by):
+    hand = lab("springs", by)
+    start = hand.see("error")["error"]
+    hand.choose("True loop")
+    hand.wait("state.settled")
+    closed = hand.see("error", "poses")
+    assert closed["error"] < 0.2 < 1.0 < start
+    hand.choose("False loop")
+    hand.wait("state.settled")
+    assert hand.see("error")["error"] > 1.0
+    hand.choose("Robust kernel")
+    hand.wait("state.settled")
+    assert hand.see("error")["error"] < 0.3
+    hand.hears("counts 0.00")
+    if by == "key":
+        hand.keys("ArrowRight", "ArrowUp", "ArrowUp")
+        hand.wait("state.held && state.settled")
+        hand.keys("ArrowDown")
+    else:
+        x, y, _ = hand.see("poses")["poses"][4]
+        hand.drag((x, y), (x + 0.5, y - 0.5), (x + 1.0, y - 1.0))
+    hand.wait("!state.held && state.settled")
+    assert hand.see("error")["error"] < 0.3, "let go, it springs back"
 
 
 # ---- All of them

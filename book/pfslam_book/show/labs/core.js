@@ -215,11 +215,11 @@
     return 1 / weights.reduce((sum, weight) => sum + weight * weight, 0);
   }
 
-  /** Draw ancestors Int32Array(N): one random offset `u` in [0, 1), then N equal strides through the summed weights. */
-  function systematicResample(weights, u) {
-    const n = weights.length, edges = new Float64Array(n), ancestors = new Int32Array(n);
+  /** Draw `n` ancestors Int32Array(n): one random offset `u` in [0, 1), then n equal strides through the summed weights. */
+  function systematicResample(weights, u, n = weights.length) {
+    const edges = new Float64Array(weights.length), ancestors = new Int32Array(n);
     let total = 0, last = 0;
-    for (let k = 0; k < n; k++) {
+    for (let k = 0; k < weights.length; k++) {
       edges[k] = total += weights[k];
       if (weights[k] > 0) last = k;  // round-off may leave the last edge short of 1
     }
@@ -371,11 +371,197 @@
     return {uniform, normals};
   }
 
+  /** The pose after a motion [dx, dy, dtheta] that begins at a pose: its axes are those of the pose. */
+  function compose(pose, motion) {
+    const c = Math.cos(pose[2]), s = Math.sin(pose[2]);
+    return [pose[0] + c * motion[0] - s * motion[1], pose[1] + s * motion[0] + c * motion[1], wrapAngle(pose[2] + motion[2])];
+  }
+
+  /** The log-likelihood Float32Array(H W) of an end point in each cell, for a robot that is lost:
+   * log(random + (1 - random) exp(-d^2 / 2 sigma^2)), with d (m) the distance to the nearest occupied cell. */
+  function likelihoodField(occupied, spec, {sigma, random}) {
+    const [height, width] = spec.shape, scale = spec.resolution / sigma, reach = Math.ceil(6 / scale);
+    const squared = new Float64Array(height * width).fill(reach * reach);
+    for (let iy = 0; iy < height; iy++) {
+      for (let ix = 0; ix < width; ix++) {
+        if (!occupied[iy * width + ix]) continue;
+        for (let y = Math.max(iy - reach, 0); y <= Math.min(iy + reach, height - 1); y++) {
+          for (let x = Math.max(ix - reach, 0); x <= Math.min(ix + reach, width - 1); x++) {
+            squared[y * width + x] = Math.min(squared[y * width + x], (x - ix) ** 2 + (y - iy) ** 2);
+          }
+        }
+      }
+    }
+    return Float32Array.from(squared, value => Math.log(random + (1 - random) * Math.exp(-0.5 * value * scale ** 2)));
+  }
+
+  /** The log-likelihood Float64Array(N) of a scan from each pose: the mean of the field over its end points times `beams`.
+   * Outside the map, and for who would stand on a cell that is not free (`free` Uint8Array(H W)), nothing explains it. */
+  function lostLogLikelihood(field, spec, free, points_b, poses, {random, beams}) {
+    const gain = new Float64Array(poses.length / 3), [height, width] = spec.shape, none = Math.log(random), count = points_b.length / 2;
+    for (let n = 0; n < gain.length; n++) {
+      const x = poses[3 * n], y = poses[3 * n + 1], c = Math.cos(poses[3 * n + 2]), s = Math.sin(poses[3 * n + 2]);
+      const ix = Math.floor((x - spec.origin[0]) / spec.resolution), iy = Math.floor((y - spec.origin[1]) / spec.resolution);
+      let sum = 0;
+      if (!(contains(spec, ix, iy) && free[iy * width + ix])) { gain[n] = beams * none; continue; }
+      for (let k = 0; k < points_b.length; k += 2) {
+        const jx = Math.floor((x + c * points_b[k] - s * points_b[k + 1] - spec.origin[0]) / spec.resolution);
+        const jy = Math.floor((y + s * points_b[k] + c * points_b[k + 1] - spec.origin[1]) / spec.resolution);
+        sum += jx >= 0 && jy >= 0 && jx < width && jy < height ? field[jy * width + jx] : none;
+      }
+      gain[n] = (beams * sum) / count;
+    }
+    return gain;
+  }
+
+  /** How many particles a cloud over so many bins needs, so that its Kullback-Leibler distance stays below 0.05 with
+   * probability 0.99: Fox's bound, with the chi-square quantile by Wilson and Hilferty. */
+  function kldBound(bins) {
+    const k = Math.max(bins - 1, 1), a = 2 / (9 * k);
+    return bins > 1 ? (k / (2 * 0.05)) * (1 - a + Math.sqrt(a) * 2.3263478740408408) ** 3 : 1;
+  }
+
+  /** How many of the poses, taken in order, meet Fox's bound for the bins (0.5 m, 0.5 m, 10 degrees) that they lie in. */
+  function enough(poses, least) {
+    const bins = new Set();
+    for (let k = 0; 3 * k < poses.length; k++) {
+      const [x, y, theta] = [poses[3 * k], poses[3 * k + 1], poses[3 * k + 2]];
+      bins.add(Math.floor(x / 0.5) * 1e6 + Math.floor(y / 0.5) * 1e3 + Math.floor((theta * 18) / Math.PI));
+      if (k + 1 >= Math.max(kldBound(bins.size), least)) return k + 1;
+    }
+    return poses.length / 3;
+  }
+
+  /** Pose b seen from pose a: [dx, dy, dtheta] in the axes of a. */
+  function between(a, b) {
+    const c = Math.cos(a[2]), s = Math.sin(a[2]), dx = b[0] - a[0], dy = b[1] - a[1];
+    return [c * dx + s * dy, c * dy - s * dx, wrapAngle(b[2] - a[2])];
+  }
+
+  /** The error of an edge {i, j, z, information} of a pose graph: pose j seen from pose i, less what was measured. */
+  function edgeError({i, j, z}, poses) {
+    const [x, y, theta] = between(poses[i], poses[j]);
+    return [x - z[0], y - z[1], wrapAngle(theta - z[2])];
+  }
+
+  /** The squared error of an edge in standard deviations; `information` is the diagonal of its matrix. */
+  function chiSquare(edge, poses) {
+    return edgeError(edge, poses).reduce((sum, e, k) => sum + edge.information[k] * e * e, 0);
+  }
+
+  /** The weight of a squared error under Geman and McClure's kernel of a width. */
+  function robustWeight(chi2, width) { return width === Infinity ? 1 : (width ** 2 / (width ** 2 + chi2)) ** 2; }
+
+  /** One step of Gauss and Newton: the poses after it. The first is held fast; `weights` has one number for each edge. */
+  function graphStep(edges, poses, weights) {
+    const n = 3 * poses.length, H = Array.from({length: n}, () => new Float64Array(n)), b = new Float64Array(n);
+    edges.forEach((edge, number) => {
+      const {i, j, information} = edge, error = edgeError(edge, poses), [x, y] = between(poses[i], poses[j]);
+      const c = Math.cos(poses[i][2]), s = Math.sin(poses[i][2]);
+      const J = [[-c, -s, y, c, s, 0], [s, -c, -x, -s, c, 0], [0, 0, -1, 0, 0, 1]];
+      const at = [3 * i, 3 * i + 1, 3 * i + 2, 3 * j, 3 * j + 1, 3 * j + 2];
+      for (let row = 0; row < 3; row++) {
+        const w = weights[number] * information[row];
+        for (let p = 0; p < 6; p++) {
+          b[at[p]] += w * J[row][p] * error[row];
+          for (let q = 0; q < 6; q++) H[at[p]][at[q]] += w * J[row][p] * J[row][q];
+        }
+      }
+    });
+    const step = solve(H.slice(3).map(row => row.slice(3)), b.slice(3).map(value => -value));
+    return poses.map((pose, k) => (k === 0 ? pose.slice()
+      : [pose[0] + step[3 * k - 3], pose[1] + step[3 * k - 2], wrapAngle(pose[2] + step[3 * k - 1])]));
+  }
+
+  /** Solve A x = b for a symmetric, positive definite A: elimination without pivots. Both are used up. */
+  function solve(A, b) {
+    const n = b.length;
+    for (let k = 0; k < n; k++) {
+      for (let row = k + 1; row < n; row++) {
+        const share = A[row][k] / A[k][k];
+        if (!share) continue;
+        for (let column = k; column < n; column++) A[row][column] -= share * A[k][column];
+        b[row] -= share * b[k];
+      }
+    }
+    for (let k = n - 1; k >= 0; k--) {
+      for (let column = k + 1; column < n; column++) b[k] -= A[k][column] * b[column];
+      b[k] /= A[k][k];
+    }
+    return b;
+  }
+
+  /** How deep (m) a disc of a radius at [x, y] would stand in a wall; 0 if it is free. `walls` as for `castRays`. */
+  function touches(walls, [px, py], radius) {
+    let depth = 0;
+    for (let w = 0; w < walls.length; w += 4) {
+      const ex = walls[w + 2] - walls[w], ey = walls[w + 3] - walls[w + 1], x = px - walls[w], y = py - walls[w + 1];
+      const part = Math.max(0, Math.min(1, (x * ex + y * ey) / (ex * ex + ey * ey)));
+      depth = Math.max(depth, radius - Math.hypot(x - part * ex, y - part * ey));
+    }
+    return depth;
+  }
+
+  /** Whether a disc can move straight from a place to another. */
+  function straight(walls, [ax, ay], [bx, by], radius) {
+    const steps = Math.ceil(Math.hypot(bx - ax, by - ay) / 0.05);
+    for (let k = 1; k <= steps; k++) {
+      if (touches(walls, [ax + (k / steps) * (bx - ax), ay + (k / steps) * (by - ay)], radius)) return false;
+    }
+    return true;
+  }
+
+  /** The corners of a way over free ground, by breadth-first search over the cells of a grid; null where there is none. Who
+   * asks for a place beside a wall means the floor beside it. */
+  function wayTo(walls, spec, from, to, room) {
+    if (straight(walls, from, to, room - 0.02)) return [to.slice(0, 2)];
+    const [rows, columns] = spec.shape, size = spec.resolution;
+    const at = k => [spec.origin[0] + size * (k % columns + 0.5), spec.origin[1] + size * (Math.floor(k / columns) + 0.5)];
+    if (!roomy.has(walls)) roomy.set(walls, Uint8Array.from({length: rows * columns}, (_, k) => touches(walls, at(k), room) === 0));
+    const free = roomy.get(walls);
+    const nearest = ([x, y]) => {
+      let best = -1, least = 0.35;
+      free.forEach((open, k) => {
+        const away = Math.hypot(at(k)[0] - x, at(k)[1] - y);
+        if (open && away < least) [best, least] = [k, away];
+      });
+      return best;
+    };
+    const [start, goal] = [nearest(from), nearest(to)];
+    if (start < 0 || goal < 0) return null;
+    const came = new Int32Array(rows * columns).fill(-1), queue = [goal];
+    came[goal] = goal;
+    for (let next = 0; next < queue.length && came[start] < 0; next++) {
+      for (const step of [1, -1, columns, -columns, columns + 1, columns - 1, 1 - columns, -1 - columns]) {
+        const there = queue[next] + step;
+        if (free[there] && came[there] < 0) { came[there] = queue[next]; queue.push(there); }
+      }
+    }
+    if (came[start] < 0) return null;
+    const cells = [], way = [at(start)];
+    for (let k = start; k !== goal; k = came[k]) cells.push(at(k));
+    cells.push(at(goal));
+    for (let here = 0; here < cells.length - 1;) {  // straight on as far as one can
+      let far = here + 1;
+      for (let k = far + 1; k < cells.length; k++) if (straight(walls, cells[here], cells[k], room - 0.02)) far = k;
+      way.push(cells[far]);
+      here = far;
+    }
+    return way;
+  }
+  const roomy = new Map();  // by walls: the cells with room for a robot
+
+  /** What a driver who sees the robot does on the way to [x, y]: speed and turn, at most `speed` and `turn`. */
+  function steer(pose, [x, y], speed, turn) {
+    const aside = wrapAngle(Math.atan2(y - pose[1], x - pose[0]) - pose[2]);
+    return [speed * Math.max(0, Math.cos(aside)) ** 3, Math.max(-turn, Math.min(turn, 3 * aside))];
+  }
+
   const core = {
     wrapAngle, motionModel, yawRate, wheelTurns, integrate, trajectoryError, predict, beamAngles, isValid, scanPoints, transformPoints, worldToCell, contains, occupied,
     mapCorrelation, scoreField, scores, logLikelihood, logSumExp, reweight, effectiveSampleSize, systematicResample,
     chosen, averagePose, probability, doorAfter, traceRay, freeCells, evidence, addEvidence, integrateScan, castRays,
-    generator,
+    generator, between, edgeError, chiSquare, robustWeight, graphStep, compose, likelihoodField, lostLogLikelihood, kldBound, enough, touches, wayTo, steer,
   };
   root.pfslam = Object.assign(root.pfslam || {}, {core});
 })(globalThis);

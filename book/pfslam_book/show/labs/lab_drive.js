@@ -106,8 +106,7 @@
         way.shift();
         return [0, 0];
       }
-      const aside = core.wrapAngle(Math.atan2(dy, dx) - truth[2]);
-      return [SPEED * Math.max(0, Math.cos(aside)) ** 3, Math.max(-TURN, Math.min(TURN, 3 * aside))];
+      return core.steer(truth, way[0], SPEED, TURN);
     }
 
     /** Drive to a place, or say why not. */
@@ -265,61 +264,8 @@
     note(event) { if (this.settings.trace) this.trace.push(event); }
   }
 
-  /** How deep (m) a robot of a radius would stand in a wall; 0 if it is free. */
-  function touches(pose, radius = RADIUS) {
-    let depth = 0;
-    for (let w = 0; w < WALLS.length; w += 4) {
-      const ex = WALLS[w + 2] - WALLS[w], ey = WALLS[w + 3] - WALLS[w + 1], x = pose[0] - WALLS[w], y = pose[1] - WALLS[w + 1];
-      const part = Math.max(0, Math.min(1, (x * ex + y * ey) / (ex * ex + ey * ey)));
-      depth = Math.max(depth, radius - Math.hypot(x - part * ex, y - part * ey));
-    }
-    return depth;
-  }
-
-  /** Whether the robot can drive straight from a place to another. */
-  function straight([ax, ay], [bx, by]) {
-    const steps = Math.ceil(Math.hypot(bx - ax, by - ay) / 0.05);
-    for (let k = 1; k <= steps; k++) {
-      if (touches([ax + (k / steps) * (bx - ax), ay + (k / steps) * (by - ay)], ROOM - 0.02)) return false;
-    }
-    return true;
-  }
-
-  /** The corners of a way over free ground, by breadth-first search over the cells; null where there is none. */
-  function wayTo(from, to) {
-    if (straight(from, to) && !touches(to, ROOM - 0.02)) return [to.slice(0, 2)];
-    const [rows, columns] = SPEC.shape, at = k => [SPEC.origin[0] + 0.1 * (k % columns + 0.5), SPEC.origin[1] + 0.1 * (Math.floor(k / columns) + 0.5)];
-    const free = (wayTo.free = wayTo.free || Uint8Array.from({length: rows * columns}, (_, k) => touches(at(k), ROOM) === 0));
-    const nearest = ([x, y]) => {
-      let best = -1, least = 0.35;  // m: who taps beside a wall means the floor beside it
-      free.forEach((open, k) => {
-        const away = Math.hypot(at(k)[0] - x, at(k)[1] - y);
-        if (open && away < least) [best, least] = [k, away];
-      });
-      return best;
-    };
-    const [start, goal] = [nearest(from), nearest(to)];
-    if (start < 0 || goal < 0) return null;
-    const came = new Int32Array(rows * columns).fill(-1), queue = [goal];
-    came[goal] = goal;
-    for (let next = 0; next < queue.length && came[start] < 0; next++) {
-      for (const step of [1, -1, columns, -columns, columns + 1, columns - 1, 1 - columns, -1 - columns]) {
-        const there = queue[next] + step;
-        if (free[there] && came[there] < 0) { came[there] = queue[next]; queue.push(there); }
-      }
-    }
-    if (came[start] < 0) return null;
-    const cells = [], way = [at(start)];
-    for (let k = start; k !== goal; k = came[k]) cells.push(at(k));
-    cells.push(at(goal));
-    for (let here = 0; here < cells.length - 1;) {  // straight on as far as one can
-      let far = here + 1;
-      for (let k = far + 1; k < cells.length; k++) if (straight(cells[here], cells[k])) far = k;
-      way.push(cells[far]);
-      here = far;
-    }
-    return way;
-  }
+  const touches = (pose, radius = RADIUS) => core.touches(WALLS, pose, radius);
+  const wayTo = (from, to) => core.wayTo(WALLS, SPEC, from, to, ROOM);
 
   /** The floor of the building, as the camera would see it: boards along the corridor, tiles in the rooms, and words. */
   const FLOOR = (() => {
