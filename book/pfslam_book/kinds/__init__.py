@@ -4,7 +4,7 @@ from pfslam.beyond.per_particle import per_particle_step
 from pfslam.map import Map
 from pfslam.particles import Particles
 from pfslam_book.exercises.kinds import check_draw_all, check_log_weight, check_proposal
-from pfslam_book.kinds.intel import intel_errors, intel_facts, intel_picture, intel_slips, intel_table
+from pfslam_book.show.intel import intel_errors, intel_facts, intel_picture, intel_slips, intel_table
 from pfslam_book.kinds.kinds import (
     cost_ratio,
     histories_explorer,
