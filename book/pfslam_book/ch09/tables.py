@@ -66,7 +66,8 @@ def paired(before: np.ndarray, after: np.ndarray) -> tuple[str, ...]:
 
 def is_decided(before: np.ndarray, after: np.ndarray) -> bool:
     """Tell whether the interval of the median change leaves out zero."""
-    return np.prod(median_interval(after - before)) > 0
+    low, high = median_interval(after - before)
+    return low > 0 or high < 0
 
 
 def cm(metres: np.ndarray) -> str:
@@ -96,7 +97,9 @@ def rungs(errors: dict[str, np.ndarray]) -> dict[str, tuple[np.ndarray, np.ndarr
 def ladder_table() -> Shown:
     """Return each change: what it sets, what the literature calls it, and what it is worth."""
     fields, errors = changed_fields(LADDER), ladder()
-    rows = [(name, "", "", cm(errors[name]), "", "", "") for name in ("dead reckoning", "report")]
+    rows: list[tuple[str, ...]] = [
+        (name, "", "", cm(errors[name]), "", "", "") for name in ("dead reckoning", "report")
+    ]
     for name, (before, after) in rungs(errors).items():
         rows.append((name, fields[name], KNOWN_AS.get(name, ""), cm(after), *paired(before, after)))
     head = ("change", "in the configuration", "known as", "error [cm]", "change [cm]", "95 % interval")
