@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from evo.core import metrics as evo_metrics
 from evo.core.trajectory import PoseTrajectory3D
-from pfslam_book.ch09.judging import relative_rmse
 from rooms import LIDAR, ROOM, SQUARE, drive, sensor_position
 
 from pfslam.errors import DataError
@@ -76,16 +75,6 @@ def test_absolute_error_agrees_with_evo():
     metric = evo_metrics.APE(evo_metrics.PoseRelation.rotation_angle_deg)
     metric.process_data((reference, estimate))
     assert ours.heading_rmse_deg == pytest.approx(metric.get_statistic(evo_metrics.StatisticsType.rmse))
-
-
-@pytest.mark.parametrize("delta", [1, 7])
-def test_relative_error_agrees_with_evo(delta):
-    relation = evo_metrics.PoseRelation.translation_part
-    metric = evo_metrics.RPE(relation, delta=delta, delta_unit=evo_metrics.Unit.frames, all_pairs=True)
-    metric.process_data((evo_trajectory(TRUTH), evo_trajectory(ESTIMATE)))
-    assert relative_rmse(ESTIMATE, TRUTH, delta) == pytest.approx(
-        metric.get_statistic(evo_metrics.StatisticsType.rmse)
-    )
 
 
 def test_relations_error_by_hand():

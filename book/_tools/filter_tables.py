@@ -1,4 +1,4 @@
-"""The two tables of chapter 05 that no study can make: exact scoring against the lattice, and the reader's filter.
+"""The two tables that no study can make: exact scoring against the lattice (chapter 09), and the reader's filter (05).
 
 ``python book/_tools/filter_tables.py`` makes them anew, which takes about half an hour.
 """
@@ -13,8 +13,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from pfslam_book.ch05.report import LATTICE_TABLE
 from pfslam_book.ch05.your_filter import CHANGES, FILTER_TABLE, drive, error, my_filter, step
+from pfslam_book.ch09.tables import LATTICE_TABLE
 from pfslam_book.show.faults import with_fault
 
 from pfslam.evaluation.trajectory import trajectory_error

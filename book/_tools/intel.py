@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from pfslam_book.kinds.intel import COLUMNS, RETURN_SECONDS, RUNS, TABLE
+from pfslam_book.show.intel import COLUMNS, RETURN_SECONDS, RUNS, TABLE
 
 import pfslam
 from pfslam.evaluation.trajectory import relations_error

@@ -17,7 +17,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from pfslam_book.ch10.building import driven, two_halves, world_of
 from pfslam_book.ch11.drives import COLUMNS, FALSE, GIVEN, GIVEN_COLUMNS, STORED, TABLE
-from pfslam_book.kinds.intel import RETURN_SECONDS
+from pfslam_book.show.intel import RETURN_SECONDS
 
 import pfslam
 from pfslam.beyond.loops.closing import Revision, chain_edges, close_loops, key_scans

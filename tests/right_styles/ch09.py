@@ -1,6 +1,7 @@
 """Right answers to the exercises of chapter 09, in the ways that people write them: each must pass its check."""
 
 import math
+from collections import deque
 
 import numpy as np
 
@@ -17,42 +18,6 @@ SUB_CELL = [
     lambda a, b, c: np.array([(a - c) / (2 * (a - 2 * b + c))]),
     lambda a, b, c: -((c - a) / 2) / ((c - b) - (b - a)),
     lambda a, b, c: np.roots(np.polyder(np.polyfit([-1, 0, 1], [a, b, c], 2)))[0],
-]
-
-
-def by_complex_numbers(poses, true_poses):
-    z, w = poses[:, 0] + 1j * poses[:, 1], true_poses[:, 0] + 1j * true_poses[:, 1]
-    away = (z - z[0]) * np.exp(1j * (true_poses[0, 2] - poses[0, 2])) - (w - w[0])
-    return np.sqrt(np.mean(np.abs(away) ** 2))
-
-
-def by_a_loop(poses, true_poses):
-    turn, total = true_poses[0][2] - poses[0][2], 0.0
-    for p, q in zip(poses, true_poses, strict=True):
-        dx, dy = p[0] - poses[0][0], p[1] - poses[0][1]
-        x = true_poses[0][0] + math.cos(turn) * dx - math.sin(turn) * dy
-        y = true_poses[0][1] + math.sin(turn) * dx + math.cos(turn) * dy
-        total += (x - q[0]) ** 2 + (y - q[1]) ** 2
-    return math.sqrt(total / len(poses))
-
-
-def by_matrices(poses, true_poses):
-    def matrix(pose):
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        return np.array([[c, -s, pose[0]], [s, c, pose[1]], [0, 0, 1]])
-
-    moved = matrix(true_poses[0]) @ np.linalg.inv(matrix(poses[0]))
-    points = np.column_stack([poses[:, :2], np.ones(len(poses))]) @ moved.T
-    return np.linalg.norm(points[:, :2] - true_poses[:, :2]) / np.sqrt(len(poses))
-
-
-FIRST_POSE = [
-    by_complex_numbers,
-    by_a_loop,
-    by_matrices,
-    lambda p, q: np.float32(by_complex_numbers(p, q)),
-    lambda p, q: [by_complex_numbers(p, q)],
-    lambda p, q: float(f"{by_complex_numbers(p, q):.4g}"),
 ]
 
 
@@ -92,24 +57,58 @@ LINE_STEP = [
 ]
 
 
-def by_steps(occupied, cells):
-    found = False
-    for ix, iy in cells.tolist()[:-3]:
-        found |= bool(occupied[iy][ix])
-    return found
+def summed(log_li, log_p):
+    return np.logaddexp.reduce(log_li + log_p)
 
 
-BLOCKED = [
-    by_steps,
-    lambda o, c: any(o[iy, ix] for ix, iy in c[: len(c) - 3]),
-    lambda o, c: o[tuple(c[:-3].T[::-1])].any(),
-    lambda o, c: int(o[c[:-3, 1], c[:-3, 0]].sum() > 0),
-    lambda o, c: np.array(o.T[c[:-3, 0], c[:-3, 1]].max()),
-    lambda o, c: bool(np.count_nonzero([o[iy, ix] for ix, iy in c[:-3]])),
-]
+def one_by_one(log_li, log_p):
+    total = -math.inf
+    for a, b in zip(log_li, log_p, strict=True):
+        high, low = max(total, a + b), min(total, a + b)
+        total = high + math.log1p(math.exp(low - high))
+    return total
+
+
+def with_scipy(log_li, log_p):
+    from scipy.special import logsumexp
+
+    return logsumexp(log_li + log_p)
+
+
+def draw(maps, ancestors, hits):
+    new = []
+    for a, h in zip(ancestors, hits, strict=True):
+        if h is None:
+            new.append(maps[a])
+        else:
+            new.append(maps[a] + np.eye(len(maps[a]))[h])
+    return new
+
+
+def draw_lazily(maps, ancestors, hits):
+    new = [maps[k] for k in ancestors]
+    for k, h in enumerate(hits):
+        if h is not None:
+            new[k] = new[k].copy()
+            new[k][h] += 1
+    return new
+
+
 STYLES = {
     "check_sub_cell": SUB_CELL,
-    "check_first_pose_error": FIRST_POSE,
     "check_line_step": LINE_STEP,
-    "check_blocked": BLOCKED,
+    "check_log_weight": [
+        summed,
+        one_by_one,
+        with_scipy,
+        lambda a, b: np.float32(summed(a, b)),
+        lambda a, b: [summed(a, b)],
+        lambda a, b: a.max() + np.log(np.exp(a - a.max()) @ np.exp(b)),
+    ],
+    "check_draw_all": [
+        draw,
+        draw_lazily,
+        lambda m, a, h: tuple(draw(m, a, h)),
+        lambda m, a, h: deque(draw(m, a, h)),
+    ],
 }

@@ -1,8 +1,6 @@
 """Chapter 05: what the notebook calls."""
 
-from pfslam.study.disturbances import first_seconds
 from pfslam_book.ch05.live import drive_lab, maps_lab
-from pfslam_book.ch05.report import LATTICE_TABLE, film_explorer, play
 from pfslam_book.ch05.slow_motion import one_update, slow_motion_explorer
 from pfslam_book.ch05.whole import check_filter
 from pfslam_book.ch05.your_filter import (
@@ -19,17 +17,8 @@ from pfslam_book.exercises.ch05 import check_mean_pose, check_resample, check_up
 from pfslam_book.show.figures import map_along
 from pfslam_book.show.keep import keep
 from pfslam_book.show.source import show_source
-from pfslam_book.show.tables import Shown, errors_by_label, read_table
+from pfslam_book.show.tables import Shown
 
-__all__ = ["FILTER_TABLE", "LATTICE_TABLE", "Settings", "Shown", "check_filter", "check_mean_pose"]
-__all__ += ["check_resample", "check_update", "drive", "drive_lab", "error", "errors_by_label"]
-__all__ += ["film_explorer", "first_seconds", "keep", "map_along", "maps_lab", "moments", "my_filter"]
-__all__ += [
-    "one_update",
-    "play",
-    "read_table",
-    "show_source",
-    "slow_motion_explorer",
-    "step",
-    "stored_errors",
-]
+__all__ = ["FILTER_TABLE", "Settings", "Shown", "check_filter", "check_mean_pose", "check_resample"]
+__all__ += ["check_update", "drive", "drive_lab", "error", "keep", "map_along", "maps_lab", "moments"]
+__all__ += ["my_filter", "one_update", "show_source", "slow_motion_explorer", "step", "stored_errors"]

@@ -1,78 +1,31 @@
 """What the notebook of chapter 09 calls."""
 
-from pfslam.correlation import score_field
-from pfslam.particles import MotionNoise
-from pfslam.refined.lines import align_to_lines, nearby_lines
-from pfslam_book.ch09.judging import judged_table, turned_start
-from pfslam_book.ch09.runs import (
-    PolishCase,
-    grid_lock,
-    grid_lock_picture,
-    live_rungs,
-    polish_picture,
-    repeat_step,
-    rungs_explorer,
-)
 from pfslam_book.ch09.tables import (
-    buildings,
-    buildings_picture,
-    changes_table,
-    decided,
-    hard_ladder,
-    hard_ladder_table,
-    hard_left_out_table,
+    hard_comparisons,
+    hard_table,
+    is_decided,
+    kinds,
     ladder,
-    ladder_picture,
     ladder_table,
-    left_out,
-    left_out_table,
-    map_agreement_table,
-    medians_cm,
-    prior_table,
-    spread_table,
-    steps,
+    lattice_medians,
+    median_interval,
+    missed,
+    paired,
+    rungs,
+    situation,
 )
-from pfslam_book.ch09.walls import walls_table
-from pfslam_book.exercises.ch09 import check_blocked, check_first_pose_error, check_line_step, check_sub_cell
+from pfslam_book.exercises.ch09 import (
+    check_draw_all,
+    check_line_step,
+    check_log_weight,
+    check_sub_cell,
+    line_step,
+)
+from pfslam_book.show.figures import map_along
 from pfslam_book.show.source import show_source
-from pfslam_book.show.tables import number_of_buildings
+from pfslam_book.show.tables import Shown, errors_by_label, read_table
 
-__all__ = [
-    "MotionNoise",
-    "PolishCase",
-    "align_to_lines",
-    "buildings",
-    "buildings_picture",
-    "changes_table",
-    "check_blocked",
-    "check_first_pose_error",
-    "check_line_step",
-    "check_sub_cell",
-    "decided",
-    "grid_lock",
-    "grid_lock_picture",
-    "hard_ladder",
-    "hard_ladder_table",
-    "hard_left_out_table",
-    "judged_table",
-    "ladder",
-    "ladder_picture",
-    "ladder_table",
-    "left_out",
-    "left_out_table",
-    "live_rungs",
-    "map_agreement_table",
-    "medians_cm",
-    "nearby_lines",
-    "number_of_buildings",
-    "polish_picture",
-    "prior_table",
-    "repeat_step",
-    "rungs_explorer",
-    "score_field",
-    "show_source",
-    "spread_table",
-    "steps",
-    "turned_start",
-    "walls_table",
-]
+__all__ = ["Shown", "check_draw_all", "check_line_step", "check_log_weight", "check_sub_cell"]
+__all__ += ["errors_by_label", "hard_comparisons", "hard_table", "is_decided", "kinds", "ladder"]
+__all__ += ["ladder_table", "lattice_medians", "line_step", "map_along", "median_interval", "missed"]
+__all__ += ["paired", "read_table", "rungs", "show_source", "situation"]

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from pfslam_book.show.exercise import Exercise
 
-from pfslam.poses import compose
-
 # ---- 1: the parabola
 
 
@@ -33,66 +31,7 @@ check_sub_cell = Exercise(
     praise="A lattice of 5 cm, and a pose between its nodes.",
 )
 
-# ---- 2: the error by first pose
-
-
-def path_case(seed, start, n, back=0.0) -> tuple:
-    """An estimate that begins elsewhere and drifts, part of it ``back`` again, and the truth."""
-    rng, arc = np.random.default_rng(seed), np.linspace(0.0, 2.7, n)
-    truth = np.column_stack([2.0 + 3.0 * np.sin(arc), 1.0 - 2.0 * np.cos(arc), arc + 0.4])
-    drift = np.column_stack([0.02 * arc**2, -0.03 * arc, 0.04 * arc])
-    drift = drift * (1.0 - back * arc[:, None]) + 0.004 * rng.standard_normal((n, 3))
-    return compose(np.array(start), compose(truth, drift)), truth
-
-
-PATHS = [path_case(0, (5.0, -3.0, 0.63), 40), path_case(1, (-2.2, 0.7, -1.9), 55, back=0.3)]
-
-
-def away(poses, true_poses, sign=1.0):
-    """Differences (K, 2) once the first position is the true one, and the path is turned about it."""
-    turn = sign * (true_poses[0, 2] - poses[0, 2])
-    c, s = np.cos(turn), np.sin(turn)
-    turned = (poses[:, :2] - poses[0, :2]) @ np.array([[c, s], [-s, c]])
-    return turned + true_poses[0, :2] - true_poses[:, :2]
-
-
-def rms(errors):
-    return float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
-
-
-def best_fit(poses, true_poses):
-    """What is left when the path is turned and moved so that this is least; x + iy for a position."""
-    found, truth = (
-        path[:, :2] @ [1, 1j] - path[:, :2].mean(axis=0) @ [1, 1j] for path in (poses, true_poses)
-    )
-    turn = np.angle(np.vdot(found, truth))
-    return float(np.sqrt(np.mean(np.abs(found * np.exp(1j * turn) - truth) ** 2)))
-
-
-check_first_pose_error = Exercise(
-    right=lambda p, q: rms(away(p, q)),
-    cases=PATHS,
-    mistakes={
-        "You fitted the whole path to the truth. A fit absorbs the heading error: SLAM is given its first pose and "
-        "nothing else.": best_fit,
-        "The first positions agree now, the first headings do not: the whole path must be turned too.": (
-            lambda p, q: rms(away(p, q, sign=0.0))
-        ),
-        "You turn the wrong way: by the true first heading less the estimated one, and about the first position.": (
-            lambda p, q: rms(away(p, q, sign=-1.0))
-        ),
-        "You average over coordinates. Average the squared *distances*: x and y of a pose belong together.": (
-            lambda p, q: float(np.sqrt(np.mean(away(p, q) ** 2)))
-        ),
-        "That is the mean distance. Root mean square: square, mean, root.": (
-            lambda p, q: float(np.hypot(*away(p, q).T).mean())
-        ),
-    },
-    praise=f"{100 * rms(away(*PATHS[0])):.1f} cm by the first pose; the best fit would have said "
-    f"{100 * best_fit(*PATHS[0]):.1f} cm.",
-)
-
-# ---- 3: one step of the polish
+# ---- 2: one step of the alignment to lines
 
 
 def line_case(seed) -> tuple:
@@ -152,40 +91,105 @@ check_line_step = Exercise(
     praise="Point-to-line ICP, one iteration. The next cell repeats it.",
 )
 
-# ---- 4: beams through walls
+# ---- 3: the weight of a particle that is drawn from the product
+
+rngs = [np.random.default_rng(seed) for seed in range(3)]
 
 
-def beam_case(columns, end) -> tuple:
-    """A map and a beam along row 4 to column ``end``; walls in that row in some columns, and two walls elsewhere."""
-    occupied = np.zeros((30, 30), dtype=bool)
-    occupied[4, list(columns)] = True
-    occupied[11, 2:9] = occupied[9:15, 4] = True  # a beam with rows and columns exchanged would meet them
-    return occupied, np.column_stack([np.arange(end + 1), np.full(end + 1, 4)])
+def log_case(rng, least, most, n=7) -> tuple:
+    """Logarithms of likelihoods between two limits, and of a prior."""
+    return rng.uniform(least, most, n), np.log(rng.dirichlet(np.ones(n)))
 
 
-def looking(last):
-    """Whether there is a wall in the cells before the last few."""
-    return lambda occupied, cells: bool(occupied[cells[:last, 1], cells[:last, 0]].any())
+def log_weight(log_likelihood, log_prior):
+    return float(np.logaddexp.reduce(log_likelihood + log_prior))
 
 
-check_blocked = Exercise(
-    right=looking(-3),
-    cases=[
-        *(
-            beam_case(columns, 20)
-            for columns in ((20,), (19, 20), (18, 19, 20), (17, 20), (16, 20), (15, 20), (10, 20), (9, 20))
-        ),
-        *(beam_case(columns, 20) for columns in ((2, 20), (1, 20), (0, 20))),
-        *(beam_case(*case) for case in (((), 15), ((), 6), (range(8, 24), 18), (range(5), 4))),
+check_log_weight = Exercise(
+    right=log_weight,
+    cases=[  # two of them so unlikely that exp gives 0
+        (np.log([0.2, 0.9, 0.4, 0.05]), np.log([0.1, 0.3, 0.4, 0.2])),
+        log_case(rngs[0], -40.0, 0.0),
+        log_case(rngs[1], -1260.0, -1240.0),
+        log_case(rngs[2], -4300.0, -1300.0),
     ],
     mistakes={
-        "An index lies outside the map. Index it as occupied[iy, ix]; the cells are (ix, iy).": IndexError,
-        "A beam that ends on the wall it hit is not blocked. Leave the end of the beam out.": looking(None),
-        "Walls are thick and ranges noisy: leave out the *two* cells before the end as well.": looking(-1),
-        "You leave out one cell before the end. Leave out two, and the end itself.": looking(-2),
-        "Rows and columns have changed places. Index the map as occupied[iy, ix]; the cells are (ix, iy).": (
-            lambda occupied, cells: bool(occupied[cells[:-3, 0], cells[:-3, 1]].any())
+        "Right for likely scans. For an unlikely one exp gives 0 for every pose, and log 0 is minus infinity. Subtract "
+        "the largest sum before exp, and add it again after log.": lambda li, p: np.log(np.exp(li + p).sum()),
+        "You subtracted the largest sum and did not add it again. Particles could no longer be compared.": (
+            lambda li, p: log_weight(li, p) - (li + p).max()
+        ),
+        "That is the best pose alone: the *mode*, which is what this package takes for a weight. The normaliser is a "
+        "sum over all poses.": lambda li, p: (li + p).max(),
+        "The motion is missing: each pose counts as much as it is likely to be reached.": (
+            lambda li, p: log_weight(li, 0.0)
+        ),
+        "A sum of logarithms is a product of probabilities. The poses exclude each other: probabilities add up.": (
+            lambda li, p: (li + p).sum()
         ),
     },
-    praise="A wall anywhere on the way, and the wall at its end left out.",
+    praise="How well this particle's map had expected the scan, wherever the robot went.",
+)
+
+# ---- 4: private maps that share memory
+
+
+def map_case(ancestors, hits) -> tuple:
+    maps = [np.array([0.5, 2.0, 0.0, 1.0, 3.0]) + 10.0 * k for k in range(5)]
+    return maps, np.array(ancestors), tuple(hits)
+
+
+def draw_all(maps, ancestors, hits, skip=lambda hit: hit is None):
+    """The new maps; who skips goes on with the array of its ancestor."""
+    new = [maps[a] if skip(h) else maps[a].copy() for a, h in zip(ancestors, hits, strict=True)]
+    for grid, hit in zip(new, hits, strict=True):
+        if not skip(hit):
+            grid[hit] += 1
+    return new
+
+
+def one_copy_each(maps, ancestors, hits):
+    copies = [grid.copy() for grid in maps]
+    for a, hit in zip(ancestors, hits, strict=True):
+        if hit is not None:
+            copies[a][hit] += 1
+    return [copies[a] for a in ancestors]
+
+
+def wasteful(theirs, maps, ancestors, hits):
+    """Words for new arrays where nothing was drawn."""
+    new = theirs(maps, ancestors, hits)
+    kept = [np.shares_memory(new[k], maps[a]) for k, a in enumerate(ancestors) if hits[k] is None]
+    return "" if all(kept) else WASTE
+
+
+WASTE = (
+    "Right numbers, and more memory than needed: particles 2 and 3 drew nothing. They can go on sharing the array of "
+    "their ancestor."
+)
+
+check_draw_all = Exercise(
+    right=draw_all,
+    cases=[
+        map_case([0, 0, 2, 2, 1], [1, 0, None, None, 3]),
+        map_case([4, 1, 1, 3, 1], [None, 4, 2, 0, None]),
+    ],
+    mistakes={
+        "Particles of one ancestor drew into one and the same array: each now sees the other's wall. Copies of a "
+        "particle may share a map only until one of them draws.": one_copy_each,
+        "A hit in cell 0 was not drawn: `if hit` takes 0 for nothing. Ask whether it `is not None`.": (
+            lambda maps, ancestors, hits: draw_all(maps, ancestors, hits, skip=lambda hit: not hit)
+        ),
+        "Where hits[k] is None, particle k draws nothing. grid[None] is the whole map, and you added 1 to all of it.": (
+            lambda maps, ancestors, hits: draw_all(maps, ancestors, hits, skip=lambda hit: False)
+        ),
+        "Every particle goes on from its own old map. It descends from ancestors[k]: use its map.": (
+            lambda maps, ancestors, hits: draw_all(maps, range(5), hits)
+        ),
+        "You draw the hits of the ancestors, as if the scan came before the resampling. Particle k draws hits[k].": (
+            lambda maps, ancestors, hits: draw_all(maps, ancestors, [hits[a] for a in ancestors])
+        ),
+    },
+    praise="Five particles, four arrays: three drew and have their own, two share one.",
+    besides=wasteful,
 )

@@ -1,4 +1,4 @@
-"""Chapter 09: what our runs over the public Intel log gave, stored, so that a real building is seen on every machine.
+"""What our runs over the public Intel log gave, stored, so that a real building is seen on every machine.
 
 ``book/_tools/intel.py`` made the two files from the log, which is not part of the book.
 """
