@@ -1,16 +1,31 @@
-"""Chapter 10: what its helpers compute, against values known beforehand."""
+"""Chapter 10: what its helpers compute, and the localiser that stands on its page, against values known beforehand."""
+
+import math
 
 import numpy as np
 import pytest
+from notebook_cells import run, source
 from pfslam_book import ch10
-from pfslam_book.ch10.building import match_along, two_halves
-from pfslam_book.ch10.exact import Histogram, coarse, small_map
 
+import pfslam
+from pfslam.beyond.localization import LocalizationConfig, enough, kld_bound, likelihood_field
+from pfslam.events import Drive
 from pfslam.poses import between
 
 
+def localiser() -> dict:
+    """The names of the chapter's localiser, from the very cells that the reader sees."""
+    names: dict = {}
+    for tag in (
+        "setup",
+        *(f"localiser-{part}" for part in ("move", "weigh", "bound", "resample", "whole", "alarm")),
+    ):
+        run(source("10", tag), names)
+    return names
+
+
 def test_the_building_without_its_door_is_its_own_twin():
-    place = two_halves(door=False)
+    place = ch10.two_halves(door=False)
     grid = place.grid
     iy, ix = np.nonzero(grid.occupied)
     walls = grid.spec.cell_to_world(np.column_stack([ix, iy]))
@@ -22,7 +37,7 @@ def test_the_building_without_its_door_is_its_own_twin():
 
 
 def test_a_kidnapped_robot_feels_no_motion():
-    recording = two_halves().recording
+    recording = ch10.two_halves().recording
     t0 = recording.lidar.t[0]
     taken = ch10.kidnapped(recording, 10.0, 20.0)
     leave = np.searchsorted(taken.lidar.t, t0 + 10.0)
@@ -34,27 +49,62 @@ def test_a_kidnapped_robot_feels_no_motion():
     assert (np.diff(taken.lidar.t) < 0.3).all()
 
 
-@pytest.mark.slow
-def test_the_histogram_is_a_distribution_that_moves_as_told():
-    known = small_map()
-    even = Histogram.even(known)
-    assert even.belief.sum() == pytest.approx(1.0)
-    at = np.argmin(np.abs(even.nodes - [-0.8, 0.1, 0.13]).sum(axis=1))
-    moved = Histogram(even.nodes, np.eye(len(even.nodes))[at]).moved(np.array([0.6, 0.0, 0.0]))
-    mean = moved.belief @ moved.nodes[:, :2]
-    theta = even.nodes[at, 2]
-    expected = even.nodes[at, :2] + 0.6 * np.array([np.cos(theta), np.sin(theta)])
-    np.testing.assert_allclose(mean, expected, atol=0.03)
-    assert coarse(moved.nodes, moved.belief).sum() == pytest.approx(1.0)
-
-
 def test_followed_from_its_start_a_robot_stays_found_and_beside_it_does_not():
-    place = two_halves()
+    place = ch10.two_halves()
     short = ch10.part(place.recording, 0.0, 4.0)
     start = short.truth.at(short.lidar.t[0])
     ends = [
-        ch10.distances(match_along(place.grid, short, pose), short)[-1]
+        ch10.distances(ch10.match_along(place.grid, short, pose), short)[-1]
         for pose in (start, start + [2.0, 0.0, 0.5])
     ]
     assert ends[0] < 0.05
     assert ends[1] > 0.5
+
+
+def test_the_localiser_of_the_page_has_the_field_and_the_bound_of_the_package():
+    own, grid = localiser(), ch10.two_halves().grid
+    np.testing.assert_allclose(own["field_of"](grid), likelihood_field(grid, LocalizationConfig()), atol=1e-5)
+    bins = np.array([2, 10, 100, 1000])
+    np.testing.assert_allclose([own["bound"](k) for k in bins], kld_bound(bins), rtol=1e-3)
+    heap = np.random.default_rng(0).normal(0.0, [0.5, 0.5, 0.1], (10_000, 3))
+    weights = np.full(10_000, 1e-4)
+    number = own["enough"](heap, weights, 0.0, grid, np.random.default_rng(0), least=10)
+    assert 10 < enough(heap, least=10) <= number < 10_000
+    counted = np.bincount(own["draw"](np.array([0.6, 0.25, 0.15]), 20, np.random.default_rng(1)))
+    assert counted.tolist() == [12, 5, 3]
+
+
+@pytest.mark.slow
+def test_the_localiser_of_the_page_is_left_with_the_robot_and_its_twin():
+    own, place = localiser(), ch10.two_halves()
+    events = list(Drive.of(place.recording).events())[:80]
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        step = own["localise"](place.grid, events, own["anywhere"](place.grid, 100_000, rng), rng)[-1]
+        assert ch10.shares(place, *step[:3]).sum() > 0.95
+        assert len(step.poses) < 1000
+
+
+@pytest.mark.slow
+def test_the_localiser_of_the_page_finds_a_robot_and_finds_it_again_if_it_has_an_alarm():
+    own, hall = localiser(), pfslam.load("hall")
+    grid = ch10.map_along(hall, hall.truth, pfslam.SlamConfig.refined().map, every=10)
+    taken = ch10.kidnapped(ch10.part(hall, 15.0, 55.0), 12.0, 35.0)
+    events = list(Drive.of(taken).events())
+
+    def away(step):
+        return math.dist(step.weights @ step.poses[:, :2], taken.truth.at(step.t)[:2])
+
+    for alarm, found_again in ((own["Alarm"](), True), (None, False)):
+        rng = np.random.default_rng(3)
+        steps = own["localise"](grid, events, own["anywhere"](grid, 100_000, rng), rng, alarm)
+        before = [step for step in steps if step.t < events[0].t + 12.0][-1]
+        assert away(before) < 0.1
+        assert (away(steps[-1]) < 0.1) == found_again
+
+
+def test_the_stored_searches_are_those_the_page_speaks_of():
+    twins = ch10.read_table(ch10.TABLES / "twins.csv")
+    assert set(twins["cloud"]) == {"door", "no door", "drift 500", "drift 5000"}
+    assert all(len(ch10.select(twins, cloud=cloud)["seed"]) == 20 for cloud in set(twins["cloud"]))
+    assert (ch10.select(twins, cloud="door")["share_end"] > 0.95).all()

@@ -1,18 +1,24 @@
 """How often, how soon and with how many particles a robot is found: ``python book/_tools/locate.py``.
 
 Writes the three tables of chapter 10: ``locate.csv`` over simulated buildings and starts, ``poor.csv`` with a map that
-lacks the furniture, and ``exact.csv``, how far clouds of several sizes are from a histogram filter on a small map.
+lacks the furniture, and ``twins.csv``, how twenty clouds share their weight between two places that look alike.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-from pfslam_book.ch10.building import distances, match_along, part, true_map, without_furniture
-from pfslam_book.ch10.exact import distance_to_exact
-from pfslam_book.ch10.measured import COLUMNS, EXACT, POOR, TABLE
+from pfslam_book.ch10.building import (
+    TABLES,
+    distances,
+    match_along,
+    part,
+    shares,
+    true_map,
+    two_halves,
+    without_furniture,
+)
 
 from pfslam.beyond.localization import LocalizationConfig, locate, spread
 from pfslam.io.files import write_text
@@ -21,7 +27,7 @@ from pfslam.poses import Trajectory
 from pfslam.simulator import simulate
 
 BUILDINGS, STARTS, SECONDS = range(1, 11), (10.0, 45.0, 80.0), 30.0
-NUMBERS, SEEDS = (100, 300, 1000, 3000, 10_000, 30_000), range(5)
+SEEDS, HEAPS = range(20), (500, 5000)
 WHOLE = LocalizationConfig()
 VARIANTS = {
     "adaptive, with injection": WHOLE,
@@ -88,13 +94,43 @@ def poor_maps() -> list[str]:
     return rows
 
 
+def twins() -> list[str]:
+    """Search the building of two halves with its door and without, and let two even heaps drift in it."""
+    rows = []
+    for label, config in (("door", WHOLE), ("no door", WHOLE), *((f"drift {n}", heaps(n)) for n in HEAPS)):
+        place = two_halves(door=label == "door")
+        first = place.recording.true_path().poses[0]
+        for seed in SEEDS:
+            rng = np.random.default_rng(seed)
+            n, start = config.least, None
+            if "drift" in label:
+                sides = np.where(np.arange(n)[:, None] % 2, first, place.twin(first))
+                start = Particles(sides + rng.normal(0.0, [0.05, 0.05, 0.02], (n, 3)), np.zeros(n))
+            result = locate(place.grid, place.recording, config, rng=rng, start=start)
+            t = result.trajectory.t - result.trajectory.t[0]
+            infos = result.infos[int(np.argmin(np.abs(t - 10.0)))], result.infos[-1]
+            early, end = (shares(place, i.t, i.particles.poses, i.particles.weights) for i in infos)
+            sure = int(np.argmax(result.located))
+            right = distances(result.trajectory, place.recording)[sure] <= 0.5
+            found = f"{t[sure]:.2f},{int(right)}" if result.located.any() else ","
+            rows.append(f"{label},{seed},{early[0] / sum(early):.3f},{end[0] / sum(end):.3f},{found}")
+            print(rows[-1], flush=True)
+    return rows
+
+
+def heaps(n: int) -> LocalizationConfig:
+    """Hold the number of particles at ``n`` and draw none anew: what is left is chance."""
+    return replace(WHOLE, particles=n, least=n, inject=False)
+
+
 def main() -> None:
     """Write the tables."""
-    write_text(Path(POOR), "\n".join(["building,start_s,known,inject,error_at_end_m", *poor_maps()]) + "\n")
-    exact = [f"{n},{seed},{distance_to_exact(n, seed):.4f}" for n in NUMBERS for seed in SEEDS]
-    write_text(Path(EXACT), "\n".join(["particles,seed,total_variation", *exact]) + "\n")
-    print(*exact, sep="\n", flush=True)
-    write_text(Path(TABLE), "\n".join([",".join(COLUMNS), *buildings()]) + "\n")
+    head = "cloud,seed,share_10s,share_end,sure_after_s,sure_right"
+    write_text(TABLES / "twins.csv", "\n".join([head, *twins()]) + "\n")
+    head = "building,start_s,known,inject,error_at_end_m"
+    write_text(TABLES / "poor.csv", "\n".join([head, *poor_maps()]) + "\n")
+    head = "label,building,start_s,seconds_to_find,metres_to_find,error_when_found_m,error_at_end_m,particles"
+    write_text(TABLES / "locate.csv", "\n".join([head, *buildings()]) + "\n")
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -25,6 +26,8 @@ from pfslam.simulator.plan import FloorPlan, outline
 from pfslam.simulator.world import WALL_KINDS, World
 from pfslam.slam import Belief, SlamConfig, slam_step
 
+TABLES = Path(__file__).parent
+"""Where the chapter's three tables lie; ``book/_tools/locate.py`` makes them."""
 HALF = ((-12.0, -1.0, 12.0, 1.0), (2.0, 1.25, 6.5, 5.0), (3.4, 1.0, 4.4, 1.25), (8.0, -1.5, 9.0, -1.0))
 """A corridor, and on one half of it a room, the room's doorway and a shallow recess (x0, y0, x1, y1; m)."""
 DOOR = (9.0, 1.0, 10.0, 2.2)
@@ -72,6 +75,13 @@ def two_halves(door: bool = True) -> Place:
     twins = [(-x1, -y1, -x0, -y0) for x0, y0, x1, y1 in HALF]
     world = world_of(np.array([*HALF, *twins[1:], *([DOOR] if door else [])]), np.array(ROUTE))
     return Place(true_map(world), driven(world), world.pose_wp[:2])
+
+
+def shares(place: Place, t: float, poses: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Add up a cloud's weight within a metre of the true position, and of its twin: ``(2,)``."""
+    truth = place.recording.true_path().at(t)
+    away = [np.hypot(*(poses - pose)[:, :2].T) for pose in (truth, place.twin(truth))]
+    return np.array([weights[distance < 1.0].sum() for distance in away])
 
 
 def world_of(areas: np.ndarray, route: np.ndarray) -> World:
