@@ -196,6 +196,9 @@ def test_no_false_loop_in_the_hall_and_the_path_stays_as_good_and_the_same_each_
     result, revision, chi2 = closed(recording)
     assert len(revision.loops) >= 10
     assert chi2.max() < 16.0
+    certain = np.linalg.inv(revision.loops.information[:, :2, :2])
+    assert np.linalg.eigvalsh(certain).max() < 0.5**2
+    assert revision.across > 0  # kept as springs, along a corridor, and not counted
     assert trajectory_error(revision.trajectory, recording.truth).ate_rmse_m < 0.02
     assert np.abs(revision.trajectory.poses - result.trajectory.poses)[:, :2].max() < 0.03
     again = close_loops(recording, result)
