@@ -66,9 +66,8 @@ def close_loops(recording: Recording, result: SlamResult) -> Revision:
         loops = loops.chosen(weights[len(weights) - len(loops) :] > 0.5)
         path = carried(poses, keys, revised)
         grid = redrawn(recording, result, path)
-    firm = np.linalg.eigvalsh(loops.information[:, :2, :2])[:, 0] > LEAST_CERTAIN**-2
-    done, certain = Trajectory(result.trajectory.t, path), loops.chosen(firm)
-    return Revision(done, grid, keys, len(candidates), certain, scale, len(loops) - len(certain))
+    done, sure = Trajectory(result.trajectory.t, path), loops.chosen(certain(loops))
+    return Revision(done, grid, keys, len(candidates), sure, scale, len(loops) - len(sure))
 
 
 def key_scans(result: SlamResult) -> np.ndarray:
@@ -174,6 +173,11 @@ def consistent(loops: Edges, poses: np.ndarray, reach: float = 8.0) -> Edges:
         agree = (error < [0.2, 0.2, 0.04] + np.outer(gap[near], [0.03, 0.03, 0.003])).all(axis=1)
         keep[b] = np.count_nonzero(agree) >= SUPPORT and 2 * np.count_nonzero(agree) > len(near)
     return loops.chosen(keep)
+
+
+def certain(loops: Edges) -> np.ndarray:
+    """Say which matches ``(E,)`` bool know where, to ``LEAST_CERTAIN`` in each direction, their heading given."""
+    return np.linalg.eigvalsh(loops.information[:, :2, :2])[:, 0] > LEAST_CERTAIN**-2
 
 
 def confirming(loops: Edges, poses: np.ndarray) -> Edges:
