@@ -90,7 +90,7 @@ def outlier_case(false: float, kernel: str) -> tuple[Edges, np.ndarray, np.ndarr
 def outlier_explorer() -> Explorer:
     """Return the widget in which one of four loops is false by a chosen length, with a kernel or without."""
     controls = [
-        Slider("false", (0.0, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0), 6, "One loop is off by", "m"),
+        Slider("false", (0.0, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0), 6, "One loop is off ahead by", "m"),
         Slider("kernel", ("without", "with"), 0, "Robust kernel"),
     ]
     return Explorer(_frame, controls, title="One false loop among four", alt=_alt)
@@ -114,6 +114,6 @@ def _frame(false: float, kernel: str) -> Figure:
 
 def _alt(false: float, kernel: str) -> str:
     _, _, weights, error = outlier_case(false, kernel)
-    return f"""Two rounds of a square, {kernel} the robust kernel; one of four loops is off by {false:g} m. The path is
-    {100 * error:.0f} cm from the truth; the false loop keeps a weight of {weights[-1]:.2f}, the true ones at least
-    {weights[-4:-1].min():.2f}."""
+    return f"""Two rounds of a square, {kernel} the robust kernel; one of four loops is off by {false:g} m ahead, half
+    of that to the right and 0.1 rad a metre. The path is {100 * error:.0f} cm from the truth; the false loop keeps
+    a weight of {weights[-1]:.2f}, the true ones at least {weights[-4:-1].min():.2f}."""
