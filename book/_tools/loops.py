@@ -17,6 +17,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from pfslam_book.ch10.building import driven, two_halves, world_of
 from pfslam_book.ch11.drives import FALSE, TABLES
+from pfslam_book.show.intel import RETURN_SECONDS
 
 import pfslam
 from pfslam.beyond.loops import closing
@@ -34,8 +35,8 @@ from pfslam.simulator import HALL, simulate
 from pfslam.simulator.config import RING
 from pfslam.slam import SlamConfig
 
-CHAIN_SIGMAS, RETURN_SECONDS = 5.0, 60.0
-"""How much less a match to one scan is worth than one to the map; from when on a relation joins two visits (s)."""
+CHAIN_SIGMAS = 5.0
+"""How much less a match to one scan is worth than one to the map."""
 STORED = {("ring, wheels change", 0): "ring", ("long corridor, wheels change", 1): "corridor"}
 """The drives whose graphs and maps are kept."""
 CHANGES = (1.0, 0.98 / 1.02, 1.01 / 1.02)

@@ -1,7 +1,14 @@
 """What the notebook of chapter 11 calls."""
 
 from pfslam_book.ch11.drives import edges, stored, table
-from pfslam_book.ch11.springs import draw_graph, outlier_case, outlier_explorer, six_poses, two_rounds
+from pfslam_book.ch11.springs import (
+    draw_graph,
+    outlier_case,
+    outlier_explorer,
+    six_poses,
+    springs_lab,
+    two_rounds,
+)
 from pfslam_book.exercises.ch11 import check_edge_error, check_landmark_jacobian, check_robust_weight
 from pfslam_book.show.source import show_source
 from pfslam_book.show.tables import Shown
@@ -17,6 +24,7 @@ __all__ = [
     "outlier_explorer",
     "show_source",
     "six_poses",
+    "springs_lab",
     "stored",
     "table",
     "two_rounds",

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from pfslam.beyond.loops.graph import Edges, relax
 from pfslam.poses import between, compose
+from pfslam_book.show.lab import Laboratory, show_lab
 from pfslam_book.show.style import COLOURS, metric_axes, new_figure
 from pfslam_book.show.widgets import Explorer, Slider
 
@@ -117,3 +118,10 @@ def _alt(false: float, kernel: str) -> str:
     return f"""Two rounds of a square, {kernel} the robust kernel; one of four loops is off by {false:g} m ahead, half
     of that to the right and 0.1 rad a metre. The path is {100 * error:.0f} cm from the truth; the false loop keeps
     a weight of {weights[-1]:.2f}, the true ones at least {weights[-4:-1].min():.2f}."""
+
+
+def springs_lab() -> Laboratory:
+    """Return the laboratory in which a graph of springs is pulled at, with a true loop and a false one."""
+    alt = """A path of poses round a square, joined by springs, and the true path dashed. A true loop and a false one can be
+    closed, with a robust kernel or without; bars show how far each spring is strained."""
+    return show_lab("springs", "Pull at a graph of springs", alt)
