@@ -122,6 +122,6 @@ def _alt(false: float, kernel: str) -> str:
 
 def springs_lab() -> Laboratory:
     """Return the laboratory in which a graph of springs is pulled at, with a true loop and a false one."""
-    alt = """A path of poses round a square, joined by springs, and the true path dashed. A true loop and a false one can
+    alt = """A path of poses round a square, joined by springs, and the true path dashed. A true and a false loop can
     be closed, with a robust kernel or without; bars show how far each spring is strained."""
     return show_lab("springs", "Pull at a graph of springs", alt)
