@@ -8,7 +8,15 @@ from drives import simulated
 from scipy.optimize import least_squares
 
 from pfslam.beyond.loops import graph
-from pfslam.beyond.loops.closing import LOOP_FLOOR, Revision, close_loops, confirming, matched, softened
+from pfslam.beyond.loops.closing import (
+    LOOP_FLOOR,
+    Revision,
+    certain,
+    close_loops,
+    confirming,
+    matched,
+    softened,
+)
 from pfslam.beyond.loops.graph import Edges, jacobians, relax, residuals
 from pfslam.beyond.loops.places import Place, align, compare, search_window
 from pfslam.evaluation.trajectory import trajectory_error
@@ -175,9 +183,20 @@ def test_the_search_finds_the_pose_and_names_the_twin_of_a_place_that_repeats():
 def test_a_match_in_a_place_that_repeats_says_nothing_along_the_corridor():
     rng = np.random.default_rng(0)
     places = [corridor_place(rng, np.arange(-6.5, 8.0, 2.0)) for _ in range(2)]
-    (found,) = matched(places, np.zeros((2, 3)), [(0, 1, 2.5)], 0, LOOP_FLOOR).information
+    match = matched(places, np.zeros((2, 3)), [(0, 1, 2.5)], 0, LOOP_FLOOR)
+    (found,) = match.information
     assert found[1, 1] > 500.0
     assert found[0, 0] < 1.0
+    assert not certain(match).any()  # a spring across the corridor, and not a loop
+
+
+def test_a_loop_knows_where_to_half_a_metre_in_the_direction_that_it_knows_least():
+    turned = Edges(*(np.zeros(3, dtype=int),) * 2, np.zeros((3, 3)), np.zeros((3, 3, 3)), *(np.zeros(3),) * 2)
+    for k, deviation in enumerate((0.49, 0.51, np.inf)):
+        axis = np.array([np.cos(0.7), np.sin(0.7)])
+        across = 1e4 * (np.eye(2) - np.outer(axis, axis))
+        turned.information[k, :2, :2] = across + np.outer(axis, axis) / deviation**2
+    assert certain(turned).tolist() == [True, False, False]
 
 
 def closed(recording, every=20) -> tuple[SlamResult, Revision, np.ndarray]:
@@ -196,6 +215,7 @@ def test_no_false_loop_in_the_hall_and_the_path_stays_as_good_and_the_same_each_
     result, revision, chi2 = closed(recording)
     assert len(revision.loops) >= 10
     assert chi2.max() < 16.0
+    assert np.linalg.eigvalsh(np.linalg.inv(revision.loops.information[:, :2, :2])).max() < 0.5**2
     assert trajectory_error(revision.trajectory, recording.truth).ate_rmse_m < 0.02
     assert np.abs(revision.trajectory.poses - result.trajectory.poses)[:, :2].max() < 0.03
     again = close_loops(recording, result)

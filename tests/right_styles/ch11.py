@@ -33,6 +33,27 @@ def by_polar(a, b, z):
     return way * math.cos(bearing) - z[0], way * math.sin(bearing) - z[1], turn
 
 
+def by_blocks(pose, landmark):
+    R = rotation_matrix(yaw=pose[2])[:2, :2]
+    turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    arm = R.T @ (np.asarray(landmark) - pose[:2])
+    return np.hstack([-R.T, (turn @ arm)[:, None], R.T])
+
+
+def by_rows(pose, landmark):
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    dx, dy = landmark[0] - pose[0], landmark[1] - pose[1]
+    return [[-c, -s, -s * dx + c * dy, c, s], [s, -c, -c * dx - s * dy, -s, c]]
+
+
+def by_differences(pose, landmark):
+    def seen(v):
+        return rotation_matrix(yaw=v[2])[:2, :2].T @ (v[3:] - v[:2])
+
+    v, steps = np.concatenate([pose, landmark]), 1e-5 * np.eye(5)
+    return np.column_stack([(seen(v + d) - seen(v - d)) / 2e-5 for d in steps])
+
+
 STYLES = {
     "check_edge_error": [
         error,
@@ -42,6 +63,7 @@ STYLES = {
         lambda a, b, z: tuple(error(a, b, z)),
         lambda a, b, z: np.float32(error(a, b, z)),
     ],
+    "check_landmark_jacobian": [by_blocks, by_rows, by_differences],
     "check_robust_weight": [
         robust_weights,
         lambda c, k: (1.0 + c / k**2) ** -2.0,

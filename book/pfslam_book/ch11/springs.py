@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from pfslam.beyond.loops.graph import Edges, relax, robust_weights
+from pfslam.beyond.loops.graph import Edges, relax
 from pfslam.poses import between, compose
-from pfslam_book.show.pictures import Picture
+from pfslam_book.show.lab import Laboratory, show_lab
 from pfslam_book.show.style import COLOURS, metric_axes, new_figure
 from pfslam_book.show.widgets import Explorer, Slider
 
@@ -48,20 +50,6 @@ def six_poses() -> tuple[np.ndarray, Edges]:
     return poses, chain.joined(edges_of([(0, 5)], between(truth[:1], truth[5:]), True))
 
 
-def springs_picture(edges: Edges, before: np.ndarray, after: np.ndarray) -> Picture:
-    """Draw a graph before and after it is relaxed; the loop says where the last pose should be, seen from the first."""
-    figure, axes = new_figure(6.8, 3.8, columns=2, sharex=True, sharey=True)
-    for ax, poses, title in zip(axes, (before, after), ("as driven", "relaxed"), strict=True):
-        draw_graph(ax, edges, poses)
-        metric_axes(ax, title)
-    gap = np.hypot(*(compose(before[0], edges.pose[-1]) - before[-1])[:2])
-    left = np.hypot(*(compose(after[edges.i[-1]], edges.pose[-1]) - after[edges.j[-1]])[:2])
-    alt = f"""Six poses on three sides of a square, joined by five motions, and a loop from the first to the last. As
-    driven, the last pose is {gap:.2f} m from where the loop says it is. Relaxed, {left:.2f} m are left of it, and all
-    poses but the first have moved."""
-    return Picture(figure, alt)
-
-
 def draw_graph(ax, edges: Edges, poses: np.ndarray, weights: np.ndarray | None = None) -> None:
     """Draw poses as arrows, motions as lines, and what each loop claims as a dashed line from its measured end."""
     for e, (i, j) in enumerate(zip(edges.i, edges.j, strict=True)):
@@ -78,18 +66,24 @@ def draw_graph(ax, edges: Edges, poses: np.ndarray, weights: np.ndarray | None =
     ax.scatter(*poses[:, :2].T, s=18, color=COLOURS["estimate"], zorder=3)
 
 
-def outlier_case(false: float, kernel: str) -> tuple[Edges, np.ndarray, np.ndarray, float]:
-    """Relax two rounds of a square with three true loops and one that is off by ``false`` (m).
+def two_rounds(
+    false: float, turn: float = 0.02, doubtful: bool = True
+) -> tuple[Edges, np.ndarray, np.ndarray]:
+    """Return edges, start and truth of two rounds of a square: three true loops and one off by ``false`` (m).
 
-    Returns edges, poses, weights, and the error (m, root mean square).
+    The false one is off by as much ahead, half as much to the right, and 0.1 rad for every metre.
     """
-    n = 16
-    start, chain = driven(n, turn=0.02)
-    truth = true_path(n)
+    start, chain = driven(16, turn)
+    truth = true_path(16)
     ends = [(0, 8), (2, 10), (7, 15), (3, 11)]
     measured = between(truth[[i for i, _ in ends]], truth[[j for _, j in ends]])
     measured[3] += [false, -0.5 * false, 0.1 * false]
-    edges = chain.joined(edges_of(ends, measured, kernel == "with"))
+    return chain.joined(edges_of(ends, measured, doubtful)), start, truth
+
+
+def outlier_case(false: float, kernel: str) -> tuple[Edges, np.ndarray, np.ndarray, float]:
+    """Relax two rounds of a square; returns edges, poses, weights, and the error (m, root mean square)."""
+    edges, start, truth = two_rounds(false, doubtful=kernel == "with")
     poses, _, weights = relax(edges, start)
     return edges, poses, weights, float(np.sqrt(np.mean(np.sum((poses - truth)[:, :2] ** 2, axis=1))))
 
@@ -97,7 +91,7 @@ def outlier_case(false: float, kernel: str) -> tuple[Edges, np.ndarray, np.ndarr
 def outlier_explorer() -> Explorer:
     """Return the widget in which one of four loops is false by a chosen length, with a kernel or without."""
     controls = [
-        Slider("false", (0.0, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0), 6, "One loop is off by", "m"),
+        Slider("false", (0.0, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0), 6, "One loop is off ahead by", "m"),
         Slider("kernel", ("without", "with"), 0, "Robust kernel"),
     ]
     return Explorer(_frame, controls, title="One false loop among four", alt=_alt)
@@ -108,12 +102,7 @@ def _frame(false: float, kernel: str) -> Figure:
     figure, axes = new_figure(6.8, 3.8, columns=2, width_ratios=[1.2, 1])
     truth = true_path(len(poses))
     axes[0].plot(*truth[:, :2].T, color=COLOURS["truth"], linewidth=3, alpha=0.3)
-    edges = Edges(
-        *[
-            *(getattr(edges, n) for n in ("i", "j", "pose", "information", "wheels")),
-            np.arange(len(edges)) > 14,
-        ]
-    )
+    edges = replace(edges, doubtful=np.arange(len(edges)) > 14)
     draw_graph(axes[0], edges, poses, weights)
     metric_axes(axes[0], f"{100 * error:.0f} cm off")
     axes[0].set(xlim=(-2.5, 6.5), ylim=(-2.5, 6.5))
@@ -126,25 +115,13 @@ def _frame(false: float, kernel: str) -> Figure:
 
 def _alt(false: float, kernel: str) -> str:
     _, _, weights, error = outlier_case(false, kernel)
-    return f"""Two rounds of a square, {kernel} the robust kernel; one of four loops is off by {false:g} m. The path is
-    {100 * error:.0f} cm from the truth; the false loop keeps a weight of {weights[-1]:.2f}, the true ones at least
-    {weights[-4:-1].min():.2f}."""
+    return f"""Two rounds of a square, {kernel} the robust kernel; one of four loops is off by {false:g} m ahead, half
+    of that to the right and 0.1 rad a metre. The path is {100 * error:.0f} cm from the truth; the false loop keeps
+    a weight of {weights[-1]:.2f}, the true ones at least {weights[-4:-1].min():.2f}."""
 
 
-def kernel_picture() -> Picture:
-    """Draw the cost of an error and the weight that it gets, squared and under the kernel at three widths."""
-    figure, axes = new_figure(6.8, 3.2, columns=2)
-    chi = np.linspace(0.0, 12.0, 200)
-    axes[0].plot(chi, chi**2, color=COLOURS["truth"], label="square")
-    axes[1].plot(chi, np.ones_like(chi), color=COLOURS["truth"], label="square")
-    for width, name in ((3.0, "highlight"), (5.0, "free"), (10.0, "estimate")):
-        axes[0].plot(
-            chi, width**2 * chi**2 / (width**2 + chi**2), color=COLOURS[name], label=f"k = {width:.0f}"
-        )
-        axes[1].plot(chi, robust_weights(chi**2, width), color=COLOURS[name])
-    axes[0].set(xlabel=r"error $\chi$ [std]", ylabel="cost", ylim=(0, 60))
-    axes[1].set(xlabel=r"error $\chi$ [std]", ylabel="weight", ylim=(0, 1.05))
-    axes[0].legend(loc="upper left")
-    alt = """Left, cost against error: the square grows without end, the kernel's levels off at its width squared.
-    Right, the weight: one for the square, and for the kernel it falls to a quarter at its width and towards zero."""
-    return Picture(figure, alt)
+def springs_lab() -> Laboratory:
+    """Return the laboratory in which a graph of springs is pulled at, with a true loop and a false one."""
+    alt = """A path of poses round a square, joined by springs, and the true path dashed. A true and a false loop can
+    be closed, with a robust kernel or without; bars show how far each spring is strained."""
+    return show_lab("springs", "Pull at a graph of springs", alt)

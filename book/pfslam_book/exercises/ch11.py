@@ -76,3 +76,45 @@ check_robust_weight = Exercise(
     },
     praise="An error of one width keeps a quarter of its weight; one of ten widths a ten-thousandth.",
 )
+
+# ---- 3: another Jacobian
+
+
+def landmark_jacobian(pose, landmark, frame=1.0, arm=1.0, world=False, robot=-1.0):
+    """Derivatives (2, 5) of R^T (l - p) - z for x, y, theta and the landmark, or with one sign or frame changed."""
+    c, s = np.cos(frame * pose[2]), np.sin(frame * pose[2])
+    turned, (dx, dy) = np.array([[c, s], [-s, c]]), np.subtract(landmark, pose[:2])
+    x, y = (dx, dy) if world else turned @ [dx, dy]
+    return np.column_stack([robot * turned, [arm * y, -arm * x], turned])
+
+
+def landmark_mistake(**change):
+    """A Jacobian with one thing wrong."""
+    return lambda *case: landmark_jacobian(*case, **change)
+
+
+check_landmark_jacobian = Exercise(
+    right=landmark_jacobian,
+    cases=[
+        (np.array([0.4, -1.2, 0.7]), np.array([2.1, 0.9])),
+        (np.array([-1.3, 0.6, -2.4]), np.array([0.2, -3.1])),
+    ],
+    mistakes={
+        "A turn of the robot moves the landmark, too, as the robot sees it: the third column is not zero.": (
+            landmark_mistake(arm=0.0)
+        ),
+        "The third column has the wrong sign: who turns left sees the landmark move to the right.": (
+            landmark_mistake(arm=-1.0)
+        ),
+        "You turn by +theta. From the world into the robot's frame it is the transpose.": landmark_mistake(
+            frame=-1.0
+        ),
+        "The third column holds the landmark as the robot sees it, (y, -x) in its own frame.": (
+            landmark_mistake(world=True)
+        ),
+        "If the robot moves ahead, the landmark comes nearer: the first two columns have a minus.": (
+            landmark_mistake(robot=1.0)
+        ),
+    },
+    praise="With such edges door frames become unknowns beside the poses: that is how landmarks enter a graph.",
+)

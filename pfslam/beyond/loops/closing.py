@@ -18,8 +18,9 @@ KEY_METRES, KEY_RADIANS, AROUND, APART = 1.0, 0.5, 2, 2
 """Motion to the next key scan; such scans either side of a place; how far on one is matched anew after wheels alone."""
 LEAST_WAY, NEARBY, DRIFT, FARTHEST, YAW_SHARE = 10.0, 1.5, 0.02, 8.0, 0.06
 """Metres to a first loop; its window, ``NEARBY + DRIFT * way``, at most ``FARTHEST`` (m); and rad for every metre."""
-LEAST_POINTS, LEAST_SHARE, TWIN, SUPPORT = 10, 0.6, 0.9, 2
-"""Points in a place; share of them that each explains of the other; score of a twin; loops that agree with a loop."""
+LEAST_POINTS, LEAST_SHARE, TWIN, SUPPORT, LEAST_CERTAIN = 10, 0.6, 0.9, 2, 0.5
+"""Points in a place; share of them that each explains of the other; score of a twin; loops that agree with a loop; and
+standard deviation (m) in each direction above which a match is a spring, but no loop."""
 AGREES, LEAST_SCALE = 7.81, 0.015
 """Squared error (chi-square) that 19 of 20 right loops stay below; least error of the wheels' scale that counts."""
 LOOP_FLOOR, NEIGHBOUR_FLOOR = np.array([0.03, 0.03, 0.005]) ** 2, np.array([0.01, 0.01, 0.02]) ** 2
@@ -30,8 +31,9 @@ LOOP_FLOOR, NEIGHBOUR_FLOOR = np.array([0.03, 0.03, 0.005]) ** 2, np.array([0.01
 class Revision:
     """A revised run: the path at the same times, the map drawn from it, and what was done.
 
-    ``keys (K,)`` are indices of scans, ``candidates`` the number of pairs looked at, ``loops`` those kept, as edges
-    between key scans, ``scale (K,)`` what was found about the wheels.
+    ``keys (K,)`` are indices of scans, ``candidates`` the number of pairs looked at, ``loops`` those kept that know
+    where, as edges between key scans, ``scale (K,)`` what was found about the wheels, and ``across`` how many more were
+    kept that leave a direction open by half a metre or more, as along a corridor: springs, but no loops.
     """
 
     trajectory: Trajectory
@@ -40,6 +42,7 @@ class Revision:
     candidates: int
     loops: Edges
     scale: np.ndarray
+    across: int
 
 
 def close_loops(recording: Recording, result: SlamResult) -> Revision:
@@ -63,7 +66,8 @@ def close_loops(recording: Recording, result: SlamResult) -> Revision:
         loops = loops.chosen(weights[len(weights) - len(loops) :] > 0.5)
         path = carried(poses, keys, revised)
         grid = redrawn(recording, result, path)
-    return Revision(Trajectory(result.trajectory.t, path), grid, keys, len(candidates), loops, scale)
+    done, sure = Trajectory(result.trajectory.t, path), loops.chosen(certain(loops))
+    return Revision(done, grid, keys, len(candidates), sure, scale, len(loops) - len(sure))
 
 
 def key_scans(result: SlamResult) -> np.ndarray:
@@ -169,6 +173,11 @@ def consistent(loops: Edges, poses: np.ndarray, reach: float = 8.0) -> Edges:
         agree = (error < [0.2, 0.2, 0.04] + np.outer(gap[near], [0.03, 0.03, 0.003])).all(axis=1)
         keep[b] = np.count_nonzero(agree) >= SUPPORT and 2 * np.count_nonzero(agree) > len(near)
     return loops.chosen(keep)
+
+
+def certain(loops: Edges) -> np.ndarray:
+    """Say which matches ``(E,)`` bool know where, to ``LEAST_CERTAIN`` in each direction, their heading given."""
+    return np.linalg.eigvalsh(loops.information[:, :2, :2])[:, 0] > LEAST_CERTAIN**-2
 
 
 def confirming(loops: Edges, poses: np.ndarray) -> Edges:
