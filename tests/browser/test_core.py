@@ -14,6 +14,14 @@ import pytest
 from dice import Handed
 from pfslam_book.ch05.cells import SEEN_AT_DOOR, SEEN_AT_WALL, door_after
 
+from pfslam.beyond.localization import KnownMap, LocalizationConfig, enough, kld_bound
+from pfslam.beyond.loops.graph import (
+    Edges,
+    chi_square,
+    gauss_newton_step,
+    residuals,
+    robust_weights,
+)
 from pfslam.correlation import map_correlation, score_field
 from pfslam.evaluation.checkup import turned_by_wheels
 from pfslam.evaluation.trajectory import trajectory_error
@@ -37,7 +45,7 @@ from pfslam.particles import (
     reweight,
     systematic_resample,
 )
-from pfslam.poses import average_pose, transform_points, wrap_angle
+from pfslam.poses import average_pose, between, compose, transform_points, wrap_angle
 from pfslam.recording import Encoders
 from pfslam.sensors import EncoderModel, ImuModel, LidarModel, scan_points
 from pfslam.simulator.lidar import true_ranges
@@ -324,6 +332,56 @@ def ray_cases(rng):
     yield "castRays", [world.walls, discs(world), pose, LIDAR.angles], beams_in(world, pose)
 
 
+def lost_cases(rng):
+    log_odds = np.where(rng.random(SPEC.shape) < 0.03, 1, np.where(rng.random(SPEC.shape) < 0.8, -1, 0))
+    grid, config = OccupancyGrid(SPEC, log_odds.astype(np.float32)), LocalizationConfig()
+    known, model = KnownMap.of(grid, config), {"sigma": config.sigma, "random": config.random}
+    yield "likelihoodField", [grid.occupied, SPEC, model], known.field
+    poses, points = poses_in(rng, 40), rng.uniform(-3, 3, (40, 2))
+    model |= {"beams": config.effective_beams}
+    expected = known.log_likelihood(poses, points)
+    yield "lostLogLikelihood", [known.field, SPEC, grid.free, points, poses, model], expected
+    for bins in (1, 2, 3, 50, 1234):
+        yield "kldBound", [bins], kld_bound(bins)
+    for least in (5, 30, 100):
+        yield "enough", [np.tile(poses, (20, 1)), least], enough(np.tile(poses, (20, 1)), least)
+
+
+def graph_cases(rng):
+    poses, i, j = poses_in(rng, 6), np.array([0, 1, 2, 3, 4, 0]), np.array([1, 2, 3, 4, 5, 5])
+    measured = between(poses[i], poses[j]) + rng.normal(size=(6, 3)) * [0.2, 0.2, 0.1]
+    diagonals, nothing = rng.uniform(1, 100, (6, 3)), np.zeros(6)
+    edges = Edges(i, j, measured, np.stack([np.diag(d) for d in diagonals]), nothing, nothing.astype(bool))
+    chi2, weights = chi_square(edges, poses, nothing), robust_weights(rng.uniform(0, 20, 6), 3.0)
+    rows = [pose.tolist() for pose in poses]
+    described = [
+        {"i": int(a), "j": int(b), "z": z.tolist(), "information": d.tolist()}
+        for a, b, z, d in zip(i, j, measured, diagonals, strict=True)
+    ]
+    for k, error in enumerate(residuals(edges, poses, nothing)):
+        yield "between", [rows[i[k]], rows[j[k]]], between(poses[i[k]], poses[j[k]])
+        yield "compose", [rows[i[k]], measured[k].tolist()], compose(poses[i[k]], measured[k])
+        yield "edgeError", [described[k], rows], error
+        yield "chiSquare", [described[k], rows], chi2[k]
+        yield "robustWeight", [chi2[k], 3.0], robust_weights(chi2[k : k + 1], 3.0)[0]
+    yield (
+        "graphStep",
+        [described, rows, weights.tolist()],
+        gauss_newton_step(edges, poses, nothing, weights)[0],
+    )
+
+
+def way_cases(rng):
+    wall = np.array([0.0, 0.0, 2.0, 0.0])
+    for place, depth in (([1.0, 0.1], 0.1), ([1.0, 0.3], 0.0), ([2.3, 0.4], 0.0), ([2.12, 0.09], 0.05)):
+        yield "touches", [wall, place, 0.2], depth
+    yield "wayTo", [wall, SPEC, [1.0, 1.0], [3.0, 1.5], 0.28], [[3.0, 1.5]]
+    for x, y, theta in poses_in(rng, 5):
+        aside = wrap_angle(np.arctan2(1.0 - y, 2.0 - x) - theta)
+        expected = [0.7 * max(0.0, np.cos(aside)) ** 3, np.clip(3.0 * aside, -1.6, 1.6)]
+        yield "steer", [[x, y, theta], [2.0, 1.0], 0.7, 1.6], expected
+
+
 def random_cases(rng):
     for seed in (0, 1, 16, 2**32 - 1):
         numbers = list(islice(sfc32(seed), 15 + 50 + 50))[15:]
@@ -342,6 +400,9 @@ FAMILIES = (
     weight_cases,
     drawing_cases,
     ray_cases,
+    lost_cases,
+    graph_cases,
+    way_cases,
     random_cases,
 )
 

@@ -91,8 +91,8 @@ def test_the_site_is_light(site):
         ("Neff", "notebooks/05", False),
         ("ICP", "book/glossary", False),
         ("ESS", "notebooks/04", True),
-        ("kidnapped", "notebooks/11", True),
-        ("bag", "notebooks/13", True),
+        ("kidnapped", "notebooks/10", True),
+        ("bag", "notebooks/12", True),
     ],
 )
 def test_search_finds_formulas_and_short_names_and_the_chapter_first(visit, words, page, first, scheme):
