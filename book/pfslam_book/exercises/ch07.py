@@ -63,8 +63,8 @@ def same_rows(before, after, rng):
     return np.append(np.median(after) - np.median(before), np.quantile(apart, ENDS))
 
 
-def mixed(before, after, rng):
-    return np.append(np.median(after - before), difference(before, after, rng)[1:])
+def half_paired(before, after, rng):
+    return np.append(np.median(after) - np.median(before), interval(after - before, rng))
 
 
 check_difference = Exercise(
@@ -79,8 +79,8 @@ check_difference = Exercise(
         "another order your answer changes: resample each setting by itself, and subtract the medians.": paired,
         "You draw the same rows for both settings, which ties run 3 of the one to run 3 of the other. They have "
         "nothing to do with each other: draw for each setting by itself.": same_rows,
-        "Your interval is right. But the median of the differences run by run depends on the order of the runs: take "
-        "the difference of the two medians.": mixed,
+        "Your difference is right. But your interval is that of the differences run by run, which depends on the order "
+        "of the runs: resample each setting by itself.": half_paired,
         "You subtract after from before. An improvement should be negative.": (
             lambda before, after, rng: difference(after, before, rng)
         ),
@@ -125,8 +125,9 @@ check_by_building = Exercise(
         "That is the mean change. The median was asked for.": (
             lambda before, after, rng: by_building(before, after, rng, np.mean)
         ),
-        "You use the first run of each building only. Take the mean over its runs.": (
-            lambda before, after, rng: paired(before[:, 0], after[:, 0], rng)
+        "Your interval is right. But the difference of two medians compares two buildings that need not be the same: "
+        "take the median of the differences, building by building.": (
+            lambda before, after, rng: half_paired(before.mean(axis=1), after.mean(axis=1), rng)
         ),
     },
     praise="Each building is one witness, and a pair.",
