@@ -118,7 +118,7 @@ def right(name, change=lambda answer: answer, seed=None):
 
 
 BESIDES = {
-    "07 check_median_interval": (right("07 check_median_interval", seed=3), "never draws from the rng"),
+    "07 check_by_building": (right("07 check_by_building", seed=3), "never draws from the rng"),
     "07 check_difference": (right("07 check_difference", seed=3), "never draws from the rng"),
     "09 check_draw_all": (right("09 check_draw_all", change=np.copy), "more memory than needed"),
 }

@@ -1,7 +1,7 @@
 """Exercise 3 of chapter 08 asks for names and not for a function: its hints, and the robots that it is about."""
 
 import pytest
-from pfslam_book.ch08.mystery import FAULTS, MysteryRobot, mystery
+from pfslam_book.ch08.mystery import HIDDEN, MysteryRobot, mystery
 from pfslam_book.exercises.ch08 import check_diagnosis
 
 import pfslam
@@ -46,7 +46,7 @@ def test_each_robot_shows_its_own_fault():
         "renumbered beams": lambda n: n["cut scans"] > 0.9,
         "lost second": lambda n: n["metres lost"] > 0.4,
     }
-    assert set(stands_out) == set(FAULTS)
+    assert set(stands_out) == set(HIDDEN)
     assert len({r.fault for r in robots}) == len(robots) == 4
     for r in robots:
         assert stands_out[r.fault](r.numbers), (r.fault, r.numbers)

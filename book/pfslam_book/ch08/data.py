@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
+import pfslam
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import OccupancyGrid
 from pfslam.motion import Controls, controls, dead_reckoning, integrate, wheel_distance
-from pfslam.poses import Trajectory, between, transform_points, wrap_angle
+from pfslam.poses import Trajectory, between, wrap_angle
 from pfslam.recording import Recording
 from pfslam.run import run_slam
-from pfslam.sensors import scan_points
 from pfslam.slam import SlamConfig
+from pfslam_book.ch08.fault import Panel, Seen
+from pfslam_book.show import faults
 from pfslam_book.show.figures import map_along
 
 LAB = (9.0, 52.0)
@@ -23,68 +25,29 @@ BENDS = (30.0, 52.0)
 """Half of it, with all its bends: enough to see what a filter keeps correcting."""
 TURNS = (36.0, 52.0)
 """The end of it, with a half turn in a dead end: what odometry draws is short enough to be sharp."""
-CELL = 0.05
-HALF = 2**16
-"""Cells each way from the origin that one number can tell apart: three kilometres."""
+DELAY = 0.15
+"""By how much the clock of the scans is off (s)."""
+MIRRORED_X = -0.13323
+"""Where the program takes the LiDAR to be: behind the centre instead of in front of it (m)."""
+PANE = (300, 40)
+"""First beam and number of beams of the glass pane."""
+GAP = (40.5, 41.5)
+"""Begin and end of the IMU's silence (s after the start)."""
+LIMITS = {"xlim": (-7, 5), "ylim": (-6, 6.5)}
 
 
-# ---- what odometry alone draws
+@cache
+def hall() -> Recording:
+    """Return the drive that is broken in so many ways."""
+    return pfslam.load("hall")
 
 
-def drawn_by_odometry(recording: Recording, inputs: Controls | None = None) -> OccupancyGrid:
-    """Return the map of a few seconds along dead reckoning, or along other controls."""
+def map_by_odometry(recording: Recording, inputs: Controls | None = None) -> OccupancyGrid:
+    """Return the map of the half turn along dead reckoning, or along other controls."""
     odometry = dead_reckoning(recording) if inputs is None else integrate(inputs)
-    start = odometry.at(recording.scans().t[0])
-    return map_along(recording, Trajectory(odometry.t, between(start, odometry.poses)), every=8)
-
-
-@dataclass(frozen=True, eq=False)
-class Turn:
-    """A few seconds of scans, ready to be laid out with another clock: stamps, points of each scan, odometry."""
-
-    t: np.ndarray
-    points_b: list[np.ndarray]
-    odometry: Trajectory
-
-    @classmethod
-    def of(cls, recording: Recording, begin: float = TURNS[0], end: float = TURNS[1], every: int = 8) -> Turn:
-        """Return every ``every``-th scan between two times (s after the first scan)."""
-        scans = recording.scans()
-        index = np.flatnonzero((scans.t >= scans.t[0] + begin) & (scans.t < scans.t[0] + end))[::every]
-        points = [scan_points(scans.ranges[i], recording.robot.lidar) for i in index]
-        return cls(scans.t[index], points, dead_reckoning(recording))
-
-    def hits(self, shift: float) -> list[np.ndarray]:
-        """Return the distinct cells that each scan hits if its stamp is moved by ``shift`` s, as one number each."""
-        cells = []
-        for pose, points in zip(self.odometry.at(self.t + shift), self.points_b, strict=True):
-            x, y = np.floor(transform_points(pose, points) / CELL).astype(int).T
-            cells.append(np.unique((y + HALF) * 2 * HALF + x + HALF))
-        return cells
-
-    def places(self, shift: float) -> np.ndarray:
-        """Return the centres ``(C, 2)`` (m) of all cells that are hit."""
-        y, x = np.divmod(np.unique(np.concatenate(self.hits(shift))), 2 * HALF)
-        return (np.column_stack([x, y]) - HALF + 0.5) * CELL
-
-    def cells(self, shift: float) -> int:
-        """Return how many cells the hits of all scans need: a sharp map needs few."""
-        return len(np.unique(np.concatenate(self.hits(shift))))
-
-    def lonely(self, shift: float, least: int = 3) -> np.ndarray:
-        """Return share ``(S,)`` of each scan's cells that fewer than ``least`` of the scans hit."""
-        hits = self.hits(shift)
-        _, which, scans = np.unique(np.concatenate(hits), return_inverse=True, return_counts=True)
-        alone = scans[which] < least
-        return np.array([part.mean() for part in np.split(alone, np.cumsum([len(h) for h in hits])[:-1])])
-
-    def yaw_rate(self) -> np.ndarray:
-        """Return yaw rate ``(S,)`` (rad/s) at each scan, from odometry over 40 ms."""
-        return _rate(self.odometry, self.t)
-
-
-def _rate(odometry: Trajectory, t: np.ndarray, half: float = 0.02) -> np.ndarray:
-    return wrap_angle(odometry.at(t + half)[:, 2] - odometry.at(t - half)[:, 2]) / (2 * half)
+    part = faults.scans_between(recording, *TURNS)
+    start = odometry.at(part.scans().t[0])
+    return map_along(part, Trajectory(odometry.t, between(start, odometry.poses)), every=8)
 
 
 # ---- what the filter keeps correcting
@@ -110,10 +73,9 @@ class Corrections:
 
 
 def correction_fit(turn, rate_change, dt, heading) -> tuple[float, float]:
-    """Return (scale, delay) that explain corrections of the heading ``(K,)`` best.
+    """Return (scale, delay) that explain corrections of the heading ``(K,)`` best, beside a bias.
 
-    Stamps that are ``delay`` too late make odometry turn too far by ``delay`` times the change of the yaw rate; a
-    scale error adds a share of the turn, a bias a share of the time. Least squares settles the three.
+    Stamps that are ``delay`` too late make odometry turn too far by ``delay`` times the change of the yaw rate.
     """
     causes = np.column_stack([turn, -rate_change, dt])
     scale, delay, _ = np.linalg.lstsq(causes, heading, rcond=None)[0]
@@ -131,40 +93,65 @@ def lever_fit(step, turn, shift) -> np.ndarray:
     return np.linalg.lstsq(causes, shift.T.ravel(), rcond=None)[0][1:]
 
 
-def body_corrections(path: Trajectory, odometry: Trajectory) -> tuple[np.ndarray, ...]:
-    """Return odometry's steps ``(K, 3)`` and what a path added to them: headings ``(K,)`` and shifts ``(K, 2)``."""
-    step = between(odometry.at(path.t[:-1]), odometry.at(path.t[1:]))
-    matched = between(path.poses[:-1], path.poses[1:])
-    return step, wrap_angle(matched[:, 2] - step[:, 2]), matched[:, :2] - step[:, :2]
-
-
 def corrections(recording: Recording, seed: int = 0, every: int = 20) -> Corrections:
     """Run the refined filter with twenty particles and see where it disagrees with the odometry."""
     config = replace(SlamConfig.refined(), particles=20, every=every, tilt=False)
     path = run_slam(recording, config, rng=np.random.default_rng(seed), keep_particles=False).trajectory
     odometry = dead_reckoning(recording)
-    step, heading, shift = body_corrections(path, odometry)
-    change = np.diff(_rate(odometry, path.t))
+    step = between(odometry.at(path.t[:-1]), odometry.at(path.t[1:]))
+    matched = between(path.poses[:-1], path.poses[1:])
+    heading, shift = wrap_angle(matched[:, 2] - step[:, 2]), (matched - step)[:, :2]
+    around = odometry.at(path.t + 0.02)[:, 2] - odometry.at(path.t - 0.02)[:, 2]
+    change = np.diff(wrap_angle(around) / 0.04)
     scale, delay = correction_fit(step[:, 2], change, np.diff(path.t), heading)
     lever = lever_fit(step, step[:, 2], shift)
     ate = trajectory_error(path, recording.true_path()).ate_rmse_m
     return Corrections(step[:, 2], change, heading, shift, delay, scale, lever, ate)
 
 
+def clock(broken: bool) -> Seen:
+    """Stamp scans too late, and look at the corrections of the heading."""
+    recording = faults.late_scans(hall(), DELAY) if broken else hall()
+    c = corrections(faults.scans_between(recording, *BENDS))
+    rest = np.rad2deg(c.heading - (c.scale - 1.0) * c.turn)
+    panel = Panel("change of yaw rate [rad/s]", "heading corrected [deg]", dots=(c.rate_change, rest))
+    panel = replace(panel, slope=-np.rad2deg(c.delay), limits={"ylim": (-16, 16)})
+    return Seen(c.delay, Panel(grid=map_by_odometry(recording), limits=LIMITS), panel)
+
+
+def lever_arm(broken: bool) -> Seen:
+    """Take the LiDAR to be on the wrong side of the robot's centre, and look at corrections to the side."""
+    recording = faults.lidar_at(hall(), MIRRORED_X, 0.0) if broken else hall()
+    c = corrections(faults.scans_between(recording, *BENDS))
+    dots, slope = (np.rad2deg(c.turn), 100 * c.shift[:, 1]), 100 * np.deg2rad(c.lever[0])
+    panel = Panel("turn between scans [deg]", "moved sideways [cm]", dots=dots, slope=slope)
+    symptom = Panel(grid=map_by_odometry(recording), limits=LIMITS)
+    return Seen(float(c.lever[0]), symptom, replace(panel, limits={"ylim": (-20, 20)}))
+
+
 # ---- one instrument against another
 
 
-def turn_ratio(recording: Recording, reference: Recording, begin: float, end: float) -> float:
-    """Return how many times further a recording's heading turns than the reference's in the same time."""
-    used, gyro = (headings(r, begin, end) for r in (recording, reference))
-    return float(np.polyfit(gyro, used, 1)[0])
-
-
-def headings(recording: Recording, begin: float, end: float) -> np.ndarray:
-    """Return heading (rad, unwrapped, from 0) that odometry adds up, 20 times a second."""
-    t = recording.scans().t[0] + np.arange(begin, end, 0.05)
-    theta = np.unwrap(dead_reckoning(recording).at(t)[:, 2])
+def headings(recording: Recording) -> np.ndarray:
+    """Return heading (rad, unwrapped, from 0) that odometry adds up in the laboratory, 20 times a second."""
+    theta = np.unwrap(dead_reckoning(recording).at(recording.scans().t[0] + np.arange(*LAB, 0.05))[:, 2])
     return theta - theta[0]
+
+
+def turn_ratio(recording: Recording, reference: Recording) -> float:
+    """Return how many times further a recording's heading turns than the reference's in the same time."""
+    return float(np.polyfit(headings(reference), headings(recording), 1)[0])
+
+
+def track(broken: bool) -> Seen:
+    """Take the yaw rate from the wheels and the measured track."""
+    recording = faults.heading_from_wheels(hall()) if broken else hall()
+    gyro, used = (np.rad2deg(headings(r)) for r in (hall(), recording))
+    ratio = turn_ratio(recording, hall())
+    symptom = Panel(grid=map_by_odometry(recording), limits=LIMITS)
+    return Seen(
+        ratio, symptom, Panel("heading by gyro [deg]", "in use [deg]", dots=(gyro, used), slope=ratio)
+    )
 
 
 def ends_cut(recording: Recording) -> float:
@@ -172,17 +159,21 @@ def ends_cut(recording: Recording) -> float:
     valid = recording.robot.lidar.valid(recording.scans().ranges)
     missing = ~valid.all(axis=1)
     in_order = (np.diff(valid.astype(int), axis=1) <= 0).all(axis=1)
-    count = int(np.count_nonzero(missing))
-    return float(np.count_nonzero(in_order & missing) / count) if count else 0.0
+    return float(np.sum(in_order & missing) / max(1, missing.sum()))
 
 
-Inputs = Callable[[Controls], Controls]
-
-
-def metres_lost(recording: Recording, change: Inputs = lambda inputs: inputs) -> float:
-    """Return metres that the wheels turned and the path lacks."""
-    inputs = controls(recording)
-    return float(distance_gap(recording, change(inputs))[1][-1])
+def renumbered_beams(broken: bool) -> Seen:
+    """Meet a pane of glass; drop what is invalid and number the rest."""
+    glass = faults.glass_pane(hall(), *PANE)
+    recording = faults.renumbered(glass) if broken else glass
+    ranges = faults.scans_between(recording, *TURNS).scans().ranges[::8]
+    scan, beam = np.nonzero(~recording.robot.lidar.valid(ranges))
+    symptom = Panel(grid=map_by_odometry(recording), limits=LIMITS)
+    return Seen(
+        ends_cut(recording),
+        symptom,
+        Panel("beam without echo", "scan", dots=(beam, scan), limits={"xlim": (0, 1080)}),
+    )
 
 
 def distance_gap(recording: Recording, inputs: Controls) -> tuple[np.ndarray, np.ndarray]:
@@ -191,3 +182,13 @@ def distance_gap(recording: Recording, inputs: Controls) -> tuple[np.ndarray, np
     driven = np.concatenate([[0.0], np.cumsum(inputs.v * np.diff(inputs.t))])
     turned = wheel_distance(encoders, recording.robot.encoders, inputs.t)
     return inputs.t - recording.scans().t[0], turned - turned[0] - driven
+
+
+def lost_second(broken: bool) -> Seen:
+    """Lose the gyro for a second, and keep the old pose as long."""
+    silent = faults.silent_gyro(hall(), *GAP)
+    inputs = faults.skip_gaps(controls(silent)) if broken else controls(silent)
+    t, lost = distance_gap(silent, inputs)
+    some = (t > TURNS[0]) & (t < TURNS[1])
+    symptom = Panel(grid=map_by_odometry(silent, inputs), limits=LIMITS)
+    return Seen(lost[-1], symptom, Panel("time [s]", "wheels less path [m]", curve=(t[some], lost[some])))

@@ -5,52 +5,6 @@ from __future__ import annotations
 import numpy as np
 from pfslam_book.show.exercise import Exercise
 
-from pfslam.particles import effective_sample_size
-
-# ---- 1: one run of each
-
-
-def two_settings(seed):
-    """Errors of all runs of two settings, not equally many."""
-    rng = np.random.default_rng(seed)
-    return rng.gamma(4.0, 0.06, 7), rng.gamma(5.0, 0.07, 5)
-
-
-def wins(better, worse):
-    """How many pairs of runs there are in which the worse setting looks better."""
-    return float(np.less.outer(worse, better).sum())
-
-
-def wrong_pairs(better, worse):
-    return wins(better, worse) / len(better) / len(worse)
-
-
-check_wrong_pairs = Exercise(
-    right=wrong_pairs,
-    cases=[
-        (np.array([0.10, 0.21, 0.25, 0.30, 0.62]), np.array([0.15, 0.28, 0.35, 0.41, 0.22])),
-        two_settings(1),
-        two_settings(2),
-    ],
-    mistakes={
-        "The two settings need not have equally many runs: compare every run of the one with every run of the other, "
-        "as worse[:, None] < better[None, :] does.": ValueError,
-        "You compare run i with run i only. Two people who run one setting each may meet any run of the one beside "
-        "any run of the other: all pairs count.": (
-            lambda b, w: np.mean([y < x for x, y in zip(b, w, strict=False)])
-        ),
-        "You compare every run of the worse with the median of the better. One run of each meets one run of the "
-        "other.": lambda b, w: np.mean(w < np.median(b)),
-        "You divide by the runs of one setting. There are len(better) * len(worse) pairs.": (
-            lambda b, w: wins(b, w) / len(b)
-        ),
-        "That is the share of pairs that rank them rightly.": lambda b, w: 1 - wrong_pairs(b, w),
-    },
-    praise="11 of 25 pairs of runs would have told you the opposite.",
-)
-
-# ---- 2 and 3: intervals of a median and of a difference
-
 ENDS, DRAWS = [0.025, 0.975], 10_000
 
 
@@ -69,10 +23,6 @@ def interval(values, rng, statistic=np.median):
     return np.quantile(medians(values, rng, statistic), ENDS)
 
 
-def bell(values, rng):
-    return np.median(values) + np.array([-1.96, 1.96]) * values.std(ddof=1) / np.sqrt(len(values))
-
-
 def same_ends(found, expected):
     """Whether two ends agree up to what chance moves them, in widths of the interval, and a number before them."""
     off, width = np.abs(np.subtract(found, expected)), np.abs(np.subtract(*expected[-2:]))
@@ -89,30 +39,7 @@ def ignores_rng(theirs, *case):
     )
 
 
-check_median_interval = Exercise(
-    right=interval,
-    cases=[(errors(n, n), np.random.default_rng(n)) for n in (17, 27)],  # their ends hardly depend on the rng
-    mistakes={
-        "The interval has no width. Each sample was the data itself in another order: draw *with* replacement, so "
-        "that some runs come twice and others not at all.": (
-            lambda values, rng: np.repeat(np.median(values), 2)
-        ),
-        "That is where single runs lie, not where their median lies. Take medians of resamples first.": (
-            lambda values, rng: np.quantile(values, ENDS)
-        ),
-        "Median plus or minus two standard errors: that is the bell curve's formula for a mean. These errors have a "
-        "long tail; let the resamples say it.": bell,
-        "Those are means of the resamples. The medians are asked for.": (
-            lambda values, rng: interval(values, rng, np.mean)
-        ),
-        "np.percentile counts to 100: give it 2.5 and 97.5, or take np.quantile.": (
-            lambda values, rng: np.percentile(medians(values, rng), ENDS)
-        ),
-    },
-    praise="The median lies between 0.146 and 0.299 m, says the first sample, of 17 runs.",
-    same=same_ends,
-    besides=ignores_rng,
-)
+# ---- 1: two settings whose runs have nothing in common
 
 
 def settings(n, seed, spread):
@@ -130,33 +57,35 @@ def paired(before, after, rng):
     return np.append(np.median(after - before), interval(after - before, rng))
 
 
-def ends_apart(before, after, rng):
-    apart = interval(after, rng) - interval(before, rng)[::-1]
-    return np.append(np.median(after) - np.median(before), apart)
+def same_rows(before, after, rng):
+    rows = rng.integers(0, len(before), (DRAWS, len(before)))
+    apart = np.median(after[rows], axis=1) - np.median(before[rows], axis=1)
+    return np.append(np.median(after) - np.median(before), np.quantile(apart, ENDS))
 
 
-def single_runs(before, after, rng):
-    apart = np.quantile(np.subtract.outer(after, before), ENDS)
-    return np.append(np.median(after) - np.median(before), apart)
+def half_paired(before, after, rng):
+    return np.append(np.median(after) - np.median(before), interval(after - before, rng))
 
 
 check_difference = Exercise(
     right=difference,
-    cases=[settings(39, 7, 0.08), settings(39, 4, 0.23)],
+    cases=[
+        settings(39, 7, 0.08),
+        settings(39, 4, 0.23),
+        (errors(39, 2), errors(39, 11, 0.12, 0.23), np.random.default_rng(2)),  # no pairs, not even by chance
+    ],
     mistakes={
-        "You tie run 3 of the one to run 3 of the other: you take differences run by run, or draw the same rows for "
-        "both. They have nothing to do with each other, and in another order your interval changes. Resample each "
-        "setting by itself.": paired,
+        "You take the differences run by run. Run 3 of the one has nothing to do with run 3 of the other, and in "
+        "another order your answer changes: resample each setting by itself, and subtract the medians.": paired,
+        "You draw the same rows for both settings, which ties run 3 of the one to run 3 of the other. They have "
+        "nothing to do with each other: draw for each setting by itself.": same_rows,
+        "Your difference is right. But your interval is that of the differences run by run, which depends on the order "
+        "of the runs: resample each setting by itself.": half_paired,
         "You subtract after from before. An improvement should be negative.": (
             lambda before, after, rng: difference(after, before, rng)
         ),
         "That is the difference of the means. The medians were asked for.": (
             lambda before, after, rng: difference(before, after, rng, np.mean)
-        ),
-        "You subtract the ends of two intervals. Both medians are hardly ever off in the worst way together: subtract "
-        "medians draw by draw, and take the ends of these differences.": ends_apart,
-        "That is where the difference of two single runs lies, not that of the medians. Take medians of resamples.": (
-            single_runs
         ),
     },
     praise="Resampled apart, because nothing ties run 3 of the one to run 3 of the other.",
@@ -164,76 +93,84 @@ check_difference = Exercise(
     besides=ignores_rng,
 )
 
-# ---- 4: a data sheet
+# ---- 2: two settings in the same buildings
 
 
-def sigma_from_sheet(walk, rate):
-    return np.deg2rad(walk) / 60.0 * np.sqrt(rate)
+def buildings(seed, count=31, runs=2):
+    """Errors ``(B, R)`` before and after, in buildings that are hard or easy for both."""
+    rng = np.random.default_rng(seed)
+    hard = errors(count, seed, spread=0.6)[:, None]
+    after = hard - errors(count, seed + 1, 0.0, 0.08)[:, None]
+    return *(e + 0.02 * rng.standard_normal((count, runs)) for e in (hard, after)), rng
 
 
-check_sigma_from_sheet = Exercise(
-    right=sigma_from_sheet,
-    cases=[(6.0, 100.0), (0.7, 31.0), (3.2, 214.0)],
+def by_building(before, after, rng, statistic=np.median):
+    change = after.mean(axis=1) - before.mean(axis=1)
+    return np.append(statistic(change), interval(change, rng, statistic))
+
+
+check_by_building = Exercise(
+    right=by_building,
+    cases=[buildings(5), buildings(9)],
     mistakes={
-        "An hour has 3600 s, so a *root* hour has 60 root seconds.": (
-            lambda walk, rate: sigma_from_sheet(walk, rate) / 60.0
+        "You resample the two settings apart, so the interval holds all that makes buildings differ. Both settings met "
+        "the same buildings: take the difference in each building first.": (
+            lambda before, after, rng: difference(before.mean(axis=1), after.mean(axis=1), rng)
         ),
-        "That is the density, in rad per root second. What noise has one sample that lasts tau = 1 / rate?": (
-            lambda walk, rate: np.deg2rad(walk) / 60.0
+        "You count every run as a witness. The runs in one building share its walls: make one number of each "
+        "building first.": lambda before, after, rng: paired(before.ravel(), after.ravel(), rng),
+        "You subtract after from before. An improvement should be negative.": (
+            lambda before, after, rng: by_building(after, before, rng)
         ),
-        "The wrong way round. After time T the heading spreads by sigma * sqrt(tau * T): a shorter tau needs a "
-        "*larger* sigma for the same spread.": lambda walk, rate: np.deg2rad(walk) / 60.0 / np.sqrt(rate),
-        "Variances scale with the rate, standard deviations with its root.": (
-            lambda walk, rate: np.deg2rad(walk) / 60.0 * rate
+        "That is the mean change. The median was asked for.": (
+            lambda before, after, rng: by_building(before, after, rng, np.mean)
         ),
-        "That is the variance. Fields called sigma take a standard deviation.": (
-            lambda walk, rate: sigma_from_sheet(walk, rate) ** 2
+        "Your interval is right. But the difference of two medians compares two buildings that need not be the same: "
+        "take the median of the differences, building by building.": (
+            lambda before, after, rng: half_paired(before.mean(axis=1), after.mean(axis=1), rng)
         ),
     },
-    praise="At a quarter of the rate it is half as large: the same gyro.",
+    praise="Each building is one witness, and a pair.",
+    same=same_ends,
+    besides=ignores_rng,
 )
 
-# ---- 5: how sharp a likelihood is
+# ---- 3: choose with some seeds, report with others
 
 
-def cloud(seed, n, share):
-    """Mean scores per beam of n particles: of 590 beams about 500 hit, give or take 9."""
-    return 0.85 + 0.015 * np.random.default_rng(seed).standard_normal(n), share
+def choose_and_report(runs, n, statistic=np.median):
+    best = np.argmin(statistic(runs[:, :n], axis=1))
+    return np.array([best, statistic(runs[best, n:])])
 
 
-def entropy_size(weights):
-    return np.exp(-np.sum(weights * np.log(weights + 1e-300)))
+def tried(seed, settings=7, seeds=13):
+    return np.round(np.random.default_rng(seed).gamma(2.0, 0.12, (settings, seeds)), 4)
 
 
-def sharpness(scores, share, size=effective_sample_size):
-    """The B at which so large a share of the particles counts, by halving the bracket."""
-    low, high = 0.0, 1e5
-    for _ in range(60):
-        B = (low + high) / 2
-        weights = np.exp(B * (scores - scores.max()))
-        low, high = (B, high) if size(weights / weights.sum()) > share * len(scores) else (low, B)
-    return B
-
-
-check_sharpness = Exercise(
-    right=sharpness,
-    cases=[cloud(7, 200, 0.5), cloud(7, 200, 0.2), cloud(8, 90, 0.35)],
+check_choose_and_report = Exercise(
+    right=choose_and_report,
+    cases=[(tried(3), 5), (tried(7), 6), (tried(1), 4)],
     mistakes={
-        "At B = 1 nearly all particles count, as with raw counts: mean scores lie between 0 and 1. N_eff falls as B "
-        "grows.": lambda scores, share: 1.0,
-        "With that B so large a share of the particles does *not* count.": (
-            lambda scores, share: sharpness(scores, 1 - share)
+        "You report the error over the seeds with which you chose. It is small because you chose it: report the "
+        "winner's median over the other seeds.": (
+            lambda runs, n: [choose_and_report(runs, n)[0], np.median(runs[:, :n], axis=1).min()]
         ),
-        "At your B the share that counts is the square of what was asked: the sum of squares is 1 / N_eff.": (
-            lambda scores, share: sharpness(scores, share**2)
+        "You choose with all seeds, also with those that you report. Choose with the first n only.": (
+            lambda runs, n: [
+                (best := np.argmin(np.median(runs, axis=1))),
+                np.median(runs[best, n:]),
+            ]
         ),
-        "You count by the entropy of the weights. N_eff here is one over the sum of their squares.": (
-            lambda scores, share: sharpness(scores, share, entropy_size)
+        "You report the smallest median over the other seeds, which is choosing a second time. Report the setting "
+        "that the first seeds chose.": (
+            lambda runs, n: [choose_and_report(runs, n)[0], np.median(runs[:, n:], axis=1).min()]
         ),
-        "At your B about one particle counts. The share is a part of N, so divide N_eff by N.": (
-            lambda scores, share: sharpness(scores, 1.05 / len(scores))
+        "You compare means. The medians were asked for.": (
+            lambda runs, n: choose_and_report(runs, n, np.mean)
+        ),
+        "You report over all seeds, also over those with which you chose. Leave these out.": (
+            lambda runs, n: [(best := int(choose_and_report(runs, n)[0])), np.median(runs[best])]
         ),
     },
-    praise="The sharper the likelihood, the fewer particles count; you can set how many.",
-    same=lambda found, expected: bool(np.abs(found - expected) < 0.015 * np.abs(expected)),
+    praise="The seeds that chose the winner do not speak for it.",
 )
