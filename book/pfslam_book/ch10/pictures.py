@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from pfslam.beyond.localization import LocalizationInfo, LocalizationResult
 from pfslam_book.ch10.building import Place, shares
 from pfslam_book.show.artists import COLOURS, draw_map, draw_pose, sheet
+from pfslam_book.show.lab import Laboratory, show_lab
 from pfslam_book.show.widgets import Explorer, Slider
 
 SHOWN = 1500
@@ -43,3 +44,10 @@ def search_explorer(place: Place, result: LocalizationResult) -> Explorer:
     slider = Slider("seconds", [s for s in STOPS if s <= t[-1]], 5, "Time", "s")
     title = "Lost in a building with two like halves"
     return Explorer(draw, [slider], title=title, alt=alt, play="seconds", pause=700)
+
+
+def lost_lab() -> Laboratory:
+    """Return the laboratory in which a robot is lost among twenty thousand particles, and its twin must die."""
+    alt = """A building that is nearly the same after half a turn, seen from above. Blue dots, the particles, stand in two
+    heaps: one at the robot, one at its twin in the other half. A strip below shows the share of the weight at each."""
+    return show_lab("lost", "Lost: twenty thousand guesses, and a twin", alt)
