@@ -10,5 +10,14 @@ from pfslam_book.show.source import show_source
 from pfslam_book.show.tables import Shown, select
 
 __all__ = ["TABLES", "Shown", "check_inject", "check_particles_needed", "distances", "enough", "kidnapped"]
-__all__ += ["kld_bound", "localization_step", "locate", "lost_lab", "map_along", "match_along", "part", "read_table"]
+__all__ += [
+    "kld_bound",
+    "localization_step",
+    "locate",
+    "lost_lab",
+    "map_along",
+    "match_along",
+    "part",
+    "read_table",
+]
 __all__ += ["search_explorer", "select", "shares", "show_source", "two_halves"]

@@ -49,5 +49,5 @@ def search_explorer(place: Place, result: LocalizationResult) -> Explorer:
 def lost_lab() -> Laboratory:
     """Return the laboratory in which a robot is lost among twenty thousand particles, and its twin must die."""
     alt = """A building that is nearly the same after half a turn, seen from above. Blue dots, the particles, stand in
-    two heaps: one at the robot, one at its twin in the other half. A strip below shows the share of the weight at each."""
+    two heaps: one at the robot, one at its twin in the other half. A strip below shows the share of weight at each."""
     return show_lab("lost", "Lost: twenty thousand guesses, and a twin", alt)
