@@ -16,6 +16,7 @@ from evo.core import metrics as evo_metrics
 from evo.core import sync
 from evo.tools import file_interface
 
+import pfslam
 from pfslam import simulator
 from pfslam.__main__ import main
 from pfslam.cli import commands, words
@@ -142,6 +143,68 @@ def test_options_reach_the_filter(data, tmp_path, monkeypatch):
     assert (summary["config"]["particles"], summary["config"]["every"], summary["seed"]) == (5, 10, 3)
     assert summary["config"]["noise"]["kind"] == "ControlNoise"
     assert sorted(p.name for p in (tmp_path / "o").iterdir()) == CONTRACT_FILES
+
+
+@pytest.mark.parametrize("method", ["refined", "report", "matching", "per-particle"])
+def test_a_run_is_repeated_from_its_own_summary(data, tmp_path, method):
+    line = ["run", "7", "--data", str(data), "--every", "10", "--no-texture"]
+    wishes = ["--method", method, "--seed", "3", "--set", "search.sharpness=30", "--set", "tilt = false"]
+    wishes += [] if method == "matching" else ["--particles", "4"]
+    assert main([*line, *wishes, "--out", str(tmp_path / "first")]) == 0
+    again = ["run", "7", "--data", str(data), "--no-texture", "--quiet"]
+    config = ["--config", str(tmp_path / "first" / "summary.json")]
+    assert main([*again, *config, "--out", str(tmp_path / "again")]) == 0
+    first, second = (summary_in(tmp_path / name) for name in ("first", "again"))
+    assert first["config"]["search"]["sharpness"] == 30.0
+    assert first["config"]["tilt"] is False
+    for name in ("config", "method", "seed", "slam"):
+        assert first[name] == second[name]
+    for name in ("trajectory.tum", "map.pgm"):
+        assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
+
+
+def test_settings_come_from_a_file_and_options_win(data, tmp_path, capsys):
+    file = tmp_path / "run.toml"
+    file.write_text(
+        'method = "matching"\nevery = 10\nlines = false\n[search]\nsharpness = 20\n', encoding="utf-8"
+    )
+    line = ["run", "7", "--data", str(data), "--config", str(file), "--no-texture", "--json"]
+    assert main([*line, "--set", "search.cells=[3, 5]", "--every", "12", "--out", str(tmp_path / "o")]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary == summary_in(tmp_path / "o")
+    config = summary["config"]
+    assert (summary["method"], config["every"], config["lines"]) == ("matching", 12, None)
+    assert (config["search"]["sharpness"], config["search"]["cells"]) == (20.0, [3, 5])
+
+
+def test_quiet_says_nothing_and_the_version_is_known(data, tmp_path, capsys):
+    line = ["run", "7", "--data", str(data), "--particles", "4", "--every", "20", "--no-texture"]
+    assert main([*line, "--quiet", "--out", str(tmp_path)]) == 0
+    assert capsys.readouterr() == ("", "")
+    with pytest.raises(SystemExit):
+        main(["--version"])
+    assert capsys.readouterr().out == f"pfslam {pfslam.__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "name", "words"),
+    [
+        ("search.sharp = 3", "a.toml", "key: found 'search.sharp', expected a field of SearchConfig"),
+        ("particles = 0", "a.toml", "particles: found 0, expected a whole number from 1"),
+        ("method = 'best'", "a.toml", "method: found 'best', expected one of"),
+        ("seed = -1", "a.toml", "seed: found -1, expected a whole number"),
+        ("[search", "a.toml", "expected TOML"),
+        ("{}", "a.json", "config: found nothing, expected the settings of a run"),
+        ("[" * 9000, "a.json", "expected JSON"),
+    ],
+)
+def test_a_bad_file_of_settings_is_one_line(data, tmp_path, capsys, content, name, words):
+    (tmp_path / name).write_text(content, encoding="utf-8")
+    assert main(["run", "7", "--data", str(data), "--config", str(tmp_path / name)]) == 2
+    complaint = capsys.readouterr().err
+    assert words in complaint
+    assert name in complaint
+    assert complaint.count("\n") == 1
 
 
 def test_run_with_loops_writes_the_revised_path_and_map_beside_the_others(data, tmp_path):

@@ -23,6 +23,7 @@ from pfslam.cli import words
 from pfslam.cli.figures import picture_of_search, report_figures
 from pfslam.cli.lab import lab_command as lab_command
 from pfslam.cli.parser import HAZARDS, TOPICS
+from pfslam.cli.wishes import wishes
 from pfslam.errors import DataError, need
 from pfslam.evaluation.checkup import check_up
 from pfslam.io.bags import BagOptions, choose_topics, is_bag, read_topics
@@ -40,15 +41,14 @@ from pfslam.run import run_slam
 from pfslam.settings import changed, plain
 from pfslam.simulator import Hazards, simulate
 from pfslam.simulator.cache import cached_simulation
-from pfslam.slam import PRESETS
 from pfslam.study import read_study, run_study
 from pfslam.study.table import read_table
 
 
-def progress_bar(what: str) -> Callable:
-    """Make a progress bar on the error stream that appears if the work lasts more than two seconds."""
+def progress_bar(what: str, quiet: bool = False) -> Callable:
+    """Make a progress bar on the error stream that appears if the work lasts more than two seconds, unless quiet."""
     often = 0.1 if sys.stderr.isatty() else 5.0
-    look = {"delay": 2.0, "mininterval": often, "leave": False, "dynamic_ncols": True}
+    look = {"delay": 2.0, "mininterval": often, "leave": False, "dynamic_ncols": True, "disable": quiet}
     return partial(tqdm, desc=what, file=sys.stderr, **look)
 
 
@@ -62,7 +62,7 @@ def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
 
 def load_dataset(arguments: Namespace) -> Recording:
     """Load the data set that the command line names."""
-    bar = progress_bar("simulating")
+    bar = progress_bar("simulating", getattr(arguments, "quiet", False))
     return load(arguments.dataset, arguments.data, bag=bag_options(arguments), progress=bar)
 
 
@@ -82,9 +82,11 @@ def out_folder(arguments: Namespace, suffix: str = "") -> Path:
     return arguments.out or Path("out") / f"{dataset_name(arguments.dataset)}{suffix}"
 
 
-def write_summary(out: Path, summary: dict[str, Any]) -> None:
-    """Write ``summary.json``; what is not finite becomes null."""
-    write_text(out / "summary.json", json.dumps(plain(summary), indent=2, allow_nan=False) + "\n")
+def write_summary(out: Path, summary: dict[str, Any]) -> str:
+    """Write ``summary.json``, and return it; what is not finite becomes null."""
+    text = json.dumps(plain(summary), indent=2, allow_nan=False) + "\n"
+    write_text(out / "summary.json", text)
+    return text
 
 
 def simulate_command(arguments: Namespace) -> None:
@@ -104,7 +106,8 @@ def simulate_command(arguments: Namespace) -> None:
 
 def run_command(arguments: Namespace) -> None:
     """Run dead reckoning, the filter and the texture of one data set; all results go to one folder."""
-    config = changed(PRESETS[arguments.method](), given(arguments, "particles", "every"), "run", "--")
+    method, seed, config = wishes(arguments)
+    arguments.quiet |= arguments.json
     out, seconds = out_folder(arguments), dict[str, float]()
     with timed(seconds, "load"):
         recording = load_dataset(arguments)
@@ -116,8 +119,8 @@ def run_command(arguments: Namespace) -> None:
     result, texture, revision = None, None, None
     if recording.lidar is not None:
         with timed(seconds, "slam"):
-            rng = np.random.default_rng(arguments.seed)
-            result = run_slam(recording, config, rng=rng, progress=progress_bar("SLAM"), keep_particles=False)
+            rng, bar = np.random.default_rng(seed), progress_bar("SLAM", arguments.quiet)
+            result = run_slam(recording, config, rng=rng, progress=bar, keep_particles=False)
         if arguments.loops:
             from pfslam.beyond.loops.closing import close_loops  # SciPy takes a while to load
 
@@ -125,7 +128,7 @@ def run_command(arguments: Namespace) -> None:
                 revision = close_loops(recording, result)
         if wants_texture:
             with timed(seconds, "texture"):
-                bar = progress_bar("texture")
+                bar = progress_bar("texture", arguments.quiet)
                 texture = map_texture(recording, result.trajectory, result.grid, progress=bar)
         # At the stamps of the estimate, so that the two files compare line by line.
         odometry = Trajectory(result.trajectory.t, odometry.at(result.trajectory.t))
@@ -133,10 +136,13 @@ def run_command(arguments: Namespace) -> None:
         files = write_results(out, odometry, result, texture, revision)
     summary = words.summarise(recording, odometry, result, texture, revision)
     ran = config if result is None else result.config
-    about = {"dataset": recording.name, "method": arguments.method, "seed": arguments.seed}
+    about = {"dataset": recording.name, "method": method, "seed": seed}
     about |= {"config": replace(ran, every=ran.every or recording.default_every).as_dict()}
-    write_summary(out, about | {"seconds": seconds, "files": [*files, "summary.json"]} | summary)
-    print(words.closing_words(recording, summary, out))
+    text = write_summary(out, about | {"seconds": seconds, "files": [*files, "summary.json"]} | summary)
+    if arguments.json:
+        print(text, end="")
+    elif not arguments.quiet:
+        print(words.closing_words(recording, summary, out))
 
 
 def has_images(recording: Recording) -> bool:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from pfslam import __version__
 from pfslam.errors import DataError
 
 BAD_INPUT, INTERRUPTED, FAULT = 2, 130, 1
@@ -70,6 +71,7 @@ def build_parser() -> Parser:
     """Build the parser of all commands and their options."""
     about = "Particle-filter SLAM and floor texture mapping."
     parser = Parser(prog="pfslam", description=about, epilog=CODES, allow_abbrev=False)
+    parser.add_argument("--version", action="version", version=f"pfslam {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     dataset, out = _dataset(), Parser(add_help=False)
     out.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default out/DATASET)")
@@ -130,10 +132,16 @@ def _add_simulate(add) -> None:
 
 
 def _add_run(add) -> None:
-    add("--method", choices=METHODS, default="refined", help="which filter (default refined)")
+    add("--method", choices=METHODS, help="which filter (default refined)")
     add("--particles", type=number, metavar="N", help="default 200; 30 with a map for each, 1 for matching")
     add("--every", type=number, metavar="K", help="use every K-th scan (default: about eight scans a second)")
-    add("--seed", type=SEED, default=0, metavar="S", help="of the filter's random numbers (default 0)")
+    add("--seed", type=SEED, metavar="S", help="of the filter's random numbers (default 0)")
+    config = "settings in TOML, named as in summary.json; or the summary.json of a run that is to be repeated"
+    add("--config", type=Path, metavar="FILE", help=config)
+    one = "one setting, such as search.sharpness=30 or lines=false; may be given several times"
+    add("--set", action="append", default=[], metavar="NAME=VALUE", help=one)
+    add("--quiet", action="store_true", help="no progress and no closing words")
+    add("--json", action="store_true", help="print summary.json, and nothing else")
     loops = "revise the path where places are seen again; writes trajectory_revised.tum, map_revised.yaml"
     add("--loops", action="store_true", help=loops)
     add("--texture", action=YES_OR_NO, help="map the floor's texture (default: if there are images)")
