@@ -172,11 +172,26 @@ def test_a_long_value_is_cut():
 # Command lines
 
 PLAIN = """run simulate report study 7 8 -7 -- - .. . / 7.5 nan 1e9 0 -1 99999999999999999999 matching /dev/null ~
---data --out --seed --particles --every --method --texture --no-texture --images --help %s {0} $HOME"""
+--data --out --seed --particles --every --method --texture --no-texture --images --help %s {0} $HOME
+--set search.prior=off noise.xy=1e400 lines=[] =1 --config --quiet --json"""
 WORDS = [*PLAIN.split(), "hall ", "", "a b", "a\nb", "x" * 5000, "\u0667", "ä.log", "--dataset=7", "\x00"]
 GOOD = [
     ["run", "7", "--data", "DATA", "--out", "OUT", "--particles", "2", "--no-texture"],
     ["run", "7", "--data", "DATA", "--out", "OUT", "--method", "report", "--particles", "2", "--every", "9"],
+    [
+        "run",
+        "7",
+        "--data",
+        "DATA",
+        "--out",
+        "OUT",
+        "--particles",
+        "2",
+        "--set",
+        "search.sharpness=30",
+        "--config",
+        "RUN",
+    ],
     ["report", "7", "--data", "DATA", "--out", "OUT"],
     ["study", "STUDY", "--out", "OUT", "--jobs", "1"],
     ["simulate", "hall", "--out", "OUT", "--seed", "1"],
@@ -203,6 +218,7 @@ def place(tmp_path_factory):
     folder = tmp_path_factory.mktemp("place")
     save_course(box_recording(2.0, images=0), 7, folder / "data")
     (folder / "small.toml").write_text(STUDY.replace("DATA", str(folder / "data")), encoding="utf-8")
+    (folder / "run.toml").write_text('particles = 2\nestimate = "best"\n[map]\nfree = 0.3\n', encoding="utf-8")
     return folder
 
 
@@ -232,7 +248,8 @@ def test_bad_command_lines(place, tmp_path, monkeypatch, capsys, seed):
     rng = np.random.default_rng(seed)
     monkeypatch.chdir(tmp_path)
     names = {"DATA": str(place / "data"), "OUT": "mine", "STUDY": str(place / "small.toml")}
-    line = spoiled([names.get(word, word) for word in GOOD[rng.integers(4)]], rng)
+    names |= {"RUN": str(place / "run.toml")}
+    line = spoiled([names.get(word, word) for word in GOOD[rng.integers(len(GOOD) - 1)]], rng)
     before = everything_in(place)
     try:
         code = main(line)
