@@ -102,7 +102,9 @@ def main(names: list[str]) -> None:
         for name in names or MOMENTS:
             target = Path(str(lab.FOLDER)) / f"{name}.webp"
             place = target.with_suffix(".html")
-            context = browser.new_context(viewport={"width": WIDTH, "height": 900}, device_scale_factor=1.5)
+            context = browser.new_context(
+                viewport={"width": WIDTH, "height": 900}, device_scale_factor=1.5, reduced_motion="reduce"
+            )
             place.write_text(page(name), encoding="utf-8")
             try:
                 sheet = context.new_page()

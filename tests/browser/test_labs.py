@@ -44,6 +44,7 @@ FINDINGS = """async () => (await axe.run(document, {preload: false})).violations
 LABS = sorted(path.name[4:-3] for path in FOLDER.iterdir() if path.name.startswith("lab_"))
 LAB = "document.querySelector('figure.pfslam-lab').lab"
 STATUS = "document.querySelector('[role=status]').textContent"
+FIRST_PICTURES = "[...document.querySelectorAll('canvas')].map(c => c.toDataURL()).join()"
 PAINTED = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 READY = f"() => {LAB}?.stage.fitted && {LAB}.state.ready !== false"
 # Parts of the state by name, a function called, with typed arrays and sets as lists.
@@ -954,6 +955,73 @@ def test_a_pose_is_pulled_and_a_false_loop_is_let_go(lab, by):
         hand.drag((x, y), (x + 0.5, y - 0.5), (x + 1.0, y - 1.0))
     hand.wait("!state.held && state.settled")
     assert hand.see("error")["error"] < 0.3, "let go, it springs back"
+
+
+# ---- What happens is seen as it happens; the state is there at once
+
+
+@pytest.mark.parametrize(("name", "keys"), [("cells", "lrm"), ("maps", "lmlr"), ("grow", ".")])
+def test_a_change_is_seen_as_it_happens_and_the_state_is_there_at_once(lab, name, keys):
+    hand = lab(name)
+    hand.page.clock.install()
+    hand.page.clock.pause_at(10**12)
+    for key in keys:
+        hand.keys(key)
+        state = hand.page.evaluate(f"() => JSON.stringify({LAB}.state.weights || {LAB}.state.level)")
+        pictures = []
+        for _ in range(4):
+            pictures.append(hand.page.evaluate(f"() => {{ {LAB}.draw(); return {FIRST_PICTURES}; }}"))
+            hand.page.clock.run_for(300)
+        after = hand.page.evaluate(f"() => JSON.stringify({LAB}.state.weights || {LAB}.state.level)")
+        assert after == state
+    assert len(set(pictures)) > 2, "on its way, and there"
+    still = [hand.page.evaluate(f"() => {{ {LAB}.draw(); return {FIRST_PICTURES}; }}") for _ in range(2)]
+    assert still[0] == still[1] == pictures[-1]
+
+
+@pytest.mark.parametrize("name", ["cells", "maps"])
+def test_with_less_motion_it_is_over_at_once(open_lab, name):
+    page = open_lab(name, reduced_motion="reduce")
+    for key in "lmlr":
+        page.locator(".pfslam-plan").press(key)
+        page.evaluate(PAINTED)
+    pictures = page.evaluate(FIRST_PICTURES)
+    page.wait_for_timeout(300)
+    assert page.evaluate(f"() => {{ {LAB}.draw(); return {FIRST_PICTURES}; }}") == pictures
+
+
+@pytest.mark.parametrize("by", ["mouse", pytest.param("finger", marks=nightly)])
+def test_the_end_of_the_path_is_pulled_onto_the_truth(lab, by):
+    hand = lab("calibrate", by)
+    before = hand.see("apart", "guess")
+    here, there = (
+        hand.page.evaluate(f"[...{LAB}.state.at({LAB}.state.{way})]") for way in ("poses", "truth")
+    )
+    hand.drag(here[:2], [(a + b) / 2 for a, b in zip(here[:2], there[:2], strict=True)], there[:2])
+    after = hand.see("apart", "guess", "moment")
+    assert after["apart"] < 0.2 * before["apart"]
+    for number, slider in (("bias", "Gyro bias"), ("gyro", "Gyro scale")):
+        assert after["guess"][number] != before["guess"][number]
+        shown = float(hand.page.get_by_role("slider", name=slider).input_value())
+        assert shown == pytest.approx(after["guess"][number])
+    assert after["guess"]["wheels"] == before["guess"]["wheels"]
+
+
+def test_what_is_the_readers_own_says_so_on_the_picture(lab):
+    page = lab("drive").page
+    said = page.evaluate("""() => new Promise(done => {
+      const words = [], write = CanvasRenderingContext2D.prototype.fillText;
+      CanvasRenderingContext2D.prototype.fillText = function (text, ...place) {
+        words.push(text);
+        write.call(this, text, ...place);
+      };
+      const figure = document.createElement('figure');
+      figure.className = 'pfslam-lab';
+      document.querySelector('figure.pfslam-lab').replaceWith(figure);
+      pfslam.mount(figure, 'drive', {}, {resample: (poses, weights) => [poses, weights]});
+      setTimeout(() => done(words), 300);
+    })""")
+    assert "yours: resample" in said
 
 
 # ---- All of them

@@ -6,6 +6,7 @@
   const FIT = 0.3;  // m (rms): so near to the truth the path fits
   const WINDOW = [-9, 31, -4.5, 25.5], RADIUS = 0.6;  // m
   const BLANK = {bias: 0, gyro: 1, wheels: 1};  // rad/s and two factors: what a robot believes that was never calibrated
+  const ENDS = {bias: [-0.006, 0.006], gyro: [0.85, 1.15], wheels: [0.85, 1.15], track: [0.3, 1.2]};  // of the sliders
   const TURNING = 0.15;  // rad/s: from here on the robot turns
   const DEGREES = 180 / Math.PI;
 
@@ -70,6 +71,32 @@
       this.follow();
     }
 
+    /** Pull the path to a place at the chosen moment, as well as the two numbers that turn it can: Gauss-Newton. */
+    pull(x, y) {
+      const names = this.by === "gyro" ? ["bias", "gyro"] : ["track", "wheels"], k = this.moment;
+      const miss = () => [x - this.at(this.poses, k)[0], y - this.at(this.poses, k)[1]], far = ([dx, dy]) => Math.hypot(dx, dy);
+      for (let round = 0; round < 4; round++) {
+        const start = {...this.guess}, before = miss();
+        const slopes = names.map(name => {
+          const small = 1e-3 * (ENDS[name][1] - ENDS[name][0]);
+          this.set(name, start[name] + small);
+          const after = miss();
+          this.set(name, start[name]);
+          return before.map((value, part) => (value - after[part]) / 1e-3);  // of a number counted in lengths of its slider
+        });
+        const [[a, c], [b, d]] = slopes, dot = (p, q) => p[0] * q[0] + p[1] * q[1], damp = 1e-3 * (a * a + b * b + c * c + d * d);
+        const [aa, ab, bb] = [dot(slopes[0], slopes[0]) + damp, dot(...slopes), dot(slopes[1], slopes[1]) + damp];
+        const [ga, gb] = slopes.map(slope => dot(slope, before)), determinant = aa * bb - ab * ab;
+        const step = [(bb * ga - ab * gb) / determinant, (aa * gb - ab * ga) / determinant];
+        names.forEach((name, part) => {
+          const [least, most] = ENDS[name];
+          this.guess[name] = Math.max(least, Math.min(most, start[name] + step[part] * (most - least)));
+        });
+        this.follow();
+        if (far(miss()) > far(before)) { this.guess = start; this.follow(); return; }
+      }
+    }
+
     at(poses, k = this.moment) { return poses.subarray(3 * k, 3 * k + 3); }
 
     /** Distance (m) between path and truth at the chosen moment. */
@@ -97,10 +124,11 @@
   }
 
   lab("calibrate", stage => {
-    const state = new Calibration(stage.options), shown = {answer: false};
+    const state = new Calibration(stage.options), shown = {answer: false, held: null, moved: false};
     const plan = stage.plan({
       name: "The true path and the path that wheels and gyro give with these numbers",
-      help: "Drag along the path, or press left and right, to see both robots at another moment.",
+      help: "Drag the robot on the coloured path, and the gyro's numbers follow. Drag along the path, or press left and right, to " +
+        "see both robots at another moment.",
       window: WINDOW,
     });
     const chart = stage.chart({name: "The error of the heading over time, with the turns shaded", height: 120});
@@ -110,12 +138,13 @@
       `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-clear)">●</span>\u00a0green below ${FIT} m.`);
     const sliders = {};
     const slider = (key, options) => {
-      sliders[key] = stage.slider({...options, value: state.guess[key], change: value => state.set(key, value)});
+      const [min, max] = ENDS[key];
+      sliders[key] = stage.slider({...options, min, max, value: state.guess[key], change: value => state.set(key, value)});
     };
-    slider("bias", {name: "Gyro bias", min: -0.006, max: 0.006, step: 0.00002, unit: "rad/s", digits: 5});
-    slider("gyro", {name: "Gyro scale", min: 0.85, max: 1.15, step: 0.0005, digits: 4});
-    slider("wheels", {name: "Wheel scale", min: 0.85, max: 1.15, step: 0.0005, digits: 4});
-    slider("track", {name: "Track width", min: 0.3, max: 1.2, step: 0.001, unit: "m", digits: 3});
+    slider("bias", {name: "Gyro bias", step: 0.00002, unit: "rad/s", digits: 5});
+    slider("gyro", {name: "Gyro scale", step: 0.0005, digits: 4});
+    slider("wheels", {name: "Wheel scale", step: 0.0005, digits: 4});
+    slider("track", {name: "Track width", step: 0.001, unit: "m", digits: 3});
     /** Only the numbers that matter can be turned; all stand where the state has them. */
     const show = () => {
       for (const [key, input] of Object.entries(sliders)) {
@@ -137,8 +166,25 @@
       show();
     }});
     stage.check({name: "Tell the numbers", key: "t", change: value => { shown.answer = value; }});
-    const toMoment = (x, y) => state.goTo(x, y);
-    stage.drag(plan, {start: toMoment, move: toMoment});
+    const onPath = (x, y) => plan.near(x, y, state.at(state.poses));
+    stage.drag(plan, {
+      start: (x, y) => {
+        Object.assign(shown, {held: onPath(x, y) && {...state.guess}, moved: false, place: [x, y]});
+        if (!shown.held) state.goTo(x, y);
+      },
+      move: (x, y) => {
+        shown.moved = true;
+        if (!shown.held) { state.goTo(x, y); return; }
+        state.pull(x, y);
+        show();
+      },
+      end: cancelled => {
+        if (shown.held && !shown.moved) state.goTo(...shown.place);
+        if (shown.held && cancelled) { state.guess = shown.held; show(); }
+        shown.held = null;
+      },
+      grab: onPath,
+    });
     const by = seconds => down => { if (down) state.go(state.moment + seconds / state.dt); };
     stage.keys(plan, {ArrowLeft: by(-1), ArrowRight: by(1), Home: by(-1e4), End: by(1e4)});
     show();
@@ -162,13 +208,13 @@
   function paintPaths(plan, colours, state, shown) {
     const {truth, poses, error, n, fits} = state, size = plan.width < 500 ? 13 : 16;
     const [here, there] = [state.at(poses), state.at(truth)], colour = fits ? colours.clear : colours.odometry;
-    plan.window = windowFor(poses);
+    if (!shown.held) plan.window = windowFor(poses);  // it stands still under the hand
     plan.clear(colours.free);
     draw.line(plan, places(truth), colours.truth, {width: 2, dash: [6, 4]});
     draw.line(plan, places(poses), colour, {width: 3});
     draw.line(plan, [there[0], there[1], here[0], here[1]], colours.hits, {width: 2});
     draw.robot(plan, there, colours.truth, {radius: RADIUS});
-    draw.robot(plan, here, colour, {radius: RADIUS, fill: colours.free});
+    draw.robot(plan, here, colour, {radius: RADIUS, fill: shown.held ? colour : colours.free});
     const when = state.moment === n ? "at the end" : `after ${(state.moment * state.dt).toFixed(0)} s`, halo = colours.free;
     const words = [`${error.ateRmse.toFixed(2)} m from the truth (rms)${fits ? ": it fits" : ""}`, `${state.apart.toFixed(2)} m ${when}`];
     words.forEach((line, k) => draw.text(plan, line, 8, (1.4 * k + 1.4) * size, colours.ink, {size, halo}));

@@ -34,7 +34,7 @@
       Object.assign(this, {
         worldDice: core.generator(seed), filterDice: core.generator(seed + 1), truth: START, looks: 0, moves: 0,
         belief: new Float64Array(CELLS).fill(1 / CELLS), likelihood: null, what: "start", trace: [],
-        cells: Int32Array.from({length: n}, (_, k) => k % CELLS), weights: new Float64Array(n).fill(1 / n),
+        cells: Int32Array.from({length: n}, (_, k) => k % CELLS), weights: new Float64Array(n).fill(1 / n), parents: null,
       });
       this.prior = this.belief;
     }
@@ -68,6 +68,7 @@
     resample() {
       const u = this.filterDice.uniform(), ancestors = core.systematicResample(this.weights, u);
       this.trace.push(u);
+      this.parents = ancestors;
       this.cells = ancestors.map(from => this.cells[from]);
       this.weights = this.weights.map(() => 1 / this.weights.length);
     }
@@ -86,7 +87,7 @@
 
   lab("cells", stage => {
     const corridor = new Corridor(stage.options), tall = stage.body.clientWidth < 500 ? 18 : 11, floor = corridor.settings.dots ? 0 : 0.25 * tall;
-    const shown = {cursor: 0, held: null, moved: false};
+    const shown = {cursor: 0, held: null, moved: false, before: null, share: () => 1};
     const plan = stage.plan({
       name: "The corridor with its doors, and under each cell its prior, its likelihood" + (corridor.settings.dots ? ", its posterior and its particles" : " and its posterior"),
       help: "Click or tap the corridor to make or remove a door, or drag a door. Keys: left and right choose a cell, " +
@@ -98,17 +99,24 @@
       '<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-estimate)">●</span>\u00a0the belief, exact. ' +
       '<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-particles)">●</span>\u00a0<b>Each blue dot is a particle</b>, a guess; the ' +
       'larger, the heavier. The outlines are what the particles believe together.');
-    stage.button({name: "Look", key: "l", press: () => corridor.look()}).classList.add("pfslam-main");
-    stage.button({name: "Move", key: "m", press: () => corridor.move()}).classList.add("pfslam-main");
-    if (settings.dots) stage.button({name: "Resample", key: "r", press: () => corridor.resample()});
-    stage.button({name: "Start again", key: "n", press: () => corridor.reset()});
+    /** What happens is seen as it happens: bars, dots and their sizes go from what they were to what they are. */
+    const seen = (what, act) => () => {
+      const {belief, cells, weights} = corridor;
+      act();
+      Object.assign(shown, {before: {what, belief, cells, weights}, share: stage.glide(what === "look" ? 0.9 : 0.6)});
+    };
+    stage.button({name: "Look", key: "l", press: seen("look", () => corridor.look())}).classList.add("pfslam-main");
+    stage.button({name: "Move", key: "m", press: seen("move", () => corridor.move())}).classList.add("pfslam-main");
+    if (settings.dots) stage.button({name: "Resample", key: "r", press: seen("resample", () => corridor.resample())});
+    const forget = () => { shown.before = null; corridor.reset(); };
+    stage.button({name: "Start again", key: "n", press: forget});
     stage.check({name: "The robot slips and errs", key: "c", change: value => { settings.chance = value; }});
     stage.slider({name: "Right at a door", min: 0, max: 1, step: 0.01, value: settings.atDoor,
                   change: value => { settings.atDoor = value; }});
     stage.slider({name: "Right at a wall", min: 0, max: 1, step: 0.01, value: 1 - settings.atWall,
                   change: value => { settings.atWall = 1 - value; }});
     if (settings.dots) stage.slider({name: "Particles", min: 5, max: 200, step: 1, value: settings.particles, digits: 0,
-                  change: value => { settings.particles = value; corridor.reset(); }});
+                  change: value => { settings.particles = value; forget(); }});
 
     const cellAt = x => Math.max(0, Math.min(CELLS - 1, Math.round(x)));
     stage.drag(plan, {
@@ -124,11 +132,13 @@
     });
     const turn = by => down => { if (down) shown.cursor = (shown.cursor + by + CELLS) % CELLS; };
     stage.keys(plan, {ArrowLeft: turn(-1), ArrowRight: turn(1), Enter: down => { if (down) corridor.toggle(shown.cursor); }});
-    return {state: corridor, draw: () => paint(plan, stage.colours, corridor, shown, tall), describe: () => sentence(corridor)};
+    return {state: corridor, shown, draw: () => paint(plan, stage.colours, corridor, shown, tall), describe: () => sentence(corridor)};
   });
 
   function paint(plan, colours, corridor, shown, tall) {
-    const {prior, likelihood, belief, what} = corridor, part = share => share * tall;
+    const {prior, likelihood, what} = corridor, part = share => share * tall;
+    const {before} = shown, share = before ? shown.share() : 1, between = (from, to) => from + share * (to - from);
+    const belief = corridor.belief.map((value, cell) => (before ? between(before.belief[cell], value) : value));
     const looked = likelihood !== null, size = plan.width < 500 ? 12 : 14;
     plan.clear(colours.free);
     paintCorridor(plan, colours, corridor, shown, part(0.9));
@@ -145,10 +155,13 @@
       const [, y] = plan.at(0, part(bottom + height));
       draw.text(plan, words, 8, y - 3, colours.ink, {size});
     }
+    if (share < 1 && before.what === "look") shine(plan, colours, corridor, 4 * share * (1 - share), part);
     if (!corridor.settings.dots) return;
-    const [bottom, height] = rows[2];
-    corridor.histogram.forEach((value, cell) => box(plan, cell, part(bottom), part(height) * value, null, colours.ink));
-    paintParticles(plan, colours, corridor, part(0.25));
+    if (share === 1) {
+      const [bottom, height] = rows[2];
+      corridor.histogram.forEach((value, cell) => box(plan, cell, part(bottom), part(height) * value, null, colours.ink));
+    }
+    paintParticles(plan, colours, corridor, before, share, part(0.25));
   }
 
   /** The corridor from above: a cell each, orange where there is a door, and the robot. */
@@ -163,15 +176,43 @@
     draw.robot(plan, [corridor.truth, middle + 0.1, 0], corridor.doors.has(corridor.truth) ? "#1b1b1b" : colours.truth, {radius: 0.24});
   }
 
-  /** The particles in columns, hanging down from `top`, their areas their weights. */
-  function paintParticles(plan, colours, {cells, weights}, top) {
-    const n = cells.length, counts = new Int32Array(CELLS), places = new Float64Array(2 * n);
-    const most = Math.max(...Array.from({length: CELLS}, (_, c) => cells.filter(cell => cell === c).length));
-    const apart = Math.min(0.62, (top - 0.3) / most);
-    cells.forEach((cell, k) => { places.set([cell, top - 0.4 - apart * counts[cell]++], 2 * k); });
-    const average = 0.24 * plan.scale * Math.sqrt(Math.min(1, apart / 0.4));
-    const radii = weights.map(weight => Math.min(0.45 * plan.scale, Math.max(0.7, average * Math.sqrt(n * weight))));
-    draw.dots(plan, places, colours.particles, radii);
+  /** What was seen shines down on the bars of the belief, each cell as brightly as its likelihood. */
+  function shine(plan, colours, {likelihood}, bright, part) {
+    likelihood.forEach((value, cell) => {
+      plan.context.globalAlpha = 0.55 * bright * value;
+      box(plan, cell, part(0.27), part(0.285), colours.highlight);
+    });
+    plan.context.globalAlpha = 1;
+  }
+
+  /** Places and radii (m, pixels) of particles that hang down from `top`, side by side where there are many in a cell;
+   * their areas are their weights. */
+  function hang(plan, {cells, weights}, top) {
+    const n = cells.length, most = Math.max(...Array.from({length: CELLS}, (_, c) => cells.filter(cell => cell === c).length));
+    const below = wide => Math.min(0.62, (top - 0.3) / Math.ceil(most / wide)), enough = [1, 2, 3, 4, 5].find(wide => below(wide) >= 0.9 / wide);
+    const wide = enough || 6, apart = below(wide), counts = new Int32Array(CELLS), average = plan.scale * Math.min(0.24, 0.42 / wide);
+    return {
+      places: Array.from(cells, cell => {
+        const k = counts[cell]++;
+        return [cell + ((k % wide) - (wide - 1) / 2) * (0.9 / wide), top - 0.4 - apart * Math.floor(k / wide)];
+      }),
+      radii: Array.from(weights, weight => Math.min(0.45 * plan.scale, Math.max(0.7, average * Math.sqrt(n * weight)))),
+    };
+  }
+
+  /** The particles. After a resampling each begins where its parent was, so that heavy dots split and light ones vanish. */
+  function paintParticles(plan, colours, corridor, before, share, top) {
+    const now = hang(plan, corridor, top), old = before && share < 1 ? hang(plan, before, top) : now, {parents} = corridor;
+    const from = k => (old !== now && before.what === "resample" ? parents[k] : k), between = (a, b) => a + share * (b - a);
+    const places = now.places.flatMap(([x, y], k) => {
+      const [x0, y0] = old.places[from(k)];
+      return [between(x0 - x > CELLS / 2 ? x0 - CELLS : x0, x), between(y0, y)];  // out at one end, in at the other
+    });
+    if (old !== now && before.what === "resample") {
+      const childless = old.places.map((_, k) => k).filter(k => !parents.includes(k));
+      draw.dots(plan, childless.flatMap(k => old.places[k]), colours.muted, childless.map(k => (1 - share) * old.radii[k]));
+    }
+    draw.dots(plan, places, colours.particles, now.radii.map((radius, k) => between(old.radii[from(k)], radius)));
     Object.assign(plan.context, {strokeStyle: colours.estimate, lineWidth: 1});
     plan.context.stroke();
   }

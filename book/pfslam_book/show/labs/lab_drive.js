@@ -398,6 +398,8 @@
     }
     const size = plan.width < 500 ? 13 : 16;
     news(drive, stage).forEach((line, k) => draw.text(plan, line, 8, (1.4 * k + 1.3) * size, colours.ink, {size, halo: colours.paper}));
+    const yours = Object.keys(drive.parts);
+    if (yours.length) draw.text(plan, `yours: ${yours.join(", ")}`, plan.width - 8, plan.height - 8, colours.ink, {size, align: "right", halo: colours.paper});
   }
 
   /** What happens, in a line or two: nobody leaves the map in ruins without being told why. */

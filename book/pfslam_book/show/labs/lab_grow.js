@@ -123,13 +123,14 @@
   }
 
   lab("grow", stage => {
-    const survey = new Survey(stage.options), shown = {building: false, held: false, drawn: ""};
+    const survey = new Survey(stage.options), shown = {building: false, held: false, drawn: "", knot: 0, from: 0, to: 0, share: () => 1};
     const plan = stage.plan({
       name: "The map, the robot, and the chosen cell",
       help: "Drag the robot; click any cell for its diary. Keys: arrows drive, the letters A, D, W and S choose the next cell.",
       window: WINDOW,
     });
-    const chart = stage.chart({name: "The log-odds of the chosen cell after each scan", height: 130});
+    const rope = stage.chart({name: "A rope at the chosen cell: hits pull to the right, passing beams to the left, up to the clamp", height: 46});
+    const chart = stage.chart({name: "The log-odds of the chosen cell after each scan", height: 96});
     const diary = stage.words("");
     const clock = stage.clock({hertz: 10, tick: () => survey.scan(), step: () => survey.scan()});
     clock.pause();
@@ -160,9 +161,10 @@
                       a: next(-1, 0), d: next(1, 0), w: next(0, 1), s: next(0, -1)});
     survey.scan();
     return {
-      state: survey, constants: {SPEC, LIDAR, SEEN},
+      state: survey, shown, constants: {SPEC, LIDAR, SEEN},
       draw() {
         paintMap(plan, stage.colours, survey, shown);
+        paintRope(rope, stage, survey, shown);
         paintDiary(chart, stage.colours, survey);
         const words = inWords(survey);
         if (words !== shown.drawn) diary.innerHTML = shown.drawn = words;
@@ -194,6 +196,30 @@
     if (survey.driven) return;
     const [rx, ry] = plan.at(pose[0], pose[1] - 1.6 * RADIUS);
     draw.text(plan, "drag me", rx, ry + size, colours.ink, {size, align: "center", halo: colours.free});
+  }
+
+  /** A tug-of-war on the chosen cell: where the knot is, its log-odds are; the posts at the ends are the clamp. */
+  function paintRope(rope, stage, survey, shown) {
+    const {colours} = stage, {width, height, context} = rope, {clamp} = survey.settings, {level, diary} = survey, size = width < 500 ? 12 : 14;
+    const x = value => width * (0.5 + (0.38 * value) / clamp), middle = height - 13, last = diary[diary.length - 1];
+    if (level !== shown.to) Object.assign(shown, {from: shown.knot, to: level, share: stage.glide(0.4)});
+    shown.knot = shown.from + shown.share() * (shown.to - shown.from);
+    const bar = (from, to, colour, high) => {
+      context.fillStyle = colour;
+      context.fillRect(Math.min(from, to), middle - high / 2, Math.abs(to - from), high);
+    };
+    rope.clear(colours.free);
+    bar(x(-clamp), x(clamp), colours.muted, 3);
+    bar(x(0), x(shown.knot), shown.knot > 0 ? colours.hits : colours.clear, 9);
+    for (const end of [clamp, -clamp]) bar(x(end) - 2, x(end) + 2, colours.highlight, 20);
+    bar(x(0) - 1, x(0) + 1, colours.ink, 14);
+    const pulls = last ? (last.hit ? 1 : -1) * (shown.knot === shown.to ? 0 : 10) : 0;
+    draw.dots({context, at: (px, py) => [px, py]}, [x(shown.knot) + pulls, middle], colours.ink, 7);
+    const words = (text, px, align, colour) => draw.text(rope, text, px, size + 1, colour, {size, align, halo: colours.free});
+    const hits = diary.filter(page => page.hit).length;
+    words(`◀ ${plural(diary.length - hits, "pass", "passes")}: free`, 8, "left", colours.ink);
+    words(`${plural(hits, "hit")}: wall ▶`, width - 8, "right", colours.ink);
+    if (Math.abs(level) > clamp - 1e-6) words("at the clamp", width / 2, "center", colours.ink);
   }
 
   /** The log-odds of the chosen cell over the scans, a mark at each scan that touched it, and the clamp. */

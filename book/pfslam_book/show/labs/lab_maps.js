@@ -72,7 +72,7 @@
     resample() {
       const u = this.filterDice.uniform(), ancestors = core.systematicResample(this.weights, u), {n} = this;
       const pick = values => Array.from(ancestors, from => values[from]);
-      this.family = {ancestors, weights: this.weights};
+      this.family = {ancestors, weights: this.weights, maps: this.maps, cells: this.cells};
       Object.assign(this, {cells: Int32Array.from(pick(this.cells)), maps: pick(this.maps), paths: pick(this.paths),
                            founders: Int32Array.from(pick(this.founders)), weights: new Float64Array(n).fill(1 / n), what: "resample"});
       this.trace.push({u});
@@ -108,7 +108,7 @@
 
   lab("maps", stage => {
     const walk = new Walk(stage.options), narrow = stage.body.clientWidth < 500, rows = narrow ? 20 : 11;
-    const tall = rows + (narrow ? 7 : 5), shown = {cursor: 1, moved: false};
+    const tall = rows + (narrow ? 7 : 5), shown = {cursor: 1, moved: false, family: null, share: () => 1};
     const plan = stage.plan({
       name: "The corridor, the map on which the particles agree, and below it each particle's own map",
       help: "Click or tap a row to follow its particle, or a cell of the corridor to make or wall up a door. Keys: up and " +
@@ -149,8 +149,9 @@
     stage.keys(plan, {ArrowUp: choose(-1), ArrowDown: choose(1), ArrowLeft: turn(-1), ArrowRight: turn(1),
                       Enter: down => { if (down) walk.toggle(shown.cursor); }});
     return {
-      state: walk,
+      state: walk, shown,
       draw() {
+        if (walk.family !== shown.family) Object.assign(shown, {family: walk.family, share: stage.glide(0.45)});
         paint(plan, stage.colours, walk, shown, place);
         story.innerHTML = path(walk);
       },
@@ -176,7 +177,7 @@
     belief.forEach((value, cell) => box(plan, cell, place.belief, value * room, colours.estimate, 0.8));
     label("where they believe they are", place.belief + room);
     label("the particles", place.rows);
-    paintRows(plan, colours, walk, place, shade);
+    paintRows(plan, colours, walk, place, shade, walk.family ? shown.share() : 1);
     paintFamily(plan, colours, walk, place);
   }
 
@@ -186,8 +187,8 @@
     for (let cell = 0; cell < CELLS; cell++) {
       const door = walk.doors.has(cell);
       box(plan, cell, place.strip, height, door ? colours.highlight : colours.free, 0.96);
-      const [x, y] = plan.at(cell, place.strip);
-      draw.text(plan, String(cell), x, y - 3, door ? "#1b1b1b" : colours.ink, {size: plan.width < 500 ? 11 : 12, align: "center"});
+      const [x, y] = plan.at(cell, place.strip), few = plan.width < 500 && cell % 5 && !door && cell !== shown.cursor;
+      if (!few) draw.text(plan, String(cell), x, y - 3, door ? "#1b1b1b" : colours.ink, {size: plan.width < 500 ? 11 : 12, align: "center"});
     }
     if (document.activeElement === plan.holder) frame(plan, shown.cursor, place.strip, height, colours.ink, 3);
     const [x, y] = plan.at(-0.5 - MARGIN, place.strip + 0.4);
@@ -195,13 +196,23 @@
     draw.robot(plan, [walk.truth, place.top - 0.42, 0], walk.doors.has(walk.truth) ? "#1b1b1b" : colours.truth, {radius: 0.24});
   }
 
-  /** A map and a dot for each particle. */
-  function paintRows(plan, colours, walk, place, shade) {
-    const {n, cells, weights, maps} = walk, high = place.rows / n, places = new Float64Array(2 * n);
+  /** A map and a dot for each particle. After a resampling the rows come from where their parents were, and histories
+   * that have died fade. */
+  function paintRows(plan, colours, walk, place, shade, share) {
+    const {n, cells, weights, maps, family} = walk, high = place.rows / n, places = new Float64Array(2 * n);
     const average = 0.42 * Math.min(high, 0.9) * plan.scale;
-    maps.forEach((map, k) => {
+    const row = (map, k) => {
       for (let c = 0; c < CELLS; c++) box(plan, c, place.rows - (k + 1) * high, 0.9 * high, shade(map[c]), 0.96);
-      places.set([cells[k], place.rows - (k + 0.55) * high], 2 * k);
+    };
+    if (share < 1) {
+      plan.context.globalAlpha = 1 - share;
+      family.maps.forEach((map, k) => { if (!family.ancestors.includes(k)) row(map, k); });
+      plan.context.globalAlpha = 1;
+    }
+    maps.forEach((map, k) => {
+      const at = share < 1 ? family.ancestors[k] + share * (k - family.ancestors[k]) : k;
+      row(map, at);
+      places.set([cells[k], place.rows - (at + 0.55) * high], 2 * k);
     });
     const radii = weights.map(weight => Math.max(0.5, Math.min(0.48 * plan.scale, average * Math.sqrt(n * weight))));
     draw.dots(plan, places, colours.particles, radii);
@@ -220,8 +231,11 @@
     family.weights.forEach((_, k) => places.push(left, y(k)));
     draw.line(plan, lines, colours.estimate, {width: 1, gaps: true});
     const average = 0.42 * Math.min(high, 0.9) * plan.scale;
-    draw.dots(plan, places, colours.particles,
-              Array.from(family.weights, weight => Math.max(0.5, Math.min(0.35 * plan.scale, average * Math.sqrt(n * weight)))));
+    family.weights.forEach((weight, k) => {  // those who have no children stay behind, pale
+      plan.context.globalAlpha = family.ancestors.includes(k) ? 1 : 0.35;
+      draw.dots(plan, places.slice(2 * k, 2 * k + 2), colours.particles, Math.max(0.5, Math.min(0.35 * plan.scale, average * Math.sqrt(n * weight))));
+    });
+    plan.context.globalAlpha = 1;
   }
 
   /** A door's probability as a grey: unknown as paper, a wall light, a door dark. */

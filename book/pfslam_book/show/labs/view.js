@@ -13,6 +13,7 @@
  *   stage.clock({hertz: 60, tick() {...}, step() {...}});                  Start and Pause, and Step
  *   stage.drag(plan, {start(x, y), move(x, y), end(cancelled), grab(x, y)});   mouse and finger, in metres
  *   stage.keys(plan, {ArrowUp(down) {...}});                               while the plan, or a button of its, has the focus
+ *   const share = stage.glide(0.6);                                        share() goes from 0 to 1 in so many seconds
  *   stage.say("Sentence.");                                                for who listens, once a second at most
  *   stage.fold("More settings");                                           what comes after it is folded away
  *   stage.redraw();                                                        before the next frame
@@ -53,7 +54,7 @@
 
     clear(colour) {
       this.context.fillStyle = colour;
-      this.context.fillRect(0, 0, this.width, this.height);
+      this.context.fillRect(0, 0, this.width + 1, this.height + 1);  // the last row of pixels may be a part
     }
   }
 
@@ -310,6 +311,17 @@
       clearTimeout(this.later);
       if (wait <= 0) this.say(this.parts.describe());
       else this.later = setTimeout(() => this.describe(), wait + 1);
+    }
+
+    /** A change that takes a moment before one's eyes: what it gives is asked for the share that has passed. With less
+     * motion it is over at once. Only drawings ask; the state has changed already. */
+    glide(seconds = 0.6) {
+      const begun = performance.now();
+      return () => {
+        const share = calm() ? 1 : Math.min(1, (performance.now() - begun) / (1000 * seconds));
+        if (share < 1) this.redraw();
+        return share * share * (3 - 2 * share);
+      };
     }
 
     redraw() {
