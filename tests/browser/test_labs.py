@@ -65,12 +65,20 @@ def open_lab(chromium, opener, tmp_path):
     """Open one laboratory on a page of its own: ``open_lab("drive", {"small": True}, width=390)``."""
     visits, contexts = [], []
 
-    def go(name: str, options=None, theme: str = "light", width: int = 1280, below: str = "", **context):
+    def go(
+        name: str,
+        options=None,
+        theme: str = "light",
+        width: int = 1280,
+        below: str = "",
+        height: int = 900,
+        **context,
+    ):
         place = tmp_path / f"{name}-{len(visits)}.html"
         place.write_text(
             lab_page(name, options, theme).replace("</main>", below + "</main>"), encoding="utf-8"
         )
-        contexts.append(chromium.new_context(viewport={"width": width, "height": 900}, **context))
+        contexts.append(chromium.new_context(viewport={"width": width, "height": height}, **context))
         visits.append(opener(contexts[-1], place.as_uri(), "file:///"))
         visits[-1].page.wait_for_function(READY)
         visits[-1].page.evaluate("document.querySelectorAll('details').forEach(box => { box.open = true; })")
@@ -1022,6 +1030,35 @@ def test_what_is_the_readers_own_says_so_on_the_picture(lab):
       setTimeout(() => done(words), 300);
     })""")
     assert "yours: resample" in said
+
+
+# ---- Each fits its screen
+
+
+IN_SIGHT = """() => {
+  const figure = document.querySelector('figure.pfslam-lab'), box = e => e.getBoundingClientRect();
+  const controls = [...figure.querySelectorAll('button, .pfslam-slider, fieldset, .pfslam-check')].filter(
+    e => e.checkVisibility({contentVisibilityAuto: true}));
+  const parts = [figure.querySelector('canvas'), ...controls].map(box);
+  return [controls.length, Math.max(...parts.map(b => b.bottom)) - Math.min(...parts.map(b => b.top))];
+}"""
+BAR = 56  # pixels of the bar above a page
+
+
+@pytest.mark.parametrize("name", LABS)
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
+def test_the_picture_and_what_turns_it_are_seen_together(open_lab, name, width, height):
+    phone = {"has_touch": True, "is_mobile": True} if width < 500 else {}
+    page = open_lab(name, width=width, height=height, below="<div style='height: 2000px'></div>", **phone)
+    page.evaluate("document.querySelectorAll('details').forEach(box => { box.open = false; })")
+    controls, high = page.evaluate(IN_SIGHT)
+    assert controls <= 6
+    assert high <= height - BAR
+    if phone:  # and what is folded is turned with the picture in sight
+        plan = page.locator(".pfslam-plan").first
+        body = page.locator(".pfslam-lab-body").bounding_box()
+        page.evaluate(f"scrollTo(0, {plan.bounding_box()['y']} + 60)")
+        assert plan.bounding_box()["y"] == pytest.approx(BAR, abs=1) or body["height"] < height
 
 
 # ---- All of them

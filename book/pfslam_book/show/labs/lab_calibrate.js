@@ -154,10 +154,6 @@
         input.dispatchEvent(new Event("input"));
       }
     };
-    stage.choice({name: "Turns from", options: {gyro: "the gyro", wheels: "the wheels alone"}, value: state.by,
-                  change: by => { state.by = by; show(); }});
-    stage.choice({name: "Robot", options: {hidden: "one with hidden faults", recorded: "the one of the drive hall"}, value: state.robot,
-                  change: robot => { state.robot = robot; state.reset(); show(); }});
     stage.button({name: "Start again", key: "n", press: () => { state.reset(); show(); }});
     stage.button({name: "Another robot", key: "r", press: () => {
       stage.body.querySelector("input[value=hidden]").checked = true;
@@ -166,6 +162,11 @@
       show();
     }});
     stage.check({name: "Tell the numbers", key: "t", change: value => { shown.answer = value; }});
+    stage.fold("More settings");
+    stage.choice({name: "Turns from", options: {gyro: "the gyro", wheels: "the wheels alone"}, value: state.by,
+                  change: by => { state.by = by; show(); }});
+    stage.choice({name: "Robot", options: {hidden: "one with hidden faults", recorded: "the one of the drive hall"}, value: state.robot,
+                  change: robot => { state.robot = robot; state.reset(); show(); }});
     const onPath = (x, y) => plan.near(x, y, state.at(state.poses));
     stage.drag(plan, {
       start: (x, y) => {

@@ -110,11 +110,12 @@
     if (settings.dots) stage.button({name: "Resample", key: "r", press: seen("resample", () => corridor.resample())});
     const forget = () => { shown.before = null; corridor.reset(); };
     stage.button({name: "Start again", key: "n", press: forget});
-    stage.check({name: "The robot slips and errs", key: "c", change: value => { settings.chance = value; }});
     stage.slider({name: "Right at a door", min: 0, max: 1, step: 0.01, value: settings.atDoor,
                   change: value => { settings.atDoor = value; }});
     stage.slider({name: "Right at a wall", min: 0, max: 1, step: 0.01, value: 1 - settings.atWall,
                   change: value => { settings.atWall = 1 - value; }});
+    stage.fold("More settings");
+    stage.check({name: "The robot slips and errs", key: "c", change: value => { settings.chance = value; }});
     if (settings.dots) stage.slider({name: "Particles", min: 5, max: 200, step: 1, value: settings.particles, digits: 0,
                   change: value => { settings.particles = value; forget(); }});
 

@@ -119,17 +119,18 @@
       if (Number(driven.value) >= 100) clock.pause();
     };
     const clock = stage.clock({hertz: 30, tick: () => tick(0.25), step: () => tick(5)});
-    stage.button({name: "New dice", key: "d", press: () => { settings.seed += 1; fan.throwDice(); }});
     stage.button({name: "Back to the start", key: "n", press: () => tick(-100)});
-    stage.check({name: "Some whole paths", key: "p", value: true, change: value => { shown.paths = value; }});
     const driven = stage.slider({name: "Driven", min: 0, max: 100, step: 0.25, value: settings.part, unit: "%", digits: 0,
                                  change: value => { settings.part = value; }});
-    stage.slider({name: "Particles", min: 10, max: 1000, step: 10, value: settings.particles, digits: 0,
-                  change: value => { settings.particles = value; fan.throwDice(); }});
     stage.slider({name: "Speed noise", min: 0, max: 4, step: 0.01, value: settings.sigmaV, unit: "m/s",
                   change: value => { settings.sigmaV = value; fan.forget(); }});
     stage.slider({name: "Yaw rate noise", min: 0, max: 0.6, step: 0.001, value: settings.sigmaOmega, unit: "rad/s",
                   change: value => { settings.sigmaOmega = value; fan.forget(); }});
+    stage.fold("More settings");
+    stage.button({name: "New dice", key: "d", press: () => { settings.seed += 1; fan.throwDice(); }});
+    stage.check({name: "Some whole paths", key: "p", value: true, change: value => { shown.paths = value; }});
+    stage.slider({name: "Particles", min: 10, max: 1000, step: 10, value: settings.particles, digits: 0,
+                  change: value => { settings.particles = value; fan.throwDice(); }});
     const change = path => { settings.path = path; fan.forget(); clock.pause(); };
     const which = stage.choice({name: "Path", options: {hall: "the drive hall", own: "your own"}, value: "hall", change});
 

@@ -318,6 +318,10 @@
     }
     const thief = stage.button({name: "Kidnap", key: "k", press: () => (drive.before ? drive.putBack() : drive.kidnap())});
     stage.button({name: "Start again", key: "n", press: () => { drive.reset(); auto.checked = true; }});
+    if (!stage.small) {
+      stage.fold("More settings");
+      clock.fold();
+    }
     const auto = stage.check({name: "Autopilot", key: "a", value: true, change: value => { drive.setAuto(value); if (value) clock.wake(); }});
     const byHand = () => { if (drive.auto) drive.setAuto(false); auto.checked = false; };
     if (!stage.small) {
@@ -350,11 +354,10 @@
 
   function controls(stage, drive) {
     const {settings} = drive;
-    stage.slider({name: "Particles", min: 10, max: 2000, step: 10, value: settings.particles, digits: 0,
-                  change: value => drive.setParticles(value)});
     stage.slider({name: "Noise", min: 0, max: 3, step: 0.05, value: settings.noise, unit: "times",
                   change: value => { settings.noise = value; }});
-    stage.fold("More settings");
+    stage.slider({name: "Particles", min: 10, max: 2000, step: 10, value: settings.particles, digits: 0,
+                  change: value => drive.setParticles(value)});
     stage.slider({name: "Sharpness", min: 0, max: 40, step: 0.5, value: settings.sharpness, digits: 1,
                   change: value => { settings.sharpness = value; }});
     stage.slider({name: "Resample below", min: 0, max: 1, step: 0.01, value: settings.threshold, unit: "of N",

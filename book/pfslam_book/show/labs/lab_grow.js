@@ -134,15 +134,16 @@
     const diary = stage.words("");
     const clock = stage.clock({hertz: 10, tick: () => survey.scan(), step: () => survey.scan()});
     clock.pause();
-    stage.button({name: "New map", key: "n", press: () => { survey.reset(); survey.scan(); }});
     stage.check({name: "Door open", key: "o", change: open => { survey.open.door = open; }});
-    stage.check({name: "Panel away", key: "p", change: away => { survey.open.panel = away; }});
-    stage.check({name: "Show the building", key: "b", change: value => { shown.building = value; }});
     const slider = (key, name, min, max) => stage.slider({
       name, min, max, step: 0.01, value: survey.settings[key], unit: "log 4", change: value => survey.set(key, value)});
     slider("hit", "Hit", 0.1, 3);
     slider("free", "Free", 0.01, 2);
     slider("clamp", "Clamp", 0.5, 20);
+    stage.fold("More settings");
+    stage.button({name: "New map", key: "n", press: () => { survey.reset(); survey.scan(); }});
+    stage.check({name: "Panel away", key: "p", change: away => { survey.open.panel = away; }});
+    stage.check({name: "Show the building", key: "b", change: value => { shown.building = value; }});
     stage.drag(plan, {
       start: (x, y) => {
         shown.held = plan.near(x, y, survey.pose) || Math.hypot(x - survey.pose[0], y - survey.pose[1]) < 2 * RADIUS;

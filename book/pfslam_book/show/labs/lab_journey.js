@@ -114,9 +114,7 @@
       help: "Point at a pixel, drag, tap, or use the arrow keys, which go faster while you hold them.",
       window: [0, width, -height, 0],
     });
-    const side = stage.chart({name: "The points of the image from the side, with the ray of the chosen pixel", height: 220});
-    const story = stage.words("");
-    story.classList.add("pfslam-story");
+    const side = stage.chart({name: "The points of the image from the side, with the ray of the chosen pixel", height: 150});
     const degrees = 180 / Math.PI;
     stage.slider({name: "Pitch", min: 14, max: 22, step: 0.05, value: shot.settings.pitch * degrees, unit: "°",
                   change: value => { shot.settings.pitch = value / degrees; shot.painted.clear(); }});
@@ -137,6 +135,9 @@
     };
     stage.keys(plan, {ArrowLeft: go(-1, 0), ArrowRight: go(1, 0), ArrowUp: go(0, -1), ArrowDown: go(0, 1)});
     stage.button({name: "Bare floor", key: "n", press: () => shot.painted.clear()});
+    const story = stage.words("");
+    story.classList.add("pfslam-story");
+    stage.controls.after(story);
     return {
       state: shot,
       draw() {

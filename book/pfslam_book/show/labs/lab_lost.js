@@ -193,13 +193,14 @@
     const strip = stage.chart({name: "The share of the weight at the robot, and at its twin, over the last scans", height: 80});
     const clock = stage.clock({hertz: HERTZ, tick: () => search.tick(), step: () => { for (let k = 0; k < HERTZ / 2; k++) search.tick(); }});
     stage.button({name: "Kidnap", key: "k", press: () => { search.kidnap(); clock.wake(); }});
-    stage.button({name: "Start again", key: "n", press: () => { search.reset(); auto.checked = true; }});
-    stage.button({name: "New dice", key: "d", press: () => { settings.seed += 1; search.reset(); auto.checked = true; }});
-    const auto = stage.check({name: "Autopilot", key: "a", value: true, change: value => { search.setAuto(value); if (value) clock.wake(); }});
     stage.check({name: "Inject where the scan does not fit", key: "i", value: true, change: value => { settings.inject = value; }});
     stage.check({name: "Number by KLD", key: "l", value: true, change: value => { settings.adaptive = value; }});
     stage.slider({name: "Particles at first", min: 100, max: 20000, step: 100, value: settings.first, digits: 0,
                   change: value => { settings.first = value; search.reset(); auto.checked = true; }});
+    stage.fold("More settings");
+    stage.button({name: "Start again", key: "n", press: () => { search.reset(); auto.checked = true; }});
+    stage.button({name: "New dice", key: "d", press: () => { settings.seed += 1; search.reset(); auto.checked = true; }});
+    const auto = stage.check({name: "Autopilot", key: "a", value: true, change: value => { search.setAuto(value); if (value) clock.wake(); }});
     const byHand = () => { if (search.auto) search.setAuto(false); auto.checked = false; };
     const goTo = (x, y) => { byHand(); search.goTo(x, y); clock.wake(); };
     stage.drag(plan, {start: goTo, move: goTo});

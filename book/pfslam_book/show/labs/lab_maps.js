@@ -107,7 +107,7 @@
   }
 
   lab("maps", stage => {
-    const walk = new Walk(stage.options), narrow = stage.body.clientWidth < 500, rows = narrow ? 20 : 11;
+    const walk = new Walk(stage.options), narrow = stage.body.clientWidth < 500, rows = narrow ? 14 : 8;
     const tall = rows + (narrow ? 7 : 5), shown = {cursor: 1, moved: false, family: null, share: () => 1};
     const plan = stage.plan({
       name: "The corridor, the map on which the particles agree, and below it each particle's own map",
@@ -126,9 +126,10 @@
     stage.button({name: "Look", key: "l", press: byHand(() => walk.look())});
     stage.button({name: "Resample", key: "r", press: byHand(() => walk.resample())});
     stage.button({name: "Move", key: "m", press: byHand(() => walk.move())});
+    stage.check({name: "One shared map", key: "o", change: value => { walk.settings.shared = value; walk.reset(); }});
+    stage.fold("More settings");
     stage.button({name: "Start again", key: "n", press: () => walk.reset()});
     stage.button({name: "New dice", key: "d", press: () => { walk.settings.seed += 1; walk.reset(); }});
-    stage.check({name: "One shared map", key: "o", change: value => { walk.settings.shared = value; walk.reset(); }});
     stage.slider({name: "Particles", min: 8, max: 100, step: 1, value: walk.settings.particles, digits: 0,
                   change: value => { walk.settings.particles = value; walk.reset(); }});
 

@@ -21,6 +21,7 @@
 (function (root) {
   "use strict";
   const calm = () => root.matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const TALLEST = 0.55, LOWEST = 240;  // so high a plan may be, of the window or in pixels: what turns it is seen with it
   const SIDEWAYS = 8, FINGER = 26;  // pixels after which a finger drags; pixels within which one takes hold of a thing
   // In JupyterLab each laboratory loads this file once more: what is known by then must stay.
   const known = (root.pfslam.known = root.pfslam.known || {builders: {}, count: 0});
@@ -42,13 +43,13 @@
       Object.assign(this, {canvas, aspect, context: canvas.getContext("2d"), width: 0, height: 0});
     }
 
-    fit(width) {
+    fit(across) {
       const ratio = root.devicePixelRatio || 1;
-      this.width = width;
-      this.height = this.aspect(width);
+      const width = Math.min(across, this.widest ? this.widest() : across);
+      Object.assign(this, {width, height: this.aspect(width)});
       this.canvas.width = Math.round(width * ratio);
       this.canvas.height = Math.round(this.height * ratio);
-      this.canvas.style.height = `${this.height}px`;
+      Object.assign(this.canvas.style, {width: `${width}px`, height: `${this.height}px`});
       this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
     }
 
@@ -64,6 +65,9 @@
       super(canvas, width => (width * (window[3] - window[2])) / (window[1] - window[0]));
       this.window = window;
     }
+
+    /** So wide it may be for its height to fit in the window. */
+    widest() { return Math.max(LOWEST, TALLEST * root.innerHeight) / this.aspect(1); }
 
     /** Pixels in a metre. */
     get scale() { return this.width / (this.window[1] - this.window[0]); }
@@ -136,8 +140,11 @@
                                   "aria-describedby": helpId}, canvas);
       canvas.style.touchAction = "pan-y pinch-zoom";
       const plan = this.place(new Plan(canvas, window), holder);
-      this.controls.before(words);
+      // What keys and fingers do is read once: it does not stand between a picture and what turns it.
+      if (this.controls.closest("details")) this.controls.before(words);
+      else this.status.before(words);
       plan.holder = holder;
+      if (this.small) plan.widest = () => Infinity;
       return plan;
     }
 
@@ -220,6 +227,7 @@
       const toggle = () => (calm() ? stepped() : clock.running ? clock.pause() : clock.start());
       clock.start = () => { clock.running = true; clock.due = 0; clock.last = performance.now(); write(); this.redraw(); };
       clock.wake = () => { if (!clock.running && !calm()) clock.start(); };  // for who drives without pressing Start
+      clock.fold = () => { if (button && one) this.buttons.prepend(one); };
       clock.pause = () => { clock.running = false; write(); this.redraw(); };
       const button = calm() ? null : this.button({name: "Start", press: toggle});
       const write = () => { if (button) button.textContent = clock.running ? "Pause" : "Start"; };
