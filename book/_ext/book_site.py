@@ -337,6 +337,7 @@ def setup(app):
     app.config["html_search_scorer"] = str(Path(__file__).with_name("search_order.js"))
     app.add_css_file("pfslam.css")
     app.add_js_file("print.js", loading_method="defer")
+    app.add_js_file("predict.js", loading_method="defer")
     app.add_directive("math", Math, override=True)
     app.add_transform(LinkToSource)
     app.connect("config-inited", read_in_parallel)

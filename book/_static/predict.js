@@ -1,0 +1,92 @@
+/* "Predict first": the page takes the prediction, keeps it on the reader's machine, and shows it beside the next output. */
+(function () {
+  "use strict";
+  const ASKS = "Predict first";
+
+  /* The reader's machine, or nothing where it keeps nothing for us. */
+  function memory() {
+    try {
+      localStorage.setItem("pfslam-test", "1");
+      localStorage.removeItem("pfslam-test");
+      return localStorage;
+    } catch {
+      return null;
+    }
+  }
+
+  function element(name, attributes, ...children) {
+    const made = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    made.append(...children);
+    return made;
+  }
+
+  /* The answers between which a question lets one choose, or none. */
+  function choices(question) {
+    const three = question.match(/([\w.]+), ([\w.]+),? or ([\w. ]+)\?$/), two = question.match(/, (the \w+) or (the \w+)\?$/);
+    if (three || two) return (three || two).slice(1);
+    const alone = question.indexOf("?") === question.length - 1;
+    return alone && /^(will|do|does|is|are|can)\b/i.test(question) ? ["yes", "no"] : [];
+  }
+
+  /* What is asked after the bold words, up to the last question mark. */
+  function questionOf(bold) {
+    let words = "";
+    for (let next = bold.nextSibling; next; next = next.nextSibling) words += next.textContent;
+    words = words.replace(/\s+/g, " ").trim();
+    return words.slice(0, words.lastIndexOf("?") + 1) || words;
+  }
+
+  function outputAfter(place) {
+    return [...document.querySelectorAll("article .cell_output")].find(output =>
+      place.compareDocumentPosition(output) & Node.DOCUMENT_POSITION_FOLLOWING && !output.closest("details"));
+  }
+
+  function ask(bold, number, store) {
+    const place = bold.closest("p"), key = `pfslam:${location.pathname.split("/").pop()}:prediction-${number}`;
+    const question = questionOf(bold), options = choices(question), id = `pfslam-prediction-${number}`;
+    const form = element("form", {class: "pfslam-predict", autocomplete: "off"});
+    if (options.length) {
+      const set = element("fieldset", {}, element("legend", {}, "Your prediction"));
+      for (const answer of options) {
+        set.append(element("label", {}, element("input", {type: "radio", name: id, value: answer, required: ""}), ` ${answer}`));
+      }
+      form.append(set);
+    } else {
+      const kind = /^how (many|often|much|far)\b/i.test(question) ? {inputmode: "decimal"} : {};
+      form.append(element("label", {for: id}, "Your prediction"),
+                  element("input", {type: "text", id, name: id, maxlength: "200", required: "", ...kind}));
+    }
+    const told = element("p", {role: "status", class: "pfslam-kept"}), output = outputAfter(place);
+    form.append(element("button", {type: "submit"}, "Keep it"), told);
+    place.after(form);
+    const said = element("p", {class: "pfslam-said"});
+    const show = answer => {
+      said.replaceChildren("You said: ", element("strong", {}, answer));
+      if (output) output.prepend(said);
+    };
+    form.addEventListener("submit", event => {
+      event.preventDefault();
+      const answer = new FormData(form).get(id).trim();
+      if (!answer) return;
+      try {
+        store.setItem(key, answer);
+      } catch {
+        return;
+      }
+      show(answer);
+      told.textContent = output ? "Kept: it stands beside the next output." : "Kept.";
+    });
+    const kept = store.getItem(key);
+    if (!kept) return;
+    const again = options.length ? [...form.querySelectorAll("input")].find(input => input.value === kept) : form.elements[id];
+    if (options.length && again) again.checked = true;
+    else if (!options.length) again.value = kept;
+    show(kept);
+  }
+
+  const store = memory();
+  if (!store) return;
+  [...document.querySelectorAll("article p > strong")].filter(bold => bold.textContent.startsWith(ASKS)).forEach(
+    (bold, number) => ask(bold, number, store));
+})();
