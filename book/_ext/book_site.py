@@ -23,6 +23,7 @@ from sphinx.transforms import SphinxTransform
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "_tools"))
 
+import api_pages
 import copies
 import plain
 from hero import write_hero
@@ -69,7 +70,6 @@ DOUBLED_TITLE = re.compile(r"<title>(.+?) &#8212; \1</title>")
 MODULE_LIST = re.compile(
     r"(All modules for which code is available</h1>\s*)(<ul>.*</ul>)(?=\s*</article>)", re.DOTALL
 )
-MODULE = re.compile(r"automodule:: ([\w.]+)")
 TABLE = re.compile(r"<table.*?</table>", re.DOTALL)
 NAME = re.compile(r'(?<=<span class="(?:pre|doc)">)[^<]+')
 JOINT = re.compile(r"(?<=[._/])(?=[A-Za-z])")
@@ -204,7 +204,7 @@ class LinkToSource(SphinxTransform):
     default_priority = 500
 
     def apply(self):
-        known = set(MODULE.findall((Path(self.env.srcdir) / "book" / "api.md").read_text(encoding="utf-8")))
+        known = set(api_pages.modules(Path(self.env.srcdir) / "book" / "api.md"))
         for link in list(self.document.findall(addnodes.download_reference)):
             path = Path(self.env.relfn2path(link["reftarget"], self.env.docname)[0])
             module = path.parent if path.stem == "__init__" else path.with_suffix("")

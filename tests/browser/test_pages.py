@@ -80,7 +80,8 @@ def test_no_cell_failed_and_no_number_shows_its_type(site):
 def test_the_site_is_light(site):
     weight = sum(path.stat().st_size for path in site.rglob("*") if path.is_file())
     assert weight <= 60e6
-    limits = {path: 2e6 if path.parent.name == "notebooks" else 3e6 for path in site.rglob("*.html")}
+    folders = {"notebooks": 2e6, "api": 0.3e6}
+    limits = {path: folders.get(path.parent.name, 1e6) for path in site.rglob("*.html")}
     assert [path.name for path, limit in limits.items() if path.stat().st_size > limit] == []
 
 
