@@ -74,9 +74,6 @@ TABLE = re.compile(r"<table.*?</table>", re.DOTALL)
 NAME = re.compile(r'(?<=<span class="(?:pre|doc)">)[^<]+')
 JOINT = re.compile(r"(?<=[._/])(?=[A-Za-z])")
 COLUMNS = re.compile(r"\S {2,}\S")
-N_EFF = re.compile(r"N_\{?\\(?:text|mathrm)\{eff\}")
-# The lines around what a search finds are fetched from its page, which a browser forbids from file://.
-SEARCH_SUMMARY = ("SHOW_SEARCH_SUMMARY: true", "SHOW_SEARCH_SUMMARY: location.protocol !== 'file:'")
 
 LABORATORY = re.compile(r'class="pfslam-lab" data-lab="(\w+)"')
 CHAPTER = re.compile(r"notebooks/(\d\d)_")
@@ -122,8 +119,6 @@ def finish_site(app, error) -> None:
     site = Path(app.outdir)
     for path in site.rglob("*.html"):
         path.write_text(clean_page(path.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
-    options = site / "_static" / "documentation_options.js"
-    options.write_text(options.read_text(encoding="utf-8").replace(*SEARCH_SUMMARY), encoding="utf-8")
     for dead in (site / "_static").glob("*thebe*"):
         dead.unlink()
     for dead in (site / "_static" / "vendor" / "fontawesome").rglob("*.js*"):
@@ -168,13 +163,6 @@ def wrap_sentences(app, doctree) -> None:
     for block in doctree.findall(nodes.literal_block):
         if "output" in block["classes"] and not COLUMNS.search(block.astext()):
             block["classes"].append("pfslam-sentences")
-
-
-def name_formulas(app, doctree) -> None:
-    """A page whose formulas say N_eff is found by its names, too: a search does not see into formulas."""
-    formulas = doctree.findall(lambda node: isinstance(node, nodes.math | nodes.math_block))
-    if any(N_EFF.search(formula.astext()) for formula in formulas):
-        doctree.append(nodes.meta(name="keywords", content="Neff, N_eff, ESS"))
 
 
 class Eval(EvalRoleAny):
@@ -334,7 +322,6 @@ def take_over_eval(app) -> None:
 def setup(app):
     os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
     app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
-    app.config["html_search_scorer"] = str(Path(__file__).with_name("search_order.js"))
     app.add_css_file("pfslam.css")
     app.add_js_file("print.js", loading_method="defer")
     app.add_directive("math", Math, override=True)
@@ -345,7 +332,6 @@ def setup(app):
     app.connect("doctree-read", anchor_sources)
     app.connect("env-get-updated", number_figures, priority=900)  # after Sphinx has counted through the book
     app.connect("doctree-read", wrap_sentences)
-    app.connect("doctree-read", name_formulas)
     app.connect("doctree-read", name_folds)
     app.connect("doctree-read", name_command)
     app.connect("config-inited", show_addresses)
