@@ -73,6 +73,7 @@ MODULE_LIST = re.compile(
 TABLE = re.compile(r"<table.*?</table>", re.DOTALL)
 NAME = re.compile(r'(?<=<span class="(?:pre|doc)">)[^<]+')
 JOINT = re.compile(r"(?<=[._/])(?=[A-Za-z])")
+LISTED = re.compile(r'(?<=<span class="pre">)pfslam[\w.]+(?=</span></code></a></li>)')  # in the sidebar
 COLUMNS = re.compile(r"\S {2,}\S")
 
 LABORATORY = re.compile(r'class="pfslam-lab" data-lab="(\w+)"')
@@ -100,6 +101,7 @@ def clean_page(page: str) -> str:
     if 'class="math' not in page:
         page = MATHJAX.sub("", page)
     page = TABLE.sub(lambda table: NAME.sub(lambda name: JOINT.sub("<wbr>", name[0]), table[0]), page)
+    page = LISTED.sub(lambda name: JOINT.sub("<wbr>", name[0]), page)
     return MODULE_LIST.sub(one_list, page)
 
 
@@ -324,6 +326,7 @@ def setup(app):
     app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
     app.add_css_file("pfslam.css")
     app.add_js_file("print.js", loading_method="defer")
+    app.add_js_file("zoom.js", loading_method="defer")
     app.add_directive("math", Math, override=True)
     app.add_transform(LinkToSource)
     app.connect("config-inited", read_in_parallel)
