@@ -122,6 +122,12 @@ def test_search_leads_first_to_the_place_itself(visit, scheme):
     assert seen.complaints + seen.strangers == []
 
 
+def test_search_finds_what_a_chapter_says_in_a_formula(visit):
+    page = visit("search.html?q=Neff", "file").page
+    page.wait_for_selector(HITS)
+    assert any(link.startswith("notebooks/05") for link in page.eval_on_selector_all(HITS, HREFS))
+
+
 def test_each_hit_opens_at_a_place_that_is_there(visit, anatomies, site):
     page = visit("search.html?q=weight", "file").page
     page.wait_for_selector(HITS)
