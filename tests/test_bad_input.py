@@ -218,7 +218,9 @@ def place(tmp_path_factory):
     folder = tmp_path_factory.mktemp("place")
     save_course(box_recording(2.0, images=0), 7, folder / "data")
     (folder / "small.toml").write_text(STUDY.replace("DATA", str(folder / "data")), encoding="utf-8")
-    (folder / "run.toml").write_text('particles = 2\nestimate = "best"\n[map]\nfree = 0.3\n', encoding="utf-8")
+    (folder / "run.toml").write_text(
+        'particles = 2\nestimate = "best"\n[map]\nfree = 0.3\n', encoding="utf-8"
+    )
     return folder
 
 

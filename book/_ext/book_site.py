@@ -23,6 +23,7 @@ from sphinx.transforms import SphinxTransform
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "_tools"))
 
+import api_pages
 import copies
 import plain
 from hero import write_hero
@@ -69,14 +70,11 @@ DOUBLED_TITLE = re.compile(r"<title>(.+?) &#8212; \1</title>")
 MODULE_LIST = re.compile(
     r"(All modules for which code is available</h1>\s*)(<ul>.*</ul>)(?=\s*</article>)", re.DOTALL
 )
-MODULE = re.compile(r"automodule:: ([\w.]+)")
 TABLE = re.compile(r"<table.*?</table>", re.DOTALL)
 NAME = re.compile(r'(?<=<span class="(?:pre|doc)">)[^<]+')
 JOINT = re.compile(r"(?<=[._/])(?=[A-Za-z])")
+LISTED = re.compile(r'(?<=<span class="pre">)pfslam[\w.]+(?=</span></code></a></li>)')  # in the sidebar
 COLUMNS = re.compile(r"\S {2,}\S")
-N_EFF = re.compile(r"N_\{?\\(?:text|mathrm)\{eff\}")
-# The lines around what a search finds are fetched from its page, which a browser forbids from file://.
-SEARCH_SUMMARY = ("SHOW_SEARCH_SUMMARY: true", "SHOW_SEARCH_SUMMARY: location.protocol !== 'file:'")
 
 LABORATORY = re.compile(r'class="pfslam-lab" data-lab="(\w+)"')
 CHAPTER = re.compile(r"notebooks/(\d\d)_")
@@ -103,6 +101,7 @@ def clean_page(page: str) -> str:
     if 'class="math' not in page:
         page = MATHJAX.sub("", page)
     page = TABLE.sub(lambda table: NAME.sub(lambda name: JOINT.sub("<wbr>", name[0]), table[0]), page)
+    page = LISTED.sub(lambda name: JOINT.sub("<wbr>", name[0]), page)
     return MODULE_LIST.sub(one_list, page)
 
 
@@ -122,8 +121,6 @@ def finish_site(app, error) -> None:
     site = Path(app.outdir)
     for path in site.rglob("*.html"):
         path.write_text(clean_page(path.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
-    options = site / "_static" / "documentation_options.js"
-    options.write_text(options.read_text(encoding="utf-8").replace(*SEARCH_SUMMARY), encoding="utf-8")
     for dead in (site / "_static").glob("*thebe*"):
         dead.unlink()
     for dead in (site / "_static" / "vendor" / "fontawesome").rglob("*.js*"):
@@ -170,13 +167,6 @@ def wrap_sentences(app, doctree) -> None:
             block["classes"].append("pfslam-sentences")
 
 
-def name_formulas(app, doctree) -> None:
-    """A page whose formulas say N_eff is found by its names, too: a search does not see into formulas."""
-    formulas = doctree.findall(lambda node: isinstance(node, nodes.math | nodes.math_block))
-    if any(N_EFF.search(formula.astext()) for formula in formulas):
-        doctree.append(nodes.meta(name="keywords", content="Neff, N_eff, ESS"))
-
-
 class Eval(EvalRoleAny):
     """``{eval}`` that also notes what it wrote, for the copies of the chapter."""
 
@@ -204,7 +194,7 @@ class LinkToSource(SphinxTransform):
     default_priority = 500
 
     def apply(self):
-        known = set(MODULE.findall((Path(self.env.srcdir) / "book" / "api.md").read_text(encoding="utf-8")))
+        known = set(api_pages.modules(Path(self.env.srcdir) / "book" / "api.md"))
         for link in list(self.document.findall(addnodes.download_reference)):
             path = Path(self.env.relfn2path(link["reftarget"], self.env.docname)[0])
             module = path.parent if path.stem == "__init__" else path.with_suffix("")
@@ -334,10 +324,10 @@ def take_over_eval(app) -> None:
 def setup(app):
     os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
     app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
-    app.config["html_search_scorer"] = str(Path(__file__).with_name("search_order.js"))
     app.add_css_file("pfslam.css")
     app.add_js_file("print.js", loading_method="defer")
     app.add_js_file("predict.js", loading_method="defer")
+    app.add_js_file("zoom.js", loading_method="defer")
     app.add_directive("math", Math, override=True)
     app.add_transform(LinkToSource)
     app.connect("config-inited", read_in_parallel)
@@ -346,7 +336,6 @@ def setup(app):
     app.connect("doctree-read", anchor_sources)
     app.connect("env-get-updated", number_figures, priority=900)  # after Sphinx has counted through the book
     app.connect("doctree-read", wrap_sentences)
-    app.connect("doctree-read", name_formulas)
     app.connect("doctree-read", name_folds)
     app.connect("doctree-read", name_command)
     app.connect("config-inited", show_addresses)

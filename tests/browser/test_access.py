@@ -125,3 +125,43 @@ def test_paper_shows_the_pictures_and_no_controls(shared):
             assert not control.is_visible()
     for furniture in shared.locator(".bd-sidebar-primary, .bd-sidebar-secondary, .bd-header-article").all():
         assert not furniture.is_visible()
+
+
+LINE = """() => [...document.querySelectorAll('article section > p')].flatMap(p => {
+  const lines = Math.round(p.getBoundingClientRect().height / parseFloat(getComputedStyle(p).lineHeight));
+  return lines < 4 || p.querySelector('.math, code') ? [] : [p.textContent.length / (lines - 0.5)]; })"""
+
+
+@pytest.mark.parametrize("width", [1280, 1600])
+def test_a_line_has_some_seventy_letters(visit, width):
+    """Paragraphs of four lines and more, the last of which is half full on average."""
+    letters = visit("notebooks/03_prediction_only.html", width=width).page.evaluate(LINE)
+    assert len(letters) >= 5
+    assert 62 <= sum(letters) / len(letters) <= 75
+
+
+def test_captions_stand_beside_pictures_where_there_is_room(visit):
+    page = visit("notebooks/03_prediction_only.html", width=1600).page
+    figure = page.locator("article .cell_output figure.align-default").first
+    picture, caption = figure.locator("img").bounding_box(), figure.locator("figcaption").bounding_box()
+    assert caption["x"] >= picture["x"] + picture["width"]
+    page.set_viewport_size({"width": 1280, "height": 900})
+    picture, caption = figure.locator("img").bounding_box(), figure.locator("figcaption").bounding_box()
+    assert caption["y"] >= picture["y"] + picture["height"]
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_a_picture_opens_at_its_full_size_by_key_and_by_tap(visit, width):
+    page = visit("notebooks/06_texture_mapping.html", width=width).page
+    picture, full = page.locator("#fig-your-floor img"), page.locator("dialog.pfslam-full")
+    before = picture.bounding_box()["width"]
+    picture.press("Enter")
+    assert full.locator("img").bounding_box()["width"] >= max(width, 900, before)
+    assert violations(page, "dark") == []
+    page.keyboard.press("Escape")
+    assert not full.is_visible()
+    assert picture.evaluate("e => e === document.activeElement")
+    picture.click()
+    full.locator("img").click()
+    assert not full.is_visible()
+    assert page.locator(".pfslam-explorer .pfslam-zoom, .pfslam-lab .pfslam-zoom").count() == 0
