@@ -246,6 +246,13 @@ def describe_page(app, pagename, templatename, context, doctree) -> None:
     context["metatags"] = context.get("metatags", "") + "\n" + "\n".join(tags)
 
 
+def reach_tables(app, pagename, templatename, context, doctree) -> None:
+    """A table that is wider than a phone scrolls, and who has no mouse must be able to stand in it."""
+    box = '<div class="pst-scrollable-table-container"'
+    if "body" in context:
+        context["body"] = context["body"].replace(f"{box}>", f'{box} tabindex="0">')
+
+
 def plain_title(text: str) -> str:
     """A title without the markup that the theme has put into it."""
     return unescape(re.sub(r"<[^>]+>", "", text))
@@ -340,6 +347,7 @@ def setup(app):
     app.connect("doctree-read", name_command)
     app.connect("config-inited", show_addresses)
     app.connect("html-page-context", describe_page)
+    app.connect("html-page-context", reach_tables)
     app.connect("builder-inited", copy_laboratories)
     app.connect("html-page-context", load_laboratories)
     app.connect("build-finished", finish_site)

@@ -40,7 +40,7 @@ PROSE = f"""() => {PANEL}.content.widgets.map(cell => {{
   return {{
     type: cell.model.type, tags: meta.tags ?? [], source: cell.model.sharedModel.getSource(),
     text: cell.model.type === 'markdown' ? copy.textContent : '',
-    open: [...cell.node.querySelectorAll('details')].map(d => d.open),
+    open: [...cell.node.querySelectorAll('details:not(.pfslam-more)')].map(d => d.open),
     numbers: (meta.user_expressions ?? []).map(e => e.result?.data?.['text/plain'] ?? 'no number'),
     folded: cell.inputHidden, silent: cell.outputHidden ?? false,
   }};
