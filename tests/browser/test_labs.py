@@ -823,7 +823,7 @@ def test_the_cloud_grows(lab, by):
         assert hand.see("points")["points"] == []
     else:
         hand.drag((0, 0), (8, 0), (12, 6), (4, 12))
-        hand.wait("state.settings.part < 50")
+        hand.wait("state.settings.part > 3 && state.settings.part < 50")
         hand.press("Pause", " ")  # the path is driven anew from its beginning
         drawn = the_cloud_agrees(hand)
         np.testing.assert_allclose(drawn["points"][-1], [4, 12], atol=0.5)
