@@ -118,7 +118,7 @@ def test_search_leads_first_to_the_place_itself(visit, scheme):
         seen.page.goto(f"{address}?q={quote_plus(words)}")
         seen.page.wait_for_selector(HITS)
         found[words] = seen.page.locator(HITS).first.get_attribute("href")
-        seen.page.wait_for_load_state("networkidle")  # who leaves before that breaks off what is still being fetched
+        seen.page.wait_for_load_state("networkidle")  # leaving before that breaks off what is being fetched
     assert found == FIRST_HITS
     assert seen.complaints + seen.strangers == []
 
