@@ -59,3 +59,18 @@ def colour_image(pose, pitch=PITCH, height=HEIGHT):
     reach = at[2] / -ray[down][:, 2]
     image[down] = tile_colour(at[0] + reach * ray[down][:, 0], at[1] + reach * ray[down][:, 1])
     return image
+
+
+def nearest_floor(camera):
+    """Compute how far ahead of the camera (m) the floor enters the image.
+
+    The lowest row looks down by the pitch plus half the field of view; the floor is at height / tan(angle). A robot
+    that turns on the spot sees no floor within this distance plus that of the camera from the turning point.
+    """
+    angle = camera.pitch + np.arctan((camera.height - 0.5 - camera.centre_v) / camera.focal_v)
+    return float(camera.position_b[2] / np.tan(angle))
+
+
+def depth_step(depth, camera):
+    """Compute by how many metres the depth changes for one step of disparity: it grows as depth squared."""
+    return np.asarray(depth) ** 2 * abs(camera.disparity_slope) / camera.depth_scale

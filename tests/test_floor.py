@@ -5,8 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from floor_oracle import camera_axes, disparity_image
-from pfslam_book.show.texture_error import depth_step, nearest_floor
+from floor_oracle import camera_axes, depth_step, disparity_image, nearest_floor
 
 from pfslam.refined.floor import fit_floor_plane, level_camera
 from pfslam.sensors import RgbdModel

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from pfslam_book.show.texture_error import nearest_floor, pattern_shifts, texture_error, visible_floor
+from floor_oracle import nearest_floor
+from pfslam_book.show.texture_error import pattern_shifts, texture_error, visible_floor
 
 from pfslam.grid import GridSpec
 from pfslam.sensors import RgbdModel

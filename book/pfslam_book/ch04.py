@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
+from pfslam.cli.figures import map_along
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
 from pfslam.particles import effective_sample_size
 from pfslam.poses import transform_points
@@ -18,7 +19,6 @@ from pfslam.simulator.world import make_world
 from pfslam_book.exercises.ch04 import check_choose, check_count_on_walls, check_transform_test
 from pfslam_book.show.artists import COLOURS, sheet
 from pfslam_book.show.drives import Place, place_at
-from pfslam_book.show.figures import map_along
 from pfslam_book.show.keep import keep
 from pfslam_book.show.lab import Laboratory, show_lab
 from pfslam_book.show.source import show_source

@@ -1,5 +1,6 @@
 """Chapter 05: what the notebook calls."""
 
+from pfslam.cli.figures import map_along
 from pfslam_book.ch05.live import drive_lab, maps_lab
 from pfslam_book.ch05.slow_motion import one_update, slow_motion_explorer
 from pfslam_book.ch05.whole import check_filter
@@ -7,18 +8,16 @@ from pfslam_book.ch05.your_filter import (
     FILTER_TABLE,
     Settings,
     drive,
-    error,
     moments,
     my_filter,
     step,
     stored_errors,
 )
 from pfslam_book.exercises.ch05 import check_mean_pose, check_resample, check_update
-from pfslam_book.show.figures import map_along
 from pfslam_book.show.keep import keep
 from pfslam_book.show.source import show_source
 from pfslam_book.show.tables import Shown
 
 __all__ = ["FILTER_TABLE", "Settings", "Shown", "check_filter", "check_mean_pose", "check_resample"]
-__all__ += ["check_update", "drive", "drive_lab", "error", "keep", "map_along", "maps_lab", "moments"]
+__all__ += ["check_update", "drive", "drive_lab", "keep", "map_along", "maps_lab", "moments"]
 __all__ += ["my_filter", "one_update", "show_source", "slow_motion_explorer", "step", "stored_errors"]

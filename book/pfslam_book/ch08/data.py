@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 import pfslam
+from pfslam.cli.figures import map_along
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import OccupancyGrid
 from pfslam.motion import Controls, controls, dead_reckoning, integrate, wheel_distance
@@ -17,7 +18,6 @@ from pfslam.run import run_slam
 from pfslam.slam import SlamConfig
 from pfslam_book.ch08.fault import Panel, Seen
 from pfslam_book.show import faults
-from pfslam_book.show.figures import map_along
 
 LAB = (9.0, 52.0)
 """Seconds after the first scan: from the room up the corridor, round, and part of the way back."""

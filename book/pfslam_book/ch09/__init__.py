@@ -1,6 +1,8 @@
 """What the notebook of chapter 09 calls."""
 
+from pfslam.cli.figures import map_along
 from pfslam_book.ch09.tables import (
+    changes_table,
     hard_comparisons,
     hard_table,
     is_decided,
@@ -21,11 +23,17 @@ from pfslam_book.exercises.ch09 import (
     check_sub_cell,
     line_step,
 )
-from pfslam_book.show.figures import map_along
 from pfslam_book.show.source import show_source
 from pfslam_book.show.tables import Shown, errors_by_label, read_table
 
-__all__ = ["Shown", "check_draw_all", "check_line_step", "check_log_weight", "check_sub_cell"]
+__all__ = [
+    "Shown",
+    "changes_table",
+    "check_draw_all",
+    "check_line_step",
+    "check_log_weight",
+    "check_sub_cell",
+]
 __all__ += ["errors_by_label", "hard_comparisons", "hard_table", "is_decided", "kinds", "ladder"]
 __all__ += ["ladder_table", "lattice_medians", "line_step", "map_along", "median_interval", "missed"]
 __all__ += ["paired", "read_table", "rungs", "show_source", "situation"]

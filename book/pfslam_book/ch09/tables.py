@@ -94,16 +94,21 @@ def rungs(errors: dict[str, np.ndarray]) -> dict[str, tuple[np.ndarray, np.ndarr
     return {name: (errors[before], errors[name]) for before, name in pairwise(errors) if name.startswith("+")}
 
 
+def changes_table() -> Shown:
+    """Return each change of the ladder: what it sets, and what the literature calls it."""
+    rows = [(name, what, KNOWN_AS.get(name, "")) for name, what in changed_fields(LADDER).items()]
+    return Shown(("change", "in the configuration", "known as"), rows, left=(1, 2))
+
+
 def ladder_table() -> Shown:
-    """Return each change: what it sets, what the literature calls it, and what it is worth."""
-    fields, errors = changed_fields(LADDER), ladder()
+    """Return what each change of the ladder is worth."""
+    errors = ladder()
     rows: list[tuple[str, ...]] = [
-        (name, "", "", cm(errors[name]), "", "", "") for name in ("dead reckoning", "report")
+        (name, cm(errors[name]), "", "", "") for name in ("dead reckoning", "report")
     ]
-    for name, (before, after) in rungs(errors).items():
-        rows.append((name, fields[name], KNOWN_AS.get(name, ""), cm(after), *paired(before, after)))
-    head = ("change", "in the configuration", "known as", "error [cm]", "change [cm]", "95 % interval")
-    return Shown((*head, f"better [of {len(errors['report'])}]"), rows, left=(1, 2))
+    rows += [(name, cm(after), *paired(before, after)) for name, (before, after) in rungs(errors).items()]
+    head = ("change", "error [cm]", "change [cm]", "95 % interval", f"better [of {len(errors['report'])}]")
+    return Shown(head, rows)
 
 
 def changed_fields(study: str) -> dict[str, str]:

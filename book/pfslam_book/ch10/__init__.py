@@ -1,11 +1,11 @@
 """What the notebook of chapter 10 calls."""
 
 from pfslam.beyond.localization import enough, kld_bound, localization_step, locate
+from pfslam.cli.figures import map_along
 from pfslam.study.table import read_table
 from pfslam_book.ch10.building import TABLES, distances, kidnapped, match_along, part, shares, two_halves
 from pfslam_book.ch10.pictures import lost_lab, search_explorer
 from pfslam_book.exercises.ch10 import check_inject, check_particles_needed
-from pfslam_book.show.figures import map_along
 from pfslam_book.show.source import show_source
 from pfslam_book.show.tables import Shown, select
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pfslam.cli.figures import map_along
 from pfslam.grid import OccupancyGrid
 from pfslam.motion import Controls
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording
 from pfslam.sensors import scan_points
-from pfslam_book.show.figures import map_along
 
 
 def at_rate(inputs: Controls, hertz: float) -> Controls:

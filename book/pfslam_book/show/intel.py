@@ -16,7 +16,7 @@ import numpy as np
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.io.files import read_text
 from pfslam.poses import Trajectory
-from pfslam_book.show.figures import draw_map, draw_trajectory
+from pfslam_book.show.artists import draw_map, draw_path
 from pfslam_book.show.pictures import Picture
 from pfslam_book.show.style import new_figure
 from pfslam_book.show.tables import Shown
@@ -94,7 +94,7 @@ def intel_picture() -> Picture:
     figure, axes = new_figure(6.8, 4.4, columns=2)
     for ax, method in zip(axes, ("report", "scan matching"), strict=True):
         draw_map(ax, intel_map(method), method)
-        draw_trajectory(ax, intel_path(method), "estimate", "path")
+        draw_path(ax, intel_path(method), "estimate", "path")
     walked = float(np.hypot(*np.diff(intel_path("scan matching").poses[:, :2], axis=0).T).sum())
     alt = f"""Intel Research Lab, {walked:.0f} m driven. Left, the map of the report's filter: a smear that has left
     the building. Right, the map of one matched and polished pose: corridors round a block of offices, each wall drawn

@@ -61,11 +61,6 @@ def labels_of(table: Table) -> list[str]:
     return list(dict.fromkeys(table["label"].tolist()))
 
 
-def number_of_buildings(study: str) -> int:
-    """Return in how many simulated buildings each variant of a stored study ran."""
-    return len(np.unique(read_table(study)["simulator.seed"]))
-
-
 def errors_by_label(table: Table, column: str = ERROR) -> dict[str, np.ndarray]:
     """The values of one column, one array for each label."""
     return {label: select(table, label=label)[column] for label in labels_of(table)}

@@ -167,18 +167,3 @@ def _clear_line(spec: GridSpec, eye, points_w, blocked: np.ndarray) -> np.ndarra
     hit = np.zeros(inside.shape, dtype=bool)
     hit[inside] = blocked[cells[inside][:, 1], cells[inside][:, 0]]
     return np.logical_not(hit.any(axis=0))
-
-
-def nearest_floor(camera: RgbdModel) -> float:
-    """Compute how far ahead of the camera (m) the floor enters the image.
-
-    The lowest row looks down by the pitch plus half the field of view; the floor is at height / tan(angle). A robot
-    that turns on the spot sees no floor within this distance plus that of the camera from the turning point.
-    """
-    angle = camera.pitch + np.arctan((camera.height - 0.5 - camera.centre_v) / camera.focal_v)
-    return float(camera.position_b[2] / np.tan(angle))
-
-
-def depth_step(depth, camera: RgbdModel) -> np.ndarray:
-    """Compute by how many metres the depth changes for one step of disparity: it grows as depth squared."""
-    return np.asarray(depth) ** 2 * abs(camera.disparity_slope) / camera.depth_scale
