@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -173,9 +174,14 @@ class Hand:
             self.page.mouse.up()
             return
         touch = self.page.context.new_cdp_session(self.page)
-        for kind, place in zip(["touchStart"] + ["touchMove"] * len(path[1:]), path, strict=True):
-            points = [dict(zip("xy", place, strict=True))]
-            touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+        between = [np.linspace(a, b, 9)[1:] for a, b in pairwise(path)]
+        for kind, (x, y) in [("touchStart", path[0])] + [
+            ("touchMove", place) for place in np.concatenate(between)
+        ]:
+            touch.send(
+                "Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": float(x), "y": float(y)}]}
+            )
+        self.page.wait_for_timeout(100)  # a finger that stops before it is lifted throws nothing
         touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
 

@@ -1,7 +1,7 @@
 /* Drive (chapter 05, and in small on the first page): a robot in a building of walls, and the filter that follows it. */
 (function (root) {
   "use strict";
-  const {core, draw, lab} = root.pfslam;
+  const {core, draw, lab, Driver} = root.pfslam;
 
   const HERTZ = 60, LOOK = 12;  // ticks in a second; ticks from one scan to the next
   const SPEED = 0.7, TURN = 1.6, RADIUS = 0.2;  // m/s, rad/s, m
@@ -29,8 +29,9 @@
   ].flat());
 
   /** The world, the robot in it, and its filter. Everything that chance decides comes from two seeded generators. */
-  class Drive {
+  class Drive extends Driver {
     constructor(options, parts = {}) {
+      super();
       this.settings = {particles: 200, noise: 1, sharpness: 5, threshold: 0.5, free: 0.4, people: false, slip: false,
                        ...options};
       this.parts = parts;
@@ -42,11 +43,11 @@
       const {seed = 1} = this.settings;
       Object.assign(this, {
         worldDice: core.generator(seed), filterDice: core.generator(seed + 1), ticks: 0, looks: 0, resamplings: 0,
-        truth: START.slice(), reckoned: [START.slice()], leg: 0, way: [], kidnaps: 0, auto: true, keys: {}, target: null,
-        before: null, refused: "", floor: {data: new Uint8ClampedArray(4 * FLOOR.width * FLOOR.height)},
+        reckoned: [START.slice()], kidnaps: 0, before: null, floor: {data: new Uint8ClampedArray(4 * FLOOR.width * FLOOR.height)},
         points_b: new Float64Array(0), history: [], trace: [], moved: true, waiting: false, said: "",
         grid: {spec: SPEC, logOdds: new Float32Array(SPEC.shape[0] * SPEC.shape[1])},
       });
+      this.park(BUILDING, START);
       this.gather(START);
     }
 
@@ -88,37 +89,6 @@
       });
     }
 
-    /** Speed and turn that the driver asks for: arrow keys, or along a way over free ground to a tapped place or the next
-     * corner of the round. The driver sees the robot; only the filter does not know where it is. */
-    command() {
-      const {left, right, up, down} = this.keys, {truth, way} = this;
-      if (left || right || up || down) {
-        return [SPEED * ((up ? 1 : 0) - (down ? 1 : 0)), TURN * ((left ? 1 : 0) - (right ? 1 : 0))];
-      }
-      if (!way.length) {
-        if (!this.auto) { this.target = null; return [0, 0]; }
-        this.way = wayTo(truth, ROUTE[this.leg]) || [];
-        this.leg = (this.leg + 1) % ROUTE.length;
-        return [0, 0];
-      }
-      const dx = way[0][0] - truth[0], dy = way[0][1] - truth[1];
-      if (Math.hypot(dx, dy) < (way.length > 1 ? 0.04 : 0.15)) {
-        way.shift();
-        return [0, 0];
-      }
-      return core.steer(truth, way[0], SPEED, TURN);
-    }
-
-    /** Drive to a place, or say why not. */
-    goTo(x, y) {
-      const way = wayTo(this.truth, [x, y]);
-      Object.assign(this, {auto: false, way: way || [], target: way && way[way.length - 1]});
-      this.refused = way ? "" : touches([x, y], ROOM) ? "There is no room for the robot." : "No way leads there.";
-    }
-
-    /** The driver lets go, or takes over. */
-    setAuto(auto) { Object.assign(this, {auto, way: [], target: null, refused: ""}); }
-
     /** One sixtieth of a second: the robot moves, its wheels and gyro report, every particle is predicted. Without `look`
      * no scan is taken. */
     tick(look = true) {
@@ -129,9 +99,7 @@
         const [x0, y0, x1, y1] = SLIPPERY, [x, y] = this.truth;
         const slips = this.settings.slip && x > x0 && x < x1 && y > y0 && y < y1;
         const next = Array.from(core.motionModel(this.truth, slips ? 0.75 * v : v, slips ? omega + 0.3 * v : omega, dt));
-        const bumped = touches(next) && touches(next) >= touches(this.truth);
-        this.truth = bumped ? [x, y, next[2]] : next;
-        if (bumped && this.way.length) this.way = wayTo(this.truth, this.way[this.way.length - 1]) || [];
+        const bumped = this.moveTo(next);
         const noise = this.worldDice.normals(2);
         this.predict((bumped ? 0 : 1.03 * v) + 0.1 * noise[0], omega + 0.012 + 0.1 * noise[1], dt);
       }
@@ -264,8 +232,7 @@
     note(event) { if (this.settings.trace) this.trace.push(event); }
   }
 
-  const touches = (pose, radius = RADIUS) => core.touches(WALLS, pose, radius);
-  const wayTo = (from, to) => core.wayTo(WALLS, SPEC, from, to, ROOM);
+  const BUILDING = {walls: WALLS, spec: SPEC, route: ROUTE, radius: RADIUS, room: ROOM, speed: SPEED, turn: TURN};
 
   /** The floor of the building, as the camera would see it: boards along the corridor, tiles in the rooms, and words. */
   const FLOOR = (() => {
@@ -322,8 +289,7 @@
       stage.fold("More settings");
       clock.fold();
     }
-    const auto = stage.check({name: "Autopilot", key: "a", value: true, change: value => { drive.setAuto(value); if (value) clock.wake(); }});
-    const byHand = () => { if (drive.auto) drive.setAuto(false); auto.checked = false; };
+    const auto = stage.driven(plan, drive, clock);
     if (!stage.small) {
       stage.check({name: "Show the truth", key: "t", change: value => { shown.truth = value; }});
       stage.check({name: "Look closely", key: "z", change: value => { shown.near = value; }});
@@ -331,13 +297,6 @@
       controls(stage, drive);
     }
 
-    const goTo = (x, y) => { byHand(); drive.goTo(x, y); clock.wake(); };
-    stage.drag(plan, {start: goTo, move: goTo});
-    const key = name => down => {
-      drive.keys[name] = down;
-      if (down) { byHand(); drive.setAuto(false); clock.wake(); }
-    };
-    stage.keys(plan, {ArrowUp: key("up"), ArrowDown: key("down"), ArrowLeft: key("left"), ArrowRight: key("right")});
     if (stage.small) clock.wake();  // on the first page the robot is on its way
 
     return {

@@ -2,7 +2,7 @@
  * not: particles begin everywhere, two heaps are left, and an open door decides between them. */
 (function (root) {
   "use strict";
-  const {core, draw, lab} = root.pfslam;
+  const {core, draw, lab, Driver} = root.pfslam;
 
   const HERTZ = 60, LOOK = 12;  // ticks in a second; ticks from one scan to the next
   const SPEED = 0.9, TURN = 1.8, RADIUS = 0.2, ROOM = 0.28;  // m/s, rad/s, m
@@ -20,6 +20,8 @@
   // Half a turn makes the same building of it, but for the door at the right end of the lower wall.
   const WALLS = Float64Array.from([...HALF, ...HALF.map(turned), [11.4, 2.2, 12, 2.2], [0, 3.8, 1.6, 3.8]].flat());
   const twin = ([x, y, theta]) => [2 * MIDDLE[0] - x, 2 * MIDDLE[1] - y, core.wrapAngle(theta + Math.PI)];
+
+  const BUILDING = {walls: WALLS, spec: SPEC, route: ROUTE, radius: RADIUS, room: ROOM, speed: SPEED, turn: TURN};
 
   /** The map of the building: walls, the floor that can be reached, and the rest unknown. */
   const GRID = (() => {
@@ -45,8 +47,9 @@
   const FLOOR = [...FREE.keys()].filter(k => FREE[k]);
 
   /** The robot in its building, and the cloud that looks for it. */
-  class Search {
+  class Search extends Driver {
     constructor(options) {
+      super();
       this.settings = {first: 20000, inject: true, adaptive: true, seed: 1, ...options};
       this.reset();
     }
@@ -54,10 +57,11 @@
     reset() {
       const {seed, first} = this.settings;
       Object.assign(this, {
-        worldDice: core.generator(seed), dice: core.generator(seed + 1), ticks: 0, looks: 0, truth: START.slice(), leg: 0, way: [],
-        auto: true, keys: {}, target: null, refused: "", kidnaps: 0, motion: [0, 0, 0], slow: EXPECTED, fast: null, injected: 0, history: [],
+        worldDice: core.generator(seed), dice: core.generator(seed + 1), ticks: 0, looks: 0, kidnaps: 0,
+        motion: [0, 0, 0], slow: EXPECTED, fast: null, injected: 0, history: [],
         points_b: new Float64Array(0), trace: [],
       });
+      this.park(BUILDING, START);
       this.poses = this.everywhere(first);
       this.logWeights = new Float64Array(first).fill(-Math.log(first));
       this.look();
@@ -80,35 +84,12 @@
     /** One sixtieth of a second of driving. */
     tick() {
       this.ticks += 1;
-      const dt = 1 / HERTZ, [v, omega] = this.command(), before = this.truth;
-      const next = Array.from(core.motionModel(before, v, omega, dt));
-      const bumped = core.touches(WALLS, next, RADIUS) > core.touches(WALLS, before, RADIUS);
-      this.truth = bumped ? [before[0], before[1], next[2]] : next;
-      if (bumped && this.way.length) this.way = core.wayTo(WALLS, SPEC, this.truth, this.way[this.way.length - 1], ROOM) || [];
+      const dt = 1 / HERTZ, [v, omega] = this.command();
+      const bumped = this.moveTo(Array.from(core.motionModel(this.truth, v, omega, dt)));
       const noise = this.worldDice.normals(2), moved = bumped ? 0 : v * dt * (1 + 0.05 * noise[0]);
       this.motion = core.compose(this.motion, [moved, 0, omega * dt + 0.003 * noise[1] * Math.abs(v) * dt * HERTZ]);
       if (this.ticks % LOOK === 0 && (Math.hypot(...this.motion.slice(0, 2)) > 0.1 || Math.abs(this.motion[2]) > 0.1)) this.look();
     }
-
-    command() {
-      const {left, right, up, down} = this.keys, {way, truth} = this;
-      if (left || right || up || down) return [SPEED * ((up ? 1 : 0) - (down ? 1 : 0)), TURN * ((left ? 1 : 0) - (right ? 1 : 0))];
-      if (!way.length) {
-        if (!this.auto) { this.target = null; return [0, 0]; }
-        this.way = core.wayTo(WALLS, SPEC, truth, ROUTE[this.leg], ROOM) || [];
-        this.leg = (this.leg + 1) % ROUTE.length;
-        return [0, 0];
-      }
-      if (Math.hypot(way[0][0] - truth[0], way[0][1] - truth[1]) < (way.length > 1 ? 0.04 : 0.15)) { way.shift(); return [0, 0]; }
-      return core.steer(truth, way[0], SPEED, TURN);
-    }
-
-    goTo(x, y) {
-      const way = core.wayTo(WALLS, SPEC, this.truth, [x, y], ROOM);
-      Object.assign(this, {auto: false, way: way || [], target: way && way[way.length - 1], refused: way ? "" : "No way leads there."});
-    }
-
-    setAuto(auto) { Object.assign(this, {auto, way: [], target: null, refused: ""}); }
 
     /** Predict by the motion since the last scan, weigh by the scan, and draw the cloud anew where it needs it. */
     look() {
@@ -200,15 +181,7 @@
     stage.fold("More settings");
     stage.button({name: "Start again", key: "n", press: () => { search.reset(); auto.checked = true; }});
     stage.button({name: "New dice", key: "d", press: () => { settings.seed += 1; search.reset(); auto.checked = true; }});
-    const auto = stage.check({name: "Autopilot", key: "a", value: true, change: value => { search.setAuto(value); if (value) clock.wake(); }});
-    const byHand = () => { if (search.auto) search.setAuto(false); auto.checked = false; };
-    const goTo = (x, y) => { byHand(); search.goTo(x, y); clock.wake(); };
-    stage.drag(plan, {start: goTo, move: goTo});
-    const key = name => down => {
-      search.keys[name] = down;
-      if (down) { byHand(); search.setAuto(false); clock.wake(); }
-    };
-    stage.keys(plan, {ArrowUp: key("up"), ArrowDown: key("down"), ArrowLeft: key("left"), ArrowRight: key("right")});
+    const auto = stage.driven(plan, search, clock);
     return {
       state: search,
       constants: {SPEC, LIDAR, MODEL, NOISE, LEAST, logOdds: GRID.logOdds},

@@ -178,6 +178,9 @@
     belief.forEach((value, cell) => box(plan, cell, place.belief, value * room, colours.estimate, 0.8));
     label("where they believe they are", place.belief + room);
     label("the particles", place.rows);
+    if (walk.what !== "start") {
+      draw.text(plan, WORDS[walk.what], plan.width - 6, plan.at(0, place.rows)[1] - 4, colours.ink, {size, align: "right"});
+    }
     paintRows(plan, colours, walk, place, shade, walk.family ? shown.share() : 1);
     paintFamily(plan, colours, walk, place);
   }

@@ -20,6 +20,7 @@
  */
 (function (root) {
   "use strict";
+  const {core} = root.pfslam;
   const calm = () => root.matchMedia("(prefers-reduced-motion: reduce)").matches;
   const TALLEST = 0.55, LOWEST = 240;  // so high a plan may be, of the window or in pixels: what turns it is seen with it
   const SIDEWAYS = 8, FINGER = 26;  // pixels after which a finger drags; pixels within which one takes hold of a thing
@@ -80,6 +81,50 @@
 
     /** Whether a finger at a point of the world takes hold of a thing at another. */
     near(x, y, [thereX, thereY]) { return Math.hypot(x - thereX, y - thereY) * this.scale < FINGER; }
+  }
+
+  /** A robot in a building of `walls`, and whoever drives it: arrow keys, a way over free ground to a tapped place, or an
+   * autopilot along a `route`. The driver sees the robot at `truth`; only a filter does not know where it is. */
+  class Driver {
+    /** `building` is {walls, spec, route, radius, room, speed, turn}: m, m/s, rad/s. */
+    park(building, pose) {
+      Object.assign(this, {building, truth: pose.slice(), leg: 0, way: [], auto: true, keys: {}, target: null, refused: ""});
+    }
+
+    wayTo(place) { return core.wayTo(this.building.walls, this.building.spec, this.truth, place, this.building.room); }
+
+    /** Speed and turn that the driver asks for. */
+    command() {
+      const {keys: {left, right, up, down}, truth, way, building: {route, speed, turn}} = this;
+      if (left || right || up || down) return [speed * ((up ? 1 : 0) - (down ? 1 : 0)), turn * ((left ? 1 : 0) - (right ? 1 : 0))];
+      if (!way.length) {
+        if (!this.auto) { this.target = null; return [0, 0]; }
+        this.way = this.wayTo(route[this.leg]) || [];
+        this.leg = (this.leg + 1) % route.length;
+        return [0, 0];
+      }
+      if (Math.hypot(way[0][0] - truth[0], way[0][1] - truth[1]) < (way.length > 1 ? 0.04 : 0.15)) { way.shift(); return [0, 0]; }
+      return core.steer(truth, way[0], speed, turn);
+    }
+
+    /** Move the robot to a pose, unless a wall stops it: then it only turns, and looks for another way. Whether it was stopped. */
+    moveTo(pose) {
+      const {building: {walls, radius}, truth, way} = this, depth = core.touches(walls, pose, radius);
+      const stopped = depth > 0 && depth >= core.touches(walls, truth, radius);
+      this.truth = stopped ? [truth[0], truth[1], pose[2]] : pose;
+      if (stopped && way.length) this.way = this.wayTo(way[way.length - 1]) || [];
+      return stopped;
+    }
+
+    /** Drive to a place, or say why not. */
+    goTo(x, y) {
+      const way = this.wayTo([x, y]), {walls, room} = this.building;
+      Object.assign(this, {auto: false, way: way || [], target: way && way[way.length - 1]});
+      this.refused = way ? "" : core.touches(walls, [x, y], room) ? "There is no room for the robot." : "No way leads there.";
+    }
+
+    /** The driver lets go, or takes over. */
+    setAuto(auto) { Object.assign(this, {auto, way: [], target: null, refused: ""}); }
   }
 
   class Stage {
@@ -305,6 +350,23 @@
       action();
     }
 
+    /** Let the reader drive a `Driver` by taps, arrow keys and the autopilot's box, which is returned. */
+    driven(plan, driver, clock) {
+      const auto = this.check({name: "Autopilot", key: "a", value: true, change: value => {
+        driver.setAuto(value);
+        if (value) clock.wake();
+      }});
+      const byHand = () => { driver.setAuto(false); auto.checked = false; clock.wake(); };
+      const goTo = (x, y) => { byHand(); driver.goTo(x, y); };
+      this.drag(plan, {start: goTo, move: goTo});
+      const key = name => down => {
+        driver.keys[name] = down;
+        if (down) byHand();
+      };
+      this.keys(plan, {ArrowUp: key("up"), ArrowDown: key("down"), ArrowLeft: key("left"), ArrowRight: key("right")});
+      return auto;
+    }
+
     say(sentence) {
       const now = performance.now();
       if (sentence === this.said || now - this.saidAt < 1000) return;
@@ -518,5 +580,5 @@
     });
   }
 
-  Object.assign(root.pfslam, {lab, mount, draw, make});
+  Object.assign(root.pfslam, {Driver, lab, mount, draw, make});
 })(globalThis);
