@@ -192,6 +192,8 @@ def test_quiet_says_nothing_and_the_version_is_known(data, tmp_path, capsys):
         ("search.sharp = 3", "a.toml", "key: found 'search.sharp', expected a field of SearchConfig"),
         ("particles = 0", "a.toml", "particles: found 0, expected a whole number from 1"),
         ("method = 'best'", "a.toml", "method: found 'best', expected one of"),
+        ("method = ['matching']", "a.toml", "method: found ['matching'], expected one of"),
+        ("seed = true", "a.toml", "seed: found True, expected a whole number"),
         ("seed = -1", "a.toml", "seed: found -1, expected a whole number"),
         ("[search", "a.toml", "expected TOML"),
         ("{}", "a.json", "config: found nothing, expected the settings of a run"),

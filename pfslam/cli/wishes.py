@@ -21,13 +21,13 @@ def wishes(arguments: Namespace) -> tuple[str, int, SlamConfig]:
     ``--config`` comes first, then ``--set`` in order, then the options with names of their own.
     """
     source, content = arguments.config, {} if arguments.config is None else read_settings(arguments.config)
-    method = arguments.method or content.pop("method", "refined")
-    if method not in PRESETS:
+    said = {key: content.pop(key) for key in ("method", "seed") if key in content}
+    method = arguments.method or said.get("method", "refined")
+    if not isinstance(method, str) or method not in PRESETS:
         raise DataError(source, "method", repr(method), f"one of {', '.join(PRESETS)}")
-    seed = content.pop("seed", 0) if arguments.seed is None else arguments.seed
-    if not isinstance(seed, int) or not 0 <= seed < 2**63:
+    seed = said.get("seed", 0) if arguments.seed is None else arguments.seed
+    if type(seed) is not int or not 0 <= seed < 2**63:
         raise DataError(source, "seed", repr(seed), "a whole number from 0 on")
-    content.pop("seed", None), content.pop("method", None)
     config = changed(PRESETS[method](), content, source)
     for text in arguments.set:
         name, found, value = text.partition("=")

@@ -82,7 +82,7 @@
     stage.check({name: "False loop", key: "f", change: toggle("false")});
     stage.check({name: "Robust kernel", key: "r", change: toggle("robust")});
     stage.button({name: "Start again", key: "n", press: () => graph.reset()});
-    stage.slider({name: "Stiffness of a loop", min: -2, max: 2, step: 0.1, value: 0, unit: "(power of ten)", digits: 1,
+    stage.slider({name: "Loop stiffness, 10 to the", min: -2, max: 2, step: 0.1, value: 0, digits: 1,
                   change: value => { settings.stiffness = 10 ** value; graph.shake(); }});
     stage.slider({name: "Drift of a motion", min: -0.1, max: 0.1, step: 0.005, value: settings.drift, unit: "rad", digits: 3,
                   change: value => { settings.drift = value; graph.reset(); }});
