@@ -12,7 +12,6 @@ import pytest
 import right_styles.ch05
 from notebook_cells import source
 from pfslam_book.ch05 import your_filter
-from pfslam_book.ch05.slow_motion import one_update
 from pfslam_book.ch05.whole import check_filter
 from pfslam_book.ch05.your_filter import (
     BOOK,
@@ -307,12 +306,3 @@ def test_each_harm_does_what_the_chapter_says():
         )
         assert errors["half the noise"].min() > 0.1
         assert errors["never resampled"].min() > 0.2
-
-
-def test_one_update_is_what_its_pictures_say():
-    u = one_update()
-    assert u.weights.sum() == pytest.approx(1.0)
-    good, middling, bad = u.counts[u.chosen]
-    assert good == u.counts.max() > middling > bad == u.counts.min()
-    copies, share = np.bincount(u.ancestors, minlength=len(u.weights)), len(u.weights) * u.weights
-    assert (np.abs(copies - share) < 1).all()

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from dice import Handed
-from pfslam_book.ch05.cells import SEEN_AT_DOOR, SEEN_AT_WALL, door_after
+from fifteen_cells import SEEN_AT_DOOR, SEEN_AT_WALL, door_after
 
 from pfslam.beyond.localization import KnownMap, LocalizationConfig, enough, kld_bound
 from pfslam.beyond.loops.graph import (

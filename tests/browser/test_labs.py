@@ -6,13 +6,13 @@ from functools import cache
 from importlib.resources import files
 from itertools import pairwise
 
+import fifteen_cells
 import numpy as np
 import pytest
 from dice import Handed
 from lab_stills import page as lab_page
 from pfslam_book import ch04, ch06
 from pfslam_book.ch01 import calibrate_options, true_path
-from pfslam_book.ch05 import cells as ch05_cells
 from pfslam_book.exercises.ch03 import CELLS, STEP, predict_belief, update_belief
 from pfslam_book.show.lab import FOLDER
 from pfslam_book.show.style import COLOURS
@@ -488,13 +488,13 @@ def the_walk_agrees(hand: Hand) -> dict:
     found = hand.see(
         "trace", "cells", "weights", "maps", "settings", "truth", "doors", "chosen", "looks", "moves"
     )
-    n, steps = found["settings"]["particles"], np.cumsum(list(ch05_cells.STEP.values()))
-    cells, weights, maps = np.zeros(n, dtype=int), np.full(n, 1 / n), ch05_cells.blank_maps(n)
+    n, steps = found["settings"]["particles"], np.cumsum(list(fifteen_cells.STEP.values()))
+    cells, weights, maps = np.zeros(n, dtype=int), np.full(n, 1 / n), fifteen_cells.blank_maps(n)
     for event in found["trace"]:
         if "numbers" in event:
             cells = (cells + np.searchsorted(steps, event["numbers"], "right")) % CELLS
         elif "sees" in event:
-            weights, maps = ch05_cells.look(
+            weights, maps = fifteen_cells.look(
                 cells, weights, maps, event["sees"], event["truth"] == 0, not event["shared"]
             )
         else:

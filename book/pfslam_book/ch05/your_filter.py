@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,12 +11,13 @@ import numpy as np
 
 from pfslam.evaluation.trajectory import TrajectoryError, trajectory_error
 from pfslam.grid import LOG_4, GridSpec, OccupancyGrid
-from pfslam.io.files import read_text
 from pfslam.motion import controls, motion_model
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
+from pfslam.study.table import read_table as read_table_file
 from pfslam_book.show.keep import FILE, giving, kept
+from pfslam_book.show.tables import errors_by_label, select
 
 FILTER_TABLE = Path(__file__).parent / "your_filter.csv"
 
@@ -243,8 +242,4 @@ def error(driven: Driven, recording: Recording) -> TrajectoryError:
 
 def stored_errors(table: Path, **wanted: str) -> dict[str, np.ndarray]:
     """The errors (m, RMS) of a table that ``book/_tools/filter_tables.py`` made, one array for each label."""
-    rows = [r for r in csv.DictReader(io.StringIO(read_text(table))) if wanted.items() <= r.items()]
-    errors: dict[str, list[float]] = {}
-    for row in rows:
-        errors.setdefault(row["label"], []).append(float(row["ate_rmse_m"]))
-    return {label: np.array(values) for label, values in errors.items()}
+    return errors_by_label(select(read_table_file(table), **wanted))

@@ -1,4 +1,4 @@
-"""Chapter 05, SLAM in fifteen cells: one look, which the tests hold the laboratory to."""
+"""SLAM in fifteen cells, one look: what the laboratory is held to."""
 
 from __future__ import annotations
 
