@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pfslam_book.show.tables import select
-from study_cases import box_study, deadly_with_row, write_box
+from study_cases import box_study, deadly_with_row, square_root, write_box
 
 from pfslam import DataError, SlamConfig, load, run_slam, trajectory_error
 from pfslam.__main__ import main
@@ -19,7 +19,7 @@ from pfslam.evaluation.cloud import cloud_consistency
 from pfslam.evaluation.trajectory import aligned_at_first
 from pfslam.particles import ControlNoise
 from pfslam.settings import type_hints
-from pfslam.study import Case, make_study, read_table, run_case, run_study
+from pfslam.study import Case, Study, make_study, read_table, run_case, run_study
 from pfslam.study.definition import Disturbances
 from pfslam.study.disturbances import DISTURBANCES, disturb
 from pfslam.study.run import COSTS
@@ -293,6 +293,24 @@ def test_a_dask_cluster_gives_the_same_table(box, expected, tmp_path):
         distributed.Client(cluster) as client,
     ):
         assert rows(run_study(box_study(box, 3), tmp_path, client=client)) == expected
+
+
+def test_a_run_with_a_second_look_says_how_much_it_doubts(box):
+    common = {"dataset": 90, "data_dir": str(box), "second_look": [False, True], "particles": 3}
+    without, row = map(run_case, study_of(common).cases)
+    assert not {"off", "doubted"} & without.keys()
+    assert row["ate_rmse_m"] == without["ate_rmse_m"] < 0.05  # there is nothing to look at again
+    assert (row["off"], row["doubted"], row["off_and_doubted"]) == (0.0, 0.0, 0.0)
+
+
+def test_a_study_measures_what_its_function_measures(tmp_path):
+    cases = tuple(Case("root", (("number", number),)) for number in (4, 9, -1))
+    study = Study("roots", "", cases, run=square_root)
+    for jobs in (1, 2):
+        table = read_table(run_study(study, tmp_path / str(jobs), jobs=jobs))
+        assert table["root"][:2].tolist() == [2.0, 3.0]
+        assert "math domain error" in table["error"][2] or "nonnegative" in table["error"][2]
+    assert json.loads((tmp_path / "1" / "roots.json").read_text())["command"] == "study_cases.square_root"
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import math
 import re
 import tomllib
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -34,7 +34,8 @@ class Basics(Settings):
     """Name what a run works on, its method, and the seed of its random numbers.
 
     Dead reckoning takes only the choice of scans from a filter's configuration. With ``clouds`` the spread of the
-    particles is compared with the truth, which keeps every cloud of a run in memory.
+    particles is compared with the truth, which keeps every cloud of a run in memory. With ``second_look`` a run is made
+    as by ``run``, which may do it again with more care, and its doubts are compared with its errors.
     """
 
     dataset: str = "hall"
@@ -42,6 +43,7 @@ class Basics(Settings):
     seed: Seed = 0
     data_dir: str | None = None
     clouds: bool | None = None
+    second_look: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -128,12 +130,17 @@ def _parts(settings: Mapping[str, Any], source: object) -> dict[type, Any]:
 
 @dataclass(frozen=True)
 class Study:
-    """Hold the cases in order, and the relative tolerance of results on another machine, if one is stated."""
+    """Hold the cases in order, and the relative tolerance of results on another machine, if one is stated.
+
+    ``run`` turns a case into its figures, by column. None runs a filter over a recording. A function of one's own, that
+    other processes must be able to import, measures anything else; its cases have whatever settings it reads.
+    """
 
     name: str
     about: str
     cases: tuple[Case, ...]
     tolerance: float | None = None
+    run: Callable[[Case], dict[str, Any]] | None = None
 
 
 def read_study(path: str | Path) -> Study:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -10,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from pfslam.evaluation.cloud import cloud_consistency
+from pfslam.evaluation.cloud import cloud_consistency, covariance_consistency
 from pfslam.evaluation.trajectory import aligned_at_first, map_agreement, relations_error, trajectory_error
 from pfslam.io.datasets import data_folder, load
 from pfslam.io.formats import read_relations
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
+from pfslam.refined.health import in_doubt
 from pfslam.run import SlamResult, run_slam, used_scans
 from pfslam.simulator import PRESETS as BUILDINGS
 from pfslam.simulator import Simulation, SimulatorConfig, simulate
@@ -27,6 +29,8 @@ from pfslam.study.disturbances import disturb
 
 COSTS = ("cpu_seconds",)
 """Columns that say what a run cost; they differ from run to run and are never compared."""
+OFF = 0.3
+"""A position so far (m) from the truth is wrong enough to need a word."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +42,15 @@ class Source:
     relations: Path | None = None
 
 
-def run_case(case: Case) -> dict[str, Any]:
+def run_case(case: Case, run: Callable[[Case], dict[str, Any]] | None = None) -> dict[str, Any]:
     """Make one row: the case, the figures of its run, an empty ``error`` or what went wrong, and the cost.
 
-    Errors become rows so that they do not stop a study.
+    ``run`` is that of the study. Errors become rows so that they do not stop a study.
     """
     row: dict[str, Any] = {"label": case.label} | dict(case.settings)
     begin = time.process_time()
     try:
-        row |= figures(case) | {"error": ""}
+        row |= (run or figures)(case) | {"error": ""}
     except Exception as error:
         row["error"] = " ".join(f"{type(error).__name__}: {error}".split())[:300]
     row["cpu_seconds"] = round(time.process_time() - begin, 3)
@@ -64,11 +68,14 @@ def figures(case: Case) -> dict[str, Any]:
         path = Trajectory(t, odometry.at(t))
         return {"scans": len(t)} | errors(path, odometry, recording, source.relations)
     rng, clouds = np.random.default_rng(case.get("seed")), bool(case.get("clouds"))
-    # One look: a study measures the filter as it was set.
-    result = run_slam(recording, config, rng=rng, keep_particles=clouds, second_look=False)
+    # One look unless asked for: a study measures the filter as it was set.
+    twice = bool(case.get("second_look"))
+    result = run_slam(recording, config, rng=rng, keep_particles=clouds, second_look=twice)
     found = counts(result, config) | errors(result.trajectory, odometry, recording, source.relations)
     if clouds and recording.truth is not None:
         found |= consistency(result, recording.truth)
+    if twice and recording.truth is not None:
+        found |= doubts(result, recording.truth)
     return found | (agreement(result, source.simulation) if source.simulation else {})
 
 
@@ -108,7 +115,21 @@ def consistency(result: SlamResult, truth: Trajectory) -> dict[str, float]:
     cloud = cloud_consistency(result.infos, truth)
     row = {f"inside_{100 * claim:.0f}": share for claim, share in cloud.inside.items()}
     row["nees_median"] = float(np.median(cloud.nees))
-    return row | {"cloud_claimed_m": cloud.claimed_m, "cloud_actual_m": cloud.actual_m}
+    row |= {"cloud_claimed_m": cloud.claimed_m, "cloud_actual_m": cloud.actual_m}
+    if result.covariances is not None:
+        of_pose = covariance_consistency(result.infos, truth)
+        row |= {"nees_mean": float(cloud.nees.mean()), "covariance_inside_90": of_pose.inside[0.9]}
+        row["covariance_nees_mean"] = float(of_pose.nees.mean())
+    return row
+
+
+def doubts(result: SlamResult, truth: Trajectory) -> dict[str, float]:
+    """Compare the doubts of a run with its errors: shares of the scans that are off, that are doubted, and both."""
+    poses, true_poses = aligned_at_first(result.trajectory, truth)
+    t = result.trajectory.t[truth.covers(result.trajectory.t)]
+    off = np.hypot(*(poses - true_poses)[:, :2].T) > OFF
+    doubted = in_doubt(result.distrust, t)
+    return {"off": off.mean(), "doubted": doubted.mean(), "off_and_doubted": (off & doubted).mean()}
 
 
 def agreement(result: SlamResult, simulation: Simulation) -> dict[str, float]:

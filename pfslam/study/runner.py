@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,14 +37,17 @@ def run_study(
     study = study if isinstance(study, Study) else read_study(study)
     folder = Path(folder)
     check_writable(folder)
-    paths = [run_path(folder, case) for case in study.cases]
+    paths = [run_path(folder, study, case) for case in study.cases]
     rows: dict[Path, Any] = {path: kept(path) for path in paths}
     missing = {path: case for path, case in zip(paths, study.cases, strict=True) if rows[path] is None}
     # Runs on one recording side by side, because a worker keeps the recordings that it read last.
-    todo = sorted(missing.values(), key=lambda case: repr(recording_key(case)))
-    results = _on_this_machine(todo, jobs) if client is None else _on_a_cluster(todo, client)
+    todo = list(missing.values())
+    if study.run is None:
+        todo.sort(key=lambda case: repr(recording_key(case)))
+    how = partial(_with_row, run=study.run)
+    results = _on_this_machine(todo, how, jobs) if client is None else _on_a_cluster(todo, how, client)
     for case, row in progress(results, total=len(todo)) if progress else results:
-        rows[path := run_path(folder, case)] = row
+        rows[path := run_path(folder, study, case)] = row
         if not row["error"]:
             write_text(path, json.dumps(row) + "\n")
     table = [rows[path] | {"label": case.label} for path, case in zip(paths, study.cases, strict=True)]
@@ -53,9 +57,13 @@ def run_study(
     return folder / f"{study.name}.csv"
 
 
-def run_path(folder: Path, case: Case) -> Path:
-    """Return the file that keeps a run, in a folder for each two first digits, so that none holds too many."""
-    return folder / "runs" / case.key[:2] / f"{case.key}-{version_key()}.json"
+def run_path(folder: Path, study: Study, case: Case) -> Path:
+    """Return the file that keeps a run, in a folder for each two first digits, so that none holds too many.
+
+    Studies of filters share their runs; any other keeps its own apart.
+    """
+    runs = folder / ("runs" if study.run is None else f"runs_{study.name}")
+    return runs / case.key[:2] / f"{case.key}-{version_key()}.json"
 
 
 def kept(path: Path) -> Row | None:
@@ -66,7 +74,7 @@ def kept(path: Path) -> Row | None:
     return None
 
 
-def _on_this_machine(cases: list[Case], jobs: int) -> Iterator[tuple[Case, Row]]:
+def _on_this_machine(cases: list[Case], run: Callable, jobs: int) -> Iterator[tuple[Case, Row]]:
     """Yield cases with their rows from joblib's processes, in the order in which they finish."""
     need("joblib", "study")
     import joblib
@@ -74,7 +82,7 @@ def _on_this_machine(cases: list[Case], jobs: int) -> Iterator[tuple[Case, Row]]
     how = {"return_as": "generator_unordered", "initializer": _leave_ctrl_c_to_the_caller}
     pool = joblib.Parallel(n_jobs=jobs, **how)
     try:
-        yield from pool(joblib.delayed(_with_row)(case) for case in cases)
+        yield from pool(joblib.delayed(run)(case) for case in cases)
     except BrokenProcessPool:
         expected = "room for all of them: fewer --jobs, then the same command goes on where it stopped"
         raise DataError("pfslam study", "worker", "a process that was killed", expected) from None
@@ -85,29 +93,30 @@ def _leave_ctrl_c_to_the_caller() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _with_row(case: Case) -> tuple[Case, Row]:
-    return case, run_case(case)
+def _with_row(case: Case, run: Callable | None) -> tuple[Case, Row]:
+    return case, run_case(case, run)
 
 
-def _on_a_cluster(cases: list[Case], client: Any) -> Iterator[tuple[Case, Row]]:
+def _on_a_cluster(cases: list[Case], run: Callable, client: Any) -> Iterator[tuple[Case, Row]]:
     """Yield cases with their rows from a Dask cluster, whose scheduler gives a task that lost its worker to another."""
     from dask.distributed import as_completed
 
-    futures = {client.submit(run_case, case, pure=False): case for case in cases}
+    futures = {client.submit(run, case, pure=False): case for case in cases}
     for future in as_completed(list(futures)):
         case, error = futures.pop(future), future.exception()
         if error is None:
-            yield case, future.result()
+            yield future.result()
         else:
             yield case, dict(case.settings) | {"error": f"{type(error).__name__}: {error}"}
 
 
 def provenance(study: Study, rows: list[Row]) -> dict[str, Any]:
     """Say what made a table: its study, the versions and the machine."""
+    command = f"python -m pfslam study {study.name}.toml"
     return {
         "study": study.name,
         "about": study.about,
-        "command": f"python -m pfslam study {study.name}.toml",
+        "command": command if study.run is None else f"{study.run.__module__}.{study.run.__name__}",
         "tolerance": study.tolerance,
         "runs": len(rows),
         "failed": sum(bool(row["error"]) for row in rows),
