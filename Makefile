@@ -6,6 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 LOCKED := $(VENV)/.locked
 STAMP := $(VENV)/.installed
+GRADER := $(VENV)/nbgrader
 SITE := _build/html
 NOTEBOOKS := $(sort $(wildcard notebooks/*.ipynb))
 WORKERS ?= 2
@@ -35,6 +36,14 @@ $(STAMP): $(LOCKED) pyproject.toml book/_tools/jupyterlab_overrides.json
 	@"$(BIN)/python" -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch "$(STAMP)"
 
+# nbgrader would show its menus to every student in JupyterLab, so it lives in an environment of its own on top of this one.
+$(GRADER): $(STAMP) tests/nbgrader.lock
+	@"$(BIN)/python" -m venv --clear "$(GRADER)"
+	@"$(GRADER)/$(notdir $(BIN))/python" -m pip install -qq --disable-pip-version-check --no-deps --require-hashes -r tests/nbgrader.lock
+	@"$(BIN)/python" -c 'import site; print("import site; site.addsitedir(" + repr(site.getsitepackages()[-1]) + ")")' \
+	  > "$$("$(GRADER)/$(notdir $(BIN))/python" -c 'import site; print(site.getsitepackages()[-1])')/book.pth"
+	@touch "$(GRADER)"
+
 book: $(STAMP)  ## Run the notebooks on the built-in data and build the site, warnings as errors
 	@rm -rf "$(SITE)"
 	OPENBLAS_NUM_THREADS=1 "$(BIN)/jupyter-book" build . --all -W --keep-going
@@ -45,7 +54,7 @@ test: lint unit notebooks  ## Lint, unit tests, every notebook
 quick: lint  ## Lint and the fast unit tests: what to run after each edit
 	$(PYTEST) --dist loadfile -m "not slow and $(USUAL)" tests
 
-nightly: $(STAMP)  ## What takes long: every page and laboratory, every chapter in JupyterLab, many seeds, a release
+nightly: $(STAMP) $(GRADER)  ## What takes long: every page and laboratory, every chapter in JupyterLab, many seeds, a release
 	@$(MAKE) book
 	@$(MAKE) release
 	PFSLAM_REQUIRE_BROWSER=1 $(PYTEST) --dist loadgroup -m nightly tests
@@ -90,6 +99,7 @@ copies: $(STAMP)
 	@rm -rf _build/student _build/solutions
 	@OPENBLAS_NUM_THREADS=1 PFSLAM_WIDGETS=text "$(BIN)/python" book/_tools/copies.py _build $(NOTEBOOKS)
 	@cp book/_tools/STUDENTS.md _build/student/README.md
+	@cp book/_tools/nbgrader_config.py _build/solutions/
 
 student: copies  ## Write the chapters without solutions into _build/student
 

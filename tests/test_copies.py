@@ -10,6 +10,7 @@ import pytest
 from copies import (
     CHECK,
     EXERCISE,
+    OPEN,
     POINTER,
     SOLUTION,
     exercises,
@@ -113,8 +114,13 @@ def test_a_student_copy_lacks_the_solutions_and_nothing_else(path):
     for cell in full(notebook)["cells"]:
         if cell["id"] not in kept:
             assert cell["id"] in solutions or source(cell).strip().startswith(POINTER)
+        elif OPEN.search(source(cell)):  # its answer is kept from students, and asked of them
+            assert source(kept[cell["id"]]) == source(cell)[: source(cell).rindex("<details>")].strip()
+            assert kept[f"{cell['id']}-answer"]["metadata"]["nbgrader"]["grade"]
         elif POINTER not in source(cell):
             assert source(kept[cell["id"]]) == source(cell)
+    names = [c["metadata"]["nbgrader"]["grade_id"] for c in kept.values() if "nbgrader" in c["metadata"]]
+    assert len(set(names)) == len(names) > 2 * len(exercises(notebook))
 
 
 @each_chapter

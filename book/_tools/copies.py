@@ -2,7 +2,9 @@
 
 They read right wherever a notebook is opened, with no extension: the numbers stand in the text, answers, set-up and
 solutions are folded, links lead somewhere. ``OUT/student`` has the stubs and their checks and no solutions,
-``OUT/solutions`` has both. Neither holds outputs: who runs a cell sees its own.
+``OUT/solutions`` has both. Neither holds outputs: who runs a cell sees its own. The students' cells carry the metadata
+of nbgrader, which says nothing to anybody else: a point for each check, and below each open question a cell for the
+answer, which a person grades.
 
 An exercise is the code cell with the tag ``exercise-N``, its check the next one, ``check-N``, and its solution the one
 with ``solution-N`` and the hidden code cells that follow it at once.
@@ -14,7 +16,7 @@ import hashlib
 import json
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -34,6 +36,10 @@ EXERCISE, CHECK, SOLUTION = (re.compile(rf"{kind}-\d+") for kind in ("exercise",
 POINTER = "Open the cell below for a solution."
 POINTING = re.compile(re.escape(POINTER) + r"[^\n]*")
 EVAL = re.compile(r"\{eval\}`([^`]+)`")
+OPEN = re.compile(r"\*\*Exercise (\d+)[^*]*(?:explore and explain|open)[^*]*\*\*")
+ANSWER = re.compile(r"<details>.*?</details>", re.DOTALL)
+"""Below an open question: what may be found."""
+YOUR_ANSWER = "*Your answer: what you tried, what you saw, and why.*"
 
 
 def source(cell: dict) -> str:
@@ -76,14 +82,36 @@ def student_copy(notebook: dict, numbers: Iterable[str], place: Place) -> dict:
     """The same without solutions and the lines that point at them; stubs and checks stay."""
     hidden = {cell["id"] for cell in solution_cells(notebook)}
     cells = [
-        _without_pointer(cell)
+        graded
         for cell in full_copy(notebook, numbers, place)["cells"]
         if cell["id"] not in hidden
+        for graded in _graded(_without_pointer(cell))
     ]
     return {
         **notebook,
         "cells": [cell for cell in cells if source(cell).strip() or cell["cell_type"] == "code"],
     }
+
+
+def _graded(cell: dict) -> Iterator[dict]:
+    """The cell as nbgrader knows it; an open question without its answer, and with a cell for the student's."""
+    if n := number(cell, EXERCISE):
+        yield _marked(cell, f"exercise-{n}", solution=True)
+    elif n := number(cell, CHECK):
+        yield _marked(cell, f"check-{n}", grade=True, locked=True)
+    elif cell["cell_type"] == "markdown" and (question := OPEN.search(source(cell))):
+        before, asked = source(cell)[: question.start()], source(cell)[question.start() :]
+        yield {**cell, "source": (before + ANSWER.sub("", asked)).strip()}
+        answer = {**cell, "id": f"{cell['id']}-answer", "metadata": {}, "source": YOUR_ANSWER}
+        yield _marked(answer, f"open-{question[1]}", grade=True, solution=True)
+    else:
+        yield cell
+
+
+def _marked(cell: dict, name: str, *, grade=False, solution=False, locked=False) -> dict:
+    mark = {"grade_id": name, "grade": grade, "solution": solution, "locked": locked, "task": False}
+    mark |= {"schema_version": 3} | ({"points": 1} if grade else {})
+    return {**cell, "metadata": {**cell["metadata"], "nbgrader": mark}}
 
 
 def solution_cells(notebook: dict) -> list[dict]:
