@@ -10,6 +10,7 @@ import fifteen_cells
 import numpy as np
 import pytest
 from dice import Handed
+from lab_stills import MOMENTS
 from lab_stills import page as lab_page
 from pfslam_book import ch04, ch06
 from pfslam_book.ch01 import calibrate_options, true_path
@@ -1067,11 +1068,118 @@ def test_the_picture_and_what_turns_it_are_seen_together(open_lab, name, width, 
         assert plan.bounding_box()["y"] == pytest.approx(BAR, abs=1) or body["height"] < height
 
 
+# ---- A link holds the settings
+
+
+# What a reader sets, and what the link then says; a choice that sets a slider back is set before it.
+SET = {
+    "calibrate": ({"Robot": "recorded", "Gyro scale": 1.02}, "&gyro-scale=1.02&robot=recorded"),
+    "cells": ({"Right at a door": 0.6, "The robot slips and errs": True, "Particles": 50}, ""),
+    "cloud": ({"Driven": 50, "Particles": 40, "New dice": None}, "&driven=50&particles=40&seed=2"),
+    "drive": ({"Autopilot": False, "Particles": 500, "Show the truth": True}, ""),
+    "grow": ({"Door open": True, "Panel away": True}, "&door-open=1&panel-away=1"),
+    "journey": ({"Pitch": 17}, "&pitch=17"),
+    "lost": ({"Particles at first": 500, "New dice": None}, "&particles-at-first=500&seed=2"),
+    "maps": ({"One shared map": True, "Particles": 20, "New dice": None}, ""),
+    "slide": ({"Place": "corridor", "Score by": "distance", "Turn": 2.5}, "&turn=2.5&place=corridor"),
+    "springs": ({"True loop": True, "Loop stiffness, 10 to the": -1}, ""),
+}
+PUT = f"""settings => {{
+  const {{stage}} = {LAB}, control = name => document.getElementById(
+    `${{stage.id}}-${{name.replace(/\\W+/g, '-').toLowerCase()}}`);
+  const press = (kind, name) => [...document.querySelectorAll(kind)].find(
+    e => e.textContent.trim().startsWith(name)).click();
+  for (const [name, value] of Object.entries(settings)) {{
+    if (value === null) press('button', name);
+    else if (typeof value === 'boolean') press('label', name);
+    else if (typeof value === 'string') control(name).querySelector(`[value=${{value}}]`).click();
+    else {{ control(name).value = value; control(name).dispatchEvent(new Event('input')); }}
+  }}
+}}"""
+PICTURES = f"() => {{ {LAB}.draw(); return {FIRST_PICTURES}; }}"
+CALM = {"reduced_motion": "reduce"}
+
+
+def settled(page) -> str:
+    """The pictures, once nothing moves."""
+    page.wait_for_function(f"() => {LAB}.state.settled !== false && {LAB}.state.ready !== false")
+    page.evaluate(PAINTED)
+    return page.evaluate(PICTURES)
+
+
+def follow(page, asked: str) -> None:
+    """Change the address of the open page, which loads it anew."""
+    with page.expect_event("load"):
+        page.evaluate("asked => { location.hash = asked; }", asked)
+    page.wait_for_function(READY)
+
+
+def test_every_laboratory_has_a_link():
+    assert sorted(SET) == LABS
+
+
+@pytest.mark.parametrize("name", LABS)
+def test_a_link_brings_back_what_was_set(open_lab, name):
+    (settings, said), page = SET[name], open_lab(name, **CALM)
+    before = settled(page)
+    page.evaluate(PUT, settings)
+    there = settled(page)
+    assert there != before
+    page.get_by_role("button", name="Link", exact=True).click()
+    page.wait_for_function(f"() => {STATUS}.includes('link to th')")
+    address = page.url
+    assert f"#lab={name}&" in address
+    assert said in address
+    assert address.count("=") == 1 + len(settings), "only what differs"
+    page.reload()
+    page.wait_for_function(READY)
+    assert settled(page) == there
+    page.evaluate("document.querySelectorAll('details').forEach(box => { box.open = true; })")
+    page.get_by_role("button", name="Link", exact=True).click()
+    assert page.url == address
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "said"),
+    [
+        ("drive", "particles=99999&noise=&speed=1e999&people=2&autopilot=true&seed=-1", "particles"),
+        ("slide", "turn=NaN&place=%22%3E%3Cimg+src%3Dx%3E&score-by=constructor", "score-by"),
+        ("cells", "__proto__=1&constructor=2&%3Cscript%3Ealert(1)%3C/script%3E", "something unknown"),
+    ],
+)
+def test_what_a_link_may_not_ask_for_is_as_usual_and_said(open_lab, name, asked, said):
+    page = open_lab(name, **CALM)
+    before = settled(page)
+    follow(page, f"lab={name}&{asked}")
+    assert settled(page) == before
+    status = page.locator("p[role=status]")
+    assert "cannot be here" in status.text_content()
+    assert said in status.text_content()
+    assert status.bounding_box()["height"] > 15, "for everybody"
+    page.locator(".pfslam-plan").first.press("Shift")
+    assert status.bounding_box()["height"] < 2
+    follow(page, f"lab=other&{asked}")
+    assert "cannot" not in status.text_content()
+    assert settled(page) == before
+
+
+def test_a_link_leads_to_the_laboratory_it_means(open_lab):
+    one = lab_page("cells").split("</h1>")[1].split("</main>")[0]
+    page = open_lab("cells", below=2 * one + "<p style='height: 2000px'>End</p>")
+    follow(page, "lab=cells-3&particles=50")
+    figures = "[...document.querySelectorAll('figure.pfslam-lab')]"
+    assert page.evaluate(f"{figures}.map(f => f.lab.state.settings.particles)") == [30, 30, 50]
+    assert abs(page.evaluate(f"{figures}[2].getBoundingClientRect().top")) < 2
+
+
 # ---- All of them
 
 
+with_pictures = pytest.mark.parametrize("name", sorted(MOMENTS))
+
+
 @nightly
-@pytest.mark.parametrize("name", LABS)
+@with_pictures
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_it_is_for_everybody(open_lab, name, theme):
     page = open_lab(name, theme=theme, width=390)
@@ -1088,7 +1196,7 @@ def test_it_is_for_everybody(open_lab, name, theme):
 
 
 @nightly
-@pytest.mark.parametrize("name", LABS)
+@with_pictures
 def test_who_asked_for_less_motion_steps(open_lab, name):
     page = open_lab(name, reduced_motion="reduce")
     if page.evaluate(f"{LAB}.stage.beat === undefined"):
@@ -1119,7 +1227,7 @@ def test_out_of_view_it_rests(open_lab):
 
 
 @nightly
-@pytest.mark.parametrize("name", LABS)
+@with_pictures
 def test_paper_and_pages_without_script_show_the_stored_picture(chromium, open_lab, tmp_path, name):
     page = open_lab(name)
     still = page.locator(".pfslam-still img")

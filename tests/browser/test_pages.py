@@ -111,6 +111,15 @@ HREFS = "links => links.map(link => link.getAttribute('href'))"
 
 
 @pytest.mark.parametrize("scheme", ["http", "file"])
+def test_a_link_opens_a_laboratory_with_its_settings(visit, scheme):
+    seen = visit("notebooks/03_prediction_only.html#lab=cells-2&particles=77", scheme)
+    figure = "document.querySelectorAll('figure.pfslam-lab[data-lab=cells]')[1]"
+    seen.page.wait_for_function(f"() => {figure}.lab?.state.settings.particles === 77")
+    seen.page.wait_for_function(f"() => Math.abs({figure}.getBoundingClientRect().top - 80) < 40")
+    assert seen.complaints + seen.strangers == []
+
+
+@pytest.mark.parametrize("scheme", ["http", "file"])
 def test_search_leads_first_to_the_place_itself(visit, scheme):
     seen, found = visit("search.html", scheme), {}
     address = seen.page.url

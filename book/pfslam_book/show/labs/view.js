@@ -16,6 +16,7 @@
  *   const share = stage.glide(0.6);                                        share() goes from 0 to 1 in so many seconds
  *   stage.say("Sentence.");                                                for who listens, once a second at most
  *   stage.fold("More settings");                                           what comes after it is folded away
+ *   stage.tell("Sentence.");                                               for everybody, until the reader does something
  *   stage.redraw();                                                        before the next frame
  */
 (function (root) {
@@ -131,6 +132,7 @@
     constructor(figure, options) {
       const id = `pfslam-lab-${(known.count += 1)}`;
       Object.assign(this, {figure, options, id, sheets: [], shortcuts: {}, said: "", saidAt: -Infinity, visible: true});
+      this.settings = [];  // of the controls, as a link has them
       this.small = Boolean(options.small);
       this.body = make("div", {class: "pfslam-lab-body"});
       this.controls = make("div", {class: "pfslam-settings"});
@@ -140,6 +142,7 @@
       this.body.append(...(this.small ? [this.controls, this.buttons] : [this.buttons, this.controls]), this.status);
       figure.append(this.body);
       figure.classList.add("pfslam-live");
+      for (const kind of ["pointerdown", "keydown"]) figure.addEventListener(kind, () => this.tell(""), true);
       figure.addEventListener("keydown", event => this.pressed(event));
       this.readColours();
       const repaint = new MutationObserver(() => { this.readColours(); this.redraw(); });
@@ -236,6 +239,10 @@
       input.value = value;
       input.addEventListener("input", () => { write(); change(Number(input.value)); this.redraw(); });
       write();
+      this.setting(name, () => input.value, text => text.trim() !== "" && Number(text) >= min && Number(text) <= max, text => {
+        input.value = text;
+        input.dispatchEvent(new Event("input"));
+      });
       this.controls.append(make("div", {class: "pfslam-slider"}, make("label", {for: id, text: name}), output, input));
       return input;
     }
@@ -249,6 +256,8 @@
         radio.addEventListener("change", () => { change(key); this.redraw(); });
         set.append(make("label", {}, radio, ` ${words}`));
       }
+      const radios = [...set.querySelectorAll("input")], named = key => radios.find(radio => radio.value === key);
+      this.setting(name, () => radios.find(radio => radio.checked).value, named, key => named(key).click());
       this.controls.append(set);
       return set;
     }
@@ -259,9 +268,47 @@
       if (key) label.append(make("kbd", {text: key.toUpperCase(), "aria-hidden": "true"}));
       box.checked = value;
       box.addEventListener("change", () => { change(box.checked); this.redraw(); });
+      this.setting(name, () => (box.checked ? "1" : "0"), text => /^[01]$/.test(text), () => box.click());
       if (key) this.shortcuts[key] = () => box.click();
       this.buttons.append(label);
       return box;
+    }
+
+    /** What a link can hold: the value of a control, as a text. What `fits` can be written. */
+    setting(name, read, fits, write) {
+      this.settings.push({key: name.replace(/\W+/g, "-").toLowerCase(), read, fits, write});
+    }
+
+    /** Set the laboratory as a link asks ({key: text} or null), and offer a link to the page with the laboratory as it is. */
+    linked(label, asked) {
+      const {settings, parts: {state = {}}} = this, chance = state.settings || state;
+      if (chance.seed !== undefined) this.setting("seed", () => `${chance.seed}`, isSeed, () => {});  // before it is built
+      settings.forEach(one => { one.usual = asked && one.key === "seed" ? "" : one.read(); });
+      if (asked) this.set(asked);
+      if (this.small) return;
+      if (!this.controls.closest("details")) this.fold("More");
+      this.button({name: "Link", press: () => {
+        const changed = settings.filter(one => one.read() !== one.usual).map(one => [one.key, one.read()]);
+        root.history.replaceState(null, "", `#${new URLSearchParams([["lab", label], ...changed])}`);
+        const copied = root.navigator.clipboard ? root.navigator.clipboard.writeText(root.location.href) : Promise.reject();
+        copied.then(() => this.tell("Copied: a link to this page with these settings."),
+                    () => this.tell("The address of this page is now a link to these settings."));
+      }});
+    }
+
+    /** Set every control as a link asks, or as usual, and say what cannot be. One control may set another back: after three
+     * rounds all stand. */
+    set(asked) {
+      const {settings} = this, possible = ({key, fits}) => key in asked && fits(asked[key]);
+      for (let round = 0; round < 3; round++) {
+        for (const one of settings) {
+          const value = possible(one) ? asked[one.key] : one.usual;
+          if (one.read() !== value) one.write(value);
+        }
+      }
+      const refused = settings.filter(one => one.key in asked && !possible(one)).map(one => one.key);
+      if (Object.keys(asked).some(key => !settings.some(one => one.key === key))) refused.push("something unknown");
+      if (refused.length) this.tell(`The link asks for what cannot be here, so it is as usual: ${refused.join(", ")}.`);
     }
 
     /** Start and Pause of a clock that ticks `hertz` times a second, and Step; in small one of the two. Who asked for less
@@ -367,9 +414,17 @@
       return auto;
     }
 
+    tell(sentence) {
+      if (sentence === (this.told || "")) return;
+      this.told = sentence;
+      Object.assign(this, {said: sentence, saidAt: performance.now()});
+      this.status.textContent = sentence;
+      this.status.classList.toggle("pfslam-told", Boolean(sentence));
+    }
+
     say(sentence) {
       const now = performance.now();
-      if (sentence === this.said || now - this.saidAt < 1000) return;
+      if (this.told || sentence === this.said || now - this.saidAt < 1000) return;
       Object.assign(this, {said: sentence, saidAt: now});
       this.status.textContent = sentence;
     }
@@ -564,14 +619,40 @@
     return [1, 3, 5].map(k => parseInt(colour.slice(k, k + 2), 16));
   }
 
-  /** Build the laboratory `name` in a figure; `host` is what JupyterLab hands in. */
+  const isSeed = text => /^\d{1,9}$/.test(text);
+
+  /** What the page's address asks of the laboratory with this label, #lab=label&key=text: {key: text}; else null. */
+  function asks(label) {
+    const {lab, ...asked} = Object.fromEntries(new URLSearchParams(root.location.hash.slice(1)));
+    return lab === label ? asked : null;
+  }
+
+  /** Build the laboratory `name` in a figure; `host` is what JupyterLab hands in, where no address leads to a laboratory. */
   function mount(figure, name, options, host) {
-    const stage = new Stage(figure, options);
+    const same = [...document.querySelectorAll(`figure.pfslam-lab[data-lab="${name}"]`)].indexOf(figure);
+    const label = same > 0 ? `${name}-${same + 1}` : name, asked = host ? null : asks(label);
+    const seed = asked && isSeed(asked.seed) ? {seed: Number(asked.seed)} : {};
+    const stage = new Stage(figure, {...options, ...seed});
     stage.host = host;
     stage.parts = figure.lab = Object.assign(known.builders[name](stage), {stage});
+    if (!host) stage.linked(label, asked);
+    if (asked) comeTo(figure);
     stage.fit();
     stage.redraw();
   }
+
+  /** Bring a figure into view, and again when the page above it is whole. */
+  function comeTo(figure) {
+    const come = () => figure.scrollIntoView();
+    root.history.scrollRestoration = "manual";
+    come();
+    root.addEventListener("load", () => {
+      come();
+      if (root.MathJax && root.MathJax.startup) root.MathJax.startup.promise.then(come);
+    });
+  }
+  // Who changes the address of an open page wants what it asks for.
+  root.addEventListener("hashchange", () => { if (root.location.hash.startsWith("#lab=")) root.location.reload(); });
 
   function lab(name, build) {
     known.builders[name] = build;
