@@ -1,5 +1,6 @@
 """Laboratories without a browser: what a cell shows with a kernel and without, and calls of the reader's functions."""
 
+import base64
 import re
 import sys
 from types import ModuleType
@@ -8,9 +9,11 @@ import numpy as np
 import pytest
 from pfslam_book import ch05
 from pfslam_book.show import lab
-from pfslam_book.show.lab import FOLDER, answer, module, scripts
+from pfslam_book.show.lab import FOLDER, answer, module, packed, packed_scan, scripts, show_lab
 
-LABS = sorted(path.name[4:-3] for path in FOLDER.iterdir() if path.name.startswith("lab_"))
+from pfslam.sensors import LidarModel
+
+FILES = sorted(path.name for path in FOLDER.iterdir() if path.name.startswith(("lab_", "picture_")))
 
 
 def shown(mode: str, monkeypatch) -> dict:
@@ -74,9 +77,27 @@ def test_an_error_of_the_reader_comes_back_as_words():
     assert answer({"update": update}, message) == {"id": 1, "error": "ValueError: not yet written"}
 
 
-@pytest.mark.parametrize("name", LABS)
-def test_every_laboratory_is_whole(name):
+@pytest.mark.parametrize(("kind", "name"), [file[:-3].split("_") for file in FILES])
+def test_every_laboratory_and_picture_is_whole(kind, name):
     assert all(FOLDER.joinpath(script).is_file() for script in scripts(name))
     assert len(FOLDER.joinpath(f"{name}.webp").read_bytes()) < 80_000
-    assert f'lab("{name}"' in module(name)
+    assert f'{kind}("{name}"' in module(name)
     assert "http" not in module(name), "nothing is fetched"
+
+
+def test_numbers_are_packed_to_half_a_unit_and_what_does_not_fit_is_refused():
+    values = np.array([0.0, -1.5, 0.25, 3.0])
+    for unit in (None, 0.001):
+        made = packed(values, unit)
+        whole = np.frombuffer(base64.b64decode(made["base64"]), "<i2")
+        np.testing.assert_allclose(made["unit"] * whole, values, atol=made["unit"] / 2)
+    with pytest.raises(ValueError, match="found 33, expected"):
+        packed([33.0], 0.001)
+    scan = packed_scan(np.array([0.05, 1.234, np.nan, np.inf, 60.0]), LidarModel())
+    assert np.frombuffer(base64.b64decode(scan["base64"]), "<i2").tolist() == [0, 1234, 0, 0, 0]
+
+
+def test_in_words_a_picture_says_what_it_shows_and_an_unknown_one_is_refused():
+    assert repr(show_lab("dot", "A dot", "A wall\n  at 1 m.")) == "[picture: A dot; A wall at 1 m.]"
+    with pytest.raises(ValueError, match="no picture_none"):
+        show_lab("none", "", "")

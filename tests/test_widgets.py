@@ -12,7 +12,6 @@ import pytest
 from pfslam_book.show.pictures import (
     Picture,
     quick_uri,
-    steady,
     to_rgb,
 )
 from pfslam_book.show.style import new_figure
@@ -134,23 +133,6 @@ def test_a_figure_is_freed_as_soon_as_its_picture_is_taken():
     subject.frame(level=10, tint=0.5)
     assert len(figures) == 0
     assert gc.isenabled()
-
-
-def test_steady_axes_stay_where_the_first_picture_has_them():
-    def draw(top):
-        figure, axes = new_figure(3, 2)
-        axes.set(ylim=(0, top), ylabel="height")
-        return figure
-
-    def left_edge(figure):
-        to_rgb(figure)
-        return figure.axes[0].get_position().x0
-
-    narrow, wide = left_edge(draw(1)), left_edge(draw(100_000))
-    assert wide > narrow + 0.05
-    placed = steady(draw)
-    assert np.array_equal(to_rgb(placed(1)), to_rgb(draw(1)))
-    assert left_edge(placed(100_000)) == narrow
 
 
 def test_a_live_picture_is_the_drawn_one_bit_for_bit():

@@ -30,6 +30,13 @@ MOMENTS = {
     "journey": "",
     "slide": "",
     "lost": "for (let k = 0; k < 8 * 60; k++) lab.state.tick();",
+    "blur": "",
+    "dot": "",
+    "late": "lab.stage.set({'clock-offset': '100'});",
+    "scrub": "",
+    "sharpness": "",
+    "smoothing": "",
+    "turn": "lab.stage.set({'turned-by': '360'});",
     "springs": "lab.state.settings.honest = true; for (let k = 0; k < 9; k++) lab.state.step();",
 }
 WIDTH, QUALITY = 688, 0.85
@@ -58,12 +65,46 @@ def default_options(name: str) -> dict:
         from pfslam_book.ch03 import cloud_options
 
         return cloud_options(load("hall"))
+    if lab.scripts(name)[-1].startswith("picture_"):
+        return picture_options(name)
     if name != "journey":
         return {}
     from pfslam_book import ch06
     from pfslam_book.ch06.live import journey_options
 
     return journey_options(ch06.take_shot(ch06.load_drive("hall")), GridSpec((-5.0, -5.0), 0.05, (600, 600)))
+
+
+def picture_options(name: str) -> dict:
+    """What the chapters hand to the pictures with a slider."""
+    from pfslam_book import ch00, ch01, ch04, ch08
+    from pfslam_book.ch06.live import dot_options
+    from pfslam_book.show import faults
+    from pfslam_book.show.drives import scans_along
+
+    from pfslam.correlation import map_correlation
+    from pfslam.motion import controls, dead_reckoning
+    from pfslam.poses import transform_points
+    from pfslam.sensors import RgbdModel
+
+    hall = load("hall")
+    if name == "sharpness":
+        corner = ch04.place_at(hall, 14.5)
+        cloud = corner.pose + np.random.default_rng(0).normal(0, [0.02, 0.02, 0.004], (200, 3))
+        walls, points = (corner.grid.occupied, corner.grid.spec), transform_points(cloud, corner.points_b)
+        shares = [map_correlation(*walls, points_w) / len(points_w) for points_w in points]
+        return ch04.sharpness_options(cloud, np.array(shares))
+    if name == "blur":
+        half_turn = faults.scans_between(hall, *ch08.TURNS)
+        some = scans_along(half_turn, dead_reckoning(half_turn), range(0, len(half_turn.lidar.t), 16))
+        return {"cell": 0.05, "window": (2, 13, 13.5, 24.5), **some}
+    return {
+        "dot": lambda: dot_options(RgbdModel()),
+        "late": lambda: ch00.late_options(hall),
+        "scrub": lambda: ch00.scrub_options(hall),
+        "smoothing": lambda: ch01.smoothing_options(controls(hall)),
+        "turn": ch00.turn_options,
+    }[name]()
 
 
 def page(name: str, options: dict | None = None, theme: str = "light") -> str:

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
+import cv2
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from pfslam.motion import wheel_distance
 from pfslam.poses import invert, transform_points
@@ -19,22 +15,21 @@ from pfslam_book.exercises.ch00 import (
     check_scan_points,
     check_to_world,
 )
-from pfslam_book.show.artists import COLOURS, draw_pose, draw_scan, plan, sheet
+from pfslam_book.show.drives import scans_along, sparser
 from pfslam_book.show.keep import keep
+from pfslam_book.show.lab import Laboratory, lidar_options, packed, packed_scan, show_lab
+from pfslam_book.show.pictures import data_uri
 from pfslam_book.show.source import show_source
-from pfslam_book.show.widgets import Explorer, Slider
 
 __all__ = ["check_distance_at", "check_nearest_within", "check_scan_points", "check_to_world", "keep"]
-__all__ += ["late_clock_explorer", "scrub_explorer", "show_source", "turn_explorer"]
+__all__ += ["late_picture", "scrub_picture", "show_source", "turn_picture"]
 
 # ---- everything that the robot knows at one moment
 
-PANELS = (
-    (0.1, 0.13, 0.42, 0.8),
-    (0.58, 0.62, 0.4, 0.31),
-    (0.63, 0.37, 0.35, 0.16),
-    (0.63, 0.13, 0.35, 0.16),
-)
+BEAMS_APART = 6
+IMAGE_QUALITY = 60
+EVERY = 0.5, 6.0  # s between the scans, and between the images, that the page has
+FROM, TO, FIRST = 8.0, 116.0, 62.0  # s of the slider, and where it stands at first
 
 
 def at_rest_and_moving(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -46,71 +41,54 @@ def at_rest_and_moving(recording: Recording) -> tuple[np.ndarray, np.ndarray, np
     return edges[:-1] + 0.05 - encoders.t[0], speed, np.diff(np.interp(edges, imu.t, turned)) / 0.1
 
 
-def scan_at(recording: Recording, time: float) -> np.ndarray:
-    """The points ``(M, 2)`` of the scan nearest to a time (s from the first encoder reading), in the body frame."""
+def ranges_at(recording: Recording, times: np.ndarray) -> np.ndarray:
+    """The ranges ``(N, M)``, of some beams, of the scans nearest to times (s from the first encoder reading)."""
     scans, t0 = recording.scans(), recording.wheels_and_gyro()[0].t[0]
-    return scan_points(scans.ranges[nearest_stamp(scans.t, np.array([t0 + time]))[0]], recording.robot.lidar)
+    return scans.ranges[nearest_stamp(scans.t, t0 + times), ::BEAMS_APART]
 
 
 def image_at(recording: Recording, time: float) -> tuple[np.ndarray, float]:
-    """The stored colour image nearest in time, every second pixel, and how much later it was taken (s)."""
+    """The stored colour image nearest in time, made small, and how much later it was taken (s)."""
     camera, t0 = recording.camera, recording.wheels_and_gyro()[0].t[0]
     assert camera is not None
     stored = camera.rgb_t[camera.rgb_index]
     j = nearest_stamp(stored, np.array([t0 + time]))[0]
-    return camera.read_rgb(int(camera.rgb_index[j]))[::2, ::2], float(stored[j] - t0 - time)
+    image = cv2.resize(camera.read_rgb(int(camera.rgb_index[j])), (240, 180), interpolation=cv2.INTER_AREA)
+    return image, float(stored[j] - t0 - time)
 
 
-def draw_scrub(recording: Recording, curves: tuple, image_at: Callable, time: float) -> Figure:
-    """Scan, colour image, wheels and gyro around one moment; the scan with "ahead" at the top."""
-    figure, grid = sheet(5.2, 2, 2)
-    figure.set_layout_engine("none")  # placed by hand: looking for room takes longer than drawing
-    scan, camera, wheels, gyro = grid.ravel()
-    for axes, place in zip(grid.ravel(), PANELS, strict=True):
-        axes.set_position(place)
-    draw_scan(scan, scan_at(recording, time)[:, ::-1])  # y across, x up
-    draw_pose(scan, (0.0, 0.0, np.pi / 2), length=0.8)
-    scan.set(xlim=(5, -5), ylim=(-3, 7), aspect="equal", xticks=(4, 0, -4), title=f"LiDAR at {time:.0f} s")
-    scan.set(xlabel="left, y [m]", ylabel="ahead, x [m]")
-    camera.imshow(image_at(time)[0], interpolation="bilinear")
-    camera.set(xticks=(), yticks=(), title="camera")
-    camera.grid(False)
-    t, speed, yaw_rate = curves
-    for axes, values, name, high in (
-        (wheels, speed, "wheels [m/s]", 1.5),
-        (gyro, yaw_rate, "gyro [rad/s]", 1.7),
-    ):
-        axes.plot(t, values, color=COLOURS["odometry"], linewidth=1.0)
-        axes.axvline(time, color=COLOURS["truth"], linewidth=1.5)
-        axes.set(
-            title=name, xlim=(0, 125), xticks=(0, 60, 120), ylim=(-0.1 if axes is wheels else -high, high)
-        )
-    wheels.tick_params(labelbottom=False)
-    gyro.set_xlabel("time [s]")
-    return figure
-
-
-def describe_scrub(recording: Recording, curves: tuple, image_at: Callable, time: float) -> str:
-    """The same in words."""
-    t, speed, yaw_rate = curves
-    k, reach, later = np.argmin(np.abs(t - time)), np.hypot(*scan_at(recording, time).T), image_at(time)[1]
+def describe_scrub(recording: Recording, time: float) -> str:
+    """What the picture shows."""
+    t, speed, yaw_rate = at_rest_and_moving(recording)
+    k, later = np.argmin(np.abs(t - time)), image_at(recording, time)[1]
+    lidar = sparser(recording.robot.lidar, BEAMS_APART)
+    reach = np.hypot(*scan_points(ranges_at(recording, np.array([time]))[0], lidar).T)
     return f"""At {time:.0f} s: wheels {speed[k]:.2f} m/s, gyro {yaw_rate[k]:+.2f} rad/s, nearest LiDAR point
     {reach.min():.1f} m away, farthest {reach.max():.1f} m; the image shown was taken {abs(1e3 * later):.0f} ms
     {"later" if later > 0 else "earlier"}."""
 
 
-def scrub_explorer(recording: Recording) -> Explorer:
-    """One slider: the time; a play button runs through the drive."""
-    times = np.round(np.linspace(8.0, 116.0, 13), 1).tolist()
-    images = {time: image_at(recording, time) for time in times}
-    view = recording, at_rest_and_moving(recording), images.__getitem__
-    return Explorer(
-        partial(draw_scrub, *view),
-        [Slider("time", times, 6, "Time", "s", ".0f")],
-        title="Everything the robot knows",
-        alt=partial(describe_scrub, *view),
-        play="time",
-    )
+def scrub_options(recording: Recording) -> dict:
+    """What the script needs: the curves, a scan each half second and an image each three."""
+    t, speed, yaw_rate = (packed(values) for values in at_rest_and_moving(recording))
+    lidar = sparser(recording.robot.lidar, BEAMS_APART)
+    scans, moments = (np.arange(FROM, TO + 0.01, every).tolist() for every in EVERY)
+    ranges = [packed_scan(one, lidar) for one in ranges_at(recording, np.array(scans))]
+    images = [image_at(recording, time) for time in moments]
+    taken = [time + later for time, (_, later) in zip(moments, images, strict=True)]
+    return {
+        **{"t": t, "speed": speed, "yawRate": yaw_rate},
+        "lidar": lidar_options(lidar),
+        "scans": {"t": scans, "ranges": ranges},
+        "images": {"t": taken, "sources": [data_uri(image, IMAGE_QUALITY) for image, _ in images]},
+        **{"from": FROM, "to": TO, "value": FIRST},
+    }
+
+
+def scrub_picture(recording: Recording) -> Laboratory:
+    """One slider: the time; a button runs through the drive."""
+    alt = describe_scrub(recording, FIRST)
+    return show_lab("scrub", "Everything the robot knows", alt, **scrub_options(recording))
 
 
 # ---- a turn on the spot, in a small room with a thin round post
@@ -141,39 +119,12 @@ def turn_points(way: str, turned_deg: float) -> np.ndarray:
     arm = np.array(LidarModel().position_b[:2])
     assumed = {"no lever arm": np.zeros(2), "lever arm on y": arm[::-1]}.get(way, arm)
     points = []
-    for heading in np.deg2rad(np.arange(0.0, turned_deg + 1.0, 15.0)):
+    for heading in np.deg2rad(np.arange(0.0, turned_deg + 1.0, 5.0)):
         pose = np.array([*PLACE, heading])
         r = room_ranges(transform_points(pose, arm[None])[0], BEAMS + heading)
         points_b = assumed + np.column_stack([r * np.cos(BEAMS), r * np.sin(BEAMS)])
         points.append(transform_points(invert(pose) if way == "inverse pose" else pose, points_b))
     return np.concatenate(points)
-
-
-def draw_room(axes: Axes) -> None:
-    """The walls and the post, as they are."""
-    x_min, x_max, y_min, y_max = ROOM
-    corners = [x_min, x_max, x_max, x_min, x_min], [y_min, y_min, y_max, y_max, y_min]
-    axes.plot(*corners, color=COLOURS["unknown"], lw=5)
-    around = np.linspace(0, 2 * np.pi, 60)
-    x, y = POST[0] + POST[2] * np.cos(around), POST[1] + POST[2] * np.sin(around)
-    axes.plot(x, y, color=COLOURS["unknown"], lw=4)
-
-
-def draw_turn(way: str, turned: float) -> Figure:
-    """The whole room, and the post close up, as the robot draws them while it turns."""
-    points = turn_points(way, turned)
-    figure, (room, post) = sheet(4.4, 1, 2)
-    figure.set_layout_engine("none")
-    for axes, place, size in ((room, (0.09, 0.14, 0.54, 0.77), 7), (post, (0.72, 0.14, 0.27, 0.77), 20)):
-        axes.set_position(place)
-        draw_room(axes)
-        draw_scan(axes, points, size)
-        plan(axes)
-    draw_pose(room, (*PLACE, np.deg2rad(turned)), length=0.5)
-    room.set(xlim=(-1.8, 3.8), ylim=(-1.8, 2.8), title=f"turned by {turned:.0f}°")
-    post.set(xlim=(1.65, 2.35), ylim=(0.85, 1.55), title="the post", ylabel="")
-    post.set(xticks=(1.8, 2.2), yticks=(1.0, 1.4))
-    return figure
 
 
 def describe_turn(way: str, turned: float) -> str:
@@ -184,13 +135,15 @@ def describe_turn(way: str, turned: float) -> str:
     Points lie up to {100 * max(beyond, 0.0):.0f} cm beyond the walls."""
 
 
-def turn_explorer() -> Explorer:
+def turn_options() -> dict:
+    """What the script needs: the room, the robot in it and the ways to draw."""
+    where = {"room": ROOM, "post": POST, "place": PLACE, "arm": LidarModel().position_b[:2], "ways": WAYS}
+    return {**where, "beams": np.rad2deg(BEAMS).round(6).tolist()}
+
+
+def turn_picture() -> Laboratory:
     """What is wrong, and how far the robot has turned."""
-    controls = [
-        Slider("way", WAYS, 1, "Drawn with"),
-        Slider("turned", (0.0, 45.0, 90.0, 180.0, 360.0), 0, "Turned by", "deg", "g"),
-    ]
-    return Explorer(draw_turn, controls, title="A turn on the spot", alt=describe_turn, play="turned")
+    return show_lab("turn", "A turn on the spot", describe_turn(WAYS[1], 360.0), **turn_options())
 
 
 # ---- scans drawn from the pose of another moment
@@ -198,13 +151,15 @@ def turn_explorer() -> Explorer:
 STRETCHES = {"straight": 78.0, "turn": 86.4}
 """Two moments of ``hall``, s from the first encoder reading: down a corridor, and in its fastest turn."""
 AROUND = 0.1 * np.arange(-4, 4)
+POINTS_APART = 5  # beams
 
 
 def shifted_scans(recording: Recording, moment: float, offset: float) -> np.ndarray:
     """Points ``(M, 2)`` of eight scans around a moment, each drawn from the pose ``offset`` s after its stamp."""
     scans, truth, points = recording.scans(), recording.true_path(), []
+    lidar = sparser(recording.robot.lidar, POINTS_APART)
     for i in nearest_stamp(scans.t, recording.wheels_and_gyro()[0].t[0] + moment + AROUND):
-        points_b = scan_points(scans.ranges[i], recording.robot.lidar)[::5]
+        points_b = scan_points(scans.ranges[i, ::POINTS_APART], lidar)
         points.append(transform_points(truth.at(scans.t[i] + offset), points_b))
     return np.concatenate(points)
 
@@ -213,23 +168,6 @@ def spread(drawn: np.ndarray, right: np.ndarray) -> float:
     """How far (m, median) a drawn point lies from the nearest of the right ones; every third is asked."""
     dx, dy = (np.subtract.outer(drawn[::3, k], right[:, k]) for k in (0, 1))
     return float(np.median(np.sqrt((dx**2 + dy**2).min(axis=1))))
-
-
-def draw_late_clock(recording: Recording, right: dict[str, np.ndarray], offset: float) -> Figure:
-    """A straight stretch and a turn with the same clock offset (ms), over where the points belong."""
-    start, truth = recording.wheels_and_gyro()[0].t[0], recording.true_path()
-    figure, row = sheet(4.1, 1, 2)
-    figure.set_layout_engine("none")
-    for k, (axes, (name, moment)) in enumerate(zip(row, STRETCHES.items(), strict=True)):
-        axes.set_position((0.1 + 0.5 * k, 0.15, 0.39, 0.76))
-        axes.scatter(*right[name].T, s=22, color=COLOURS["unknown"], linewidths=0)
-        points = shifted_scans(recording, moment, offset / 1e3)
-        draw_scan(axes, points)
-        x, y = truth.at(start + moment)[:2]
-        plan(axes, f"{name}: {100 * spread(points, right[name]):.0f} cm")
-        axes.set(xlim=(x - 3.5, x + 3.5), ylim=(y - 3.5, y + 3.5))
-    row[1].set_ylabel("")
-    return figure
 
 
 def describe_late_clock(recording: Recording, right: dict[str, np.ndarray], offset: float) -> str:
@@ -242,13 +180,19 @@ def describe_late_clock(recording: Recording, right: dict[str, np.ndarray], offs
     return f"Eight scans drawn with stamps wrong by {offset:.0f} ms. {'; '.join(words)}."
 
 
-def late_clock_explorer(recording: Recording) -> Explorer:
+def late_options(recording: Recording) -> dict:
+    """What the script needs of both stretches: eight scans, the true poses around them, and where the robot is."""
+    scans, truth, start = recording.scans(), recording.true_path(), recording.wheels_and_gyro()[0].t[0]
+    stretches = {}
+    for name, moment in STRETCHES.items():
+        which = nearest_stamp(scans.t, start + moment + AROUND)
+        middle = truth.at(start + moment)[:2].tolist()
+        stretches[name] = {"middle": middle, **scans_along(recording, truth, which, POINTS_APART)}
+    return {"stretches": stretches}
+
+
+def late_picture(recording: Recording) -> Laboratory:
     """One slider: by how much the LiDAR's clock is wrong."""
     right = {name: shifted_scans(recording, moment, 0.0) for name, moment in STRETCHES.items()}
-    offset = Slider("offset", (0, 20, 50, 100, 150, 200), 0, "Clock offset", "ms", "g", (-300, 300, 5))
-    return Explorer(
-        partial(draw_late_clock, recording, right),
-        [offset],
-        title="Scans with a late clock",
-        alt=partial(describe_late_clock, recording, right),
-    )
+    alt = describe_late_clock(recording, right, 100.0)
+    return show_lab("late", "Scans with a late clock", alt, **late_options(recording))

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from pfslam.evaluation.checkup import turned_by_gyro, turned_by_wheels
 from pfslam.motion import Controls, controls, integrate
@@ -18,14 +16,11 @@ from pfslam_book.exercises.ch01 import (
     check_gyro_bias,
     check_reckon_by_wheels,
 )
-from pfslam_book.show.artists import COLOURS, draw_path, plan, sheet
-from pfslam_book.show.lab import Laboratory, show_lab
-from pfslam_book.show.pictures import steady
+from pfslam_book.show.lab import Laboratory, packed, show_lab
 from pfslam_book.show.source import show_source
-from pfslam_book.show.widgets import Explorer, Slider
 
 __all__ = ["calibrate_lab", "check_arc", "check_distance_ahead", "check_gyro_bias", "check_reckon_by_wheels"]
-__all__ += ["show_source", "smoothing_explorer"]
+__all__ += ["show_source", "smoothing_picture"]
 
 # ---- the laboratory
 
@@ -97,24 +92,6 @@ def smoothing_errors(inputs: Controls, seconds: float) -> tuple[float, float]:
     return float(np.rad2deg(abs(soft.poses[-1, 2] - raw.poses[-1, 2]))), float(away)
 
 
-def draw_smoothing(inputs: Controls, seconds: float) -> Figure:
-    """The yaw rate in the sharpest turn, raw and smoothed, and the path of both."""
-    soft = smoothed(inputs, seconds)
-    figure, (left, right) = sheet(4.4, 1, 2)
-    middle = inputs.t[1 + np.argmax(np.abs(smoothed(inputs, 1.0).omega))] - 0.5
-    shown = np.abs(inputs.t[1:] - middle) < 3.0
-    for some, kind, name in ((inputs, "odometry", "raw"), (soft, "estimate", "smoothed")):
-        t, rate = some.t[1:][shown] - inputs.t[0], some.omega[shown]
-        left.plot(t, rate, color=COLOURS[kind], linewidth=0.9 if some is inputs else 2.2, label=name)
-        draw_path(right, integrate(some).poses[::10], kind, name)
-    degrees, away = smoothing_errors(inputs, seconds)
-    left.set(xlabel="time [s]", ylabel="yaw rate [rad/s]", ylim=(-1.7, 0.4), xticks=(84, 86, 88))
-    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    plan(right).set(xlim=(-4, 27), ylim=(-4, 27), xticks=(0, 10, 20), yticks=(0, 10, 20))
-    figure.suptitle(f"heading at the end {degrees:.2f}° apart, path {away:.2f} m at most")
-    return figure
-
-
 def describe_smoothing(inputs: Controls, seconds: float) -> str:
     """The same in words."""
     degrees, away = smoothing_errors(inputs, seconds)
@@ -122,12 +99,16 @@ def describe_smoothing(inputs: Controls, seconds: float) -> str:
     {degrees:.2f} degrees, on the way the paths are up to {away:.2f} m apart."""
 
 
-def smoothing_explorer(recording: Recording) -> Explorer:
+def smoothing_options(inputs: Controls) -> dict:
+    """What the script needs: the controls, their usual step, and the middle (s) of the sharpest turn."""
+    middle = inputs.t[1 + np.argmax(np.abs(smoothed(inputs, 1.0).omega))] - inputs.t[0] - 0.5
+    dt = np.diff(inputs.t)
+    each = {"v": packed(inputs.v), "omega": packed(inputs.omega), "dt": packed(dt)}
+    return {"tau": float(np.median(dt)), "middle": round(float(middle)), **each}
+
+
+def smoothing_picture(recording: Recording) -> Laboratory:
     """One slider: how much the gyro is smoothed before it is added up."""
-    inputs, stops = controls(recording), (0.0, 0.1, 0.25, 0.5, 1.0, 2.0)
-    return Explorer(
-        steady(partial(draw_smoothing, inputs)),
-        [Slider("seconds", stops, 3, "Averaged over the last", "s", "g", (0.0, 3.0, 0.05))],
-        alt=partial(describe_smoothing, inputs),
-        title="A smoothed gyro lags behind",
-    )
+    inputs = controls(recording)
+    alt = describe_smoothing(inputs, 0.5)
+    return show_lab("smoothing", "A smoothed gyro lags behind", alt, **smoothing_options(inputs))

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from pfslam.cli.figures import map_along
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
@@ -17,19 +15,16 @@ from pfslam.sensors import scan_points
 from pfslam.simulator import DEFAULT_SEED, HALL
 from pfslam.simulator.world import make_world
 from pfslam_book.exercises.ch04 import check_choose, check_count_on_walls, check_transform_test
-from pfslam_book.show.artists import COLOURS, sheet
-from pfslam_book.show.drives import Place, place_at
+from pfslam_book.show.drives import Place, place_at, sparser
 from pfslam_book.show.keep import keep
-from pfslam_book.show.lab import Laboratory, show_lab
+from pfslam_book.show.lab import Laboratory, lidar_options, show_lab
 from pfslam_book.show.source import show_source
-from pfslam_book.show.widgets import Explorer, Slider
 
 __all__ = ["check_choose", "check_count_on_walls", "check_transform_test", "keep", "place_at", "places"]
-__all__ += ["sharpness_explorer", "show_source", "slide_lab"]
+__all__ += ["sharpness_picture", "show_source", "slide_lab"]
 
 # ---- the laboratory
 
-BEAMS = 271  # every fourth
 NOISE = 0.01  # m
 WINDOW = (-16.0, 37.0, -3.6, 23.4)  # x from, to, y from, to (m)
 START = (0.0, 0.0, 0.0)
@@ -53,14 +48,7 @@ def building_options(recording: Recording) -> dict:
     return {
         **cells_of(grid),
         "walls": np.round(walls, 4).ravel().tolist(),
-        "lidar": {
-            "angleMin": lidar.angle_min,
-            "angleMax": lidar.angle_max,
-            "beams": BEAMS,
-            "rangeMin": lidar.range_min,
-            "rangeMax": lidar.range_max,
-            "position": list(lidar.position_b[:2]),
-        },
+        "lidar": lidar_options(sparser(lidar, 4)),
         "noise": NOISE,
         "window": WINDOW,
         "start": START,
@@ -118,26 +106,6 @@ def sharpened(shares: np.ndarray, sharpness: float) -> np.ndarray:
     return weights / weights.sum()
 
 
-def draw_weights(cloud: np.ndarray, shares: np.ndarray, sharpness: float) -> Figure:
-    """The cloud, each particle as large as its weight; and the weights in order."""
-    weights = sharpened(shares, sharpness)
-    figure, (left, right) = sheet(4.0, 1, 2)
-    x, y = 100.0 * (cloud[:, :2] - cloud[:, :2].mean(axis=0)).T
-    left.scatter(x, y, s=5.0, color=COLOURS["unknown"], linewidths=0)
-    sizes = np.minimum(4000.0 * weights, 1500.0)
-    left.scatter(x, y, s=sizes, color=COLOURS["particles"], alpha=0.6, linewidths=0)
-    left.set(xlabel="x [cm]", ylabel="y [cm]", xlim=(-8, 8), ylim=(-8, 8), aspect="equal")
-    left.set_title(rf"$N_\mathrm{{eff}}$ = {effective_sample_size(weights):.1f} of {len(weights)}")
-    heaviest_first = np.sort(weights)[::-1]
-    right.fill_between(np.arange(len(weights)), heaviest_first, color=COLOURS["particles"], step="mid")
-    right.set(xlabel="particle, heaviest first", ylabel="weight", yscale="log")
-    right.set(ylim=(1e-5, 1.5), xlim=(0, len(weights)))
-    right.set_yticks([1e-4, 1e-2, 1.0], ["0.0001", "0.01", "1"])
-    right.minorticks_off()
-    right.set_title(f"heaviest: {weights.max():.2f}")
-    return figure
-
-
 def describe_weights(shares: np.ndarray, sharpness: float) -> str:
     """The same in words."""
     weights = sharpened(shares, sharpness)
@@ -145,12 +113,13 @@ def describe_weights(shares: np.ndarray, sharpness: float) -> str:
     {effective_sample_size(weights):.1f}, the heaviest particle has {weights.max():.3f} of all weight."""
 
 
-def sharpness_explorer(cloud: np.ndarray, shares: np.ndarray) -> Explorer:
+def sharpness_options(cloud: np.ndarray, shares: np.ndarray) -> dict:
+    """What the script needs: the particles around their mean (cm), and the shares."""
+    around = 100.0 * (cloud[:, :2] - cloud[:, :2].mean(axis=0))
+    return {"cloud": np.round(around, 2).ravel().tolist(), "shares": np.asarray(shares).tolist()}
+
+
+def sharpness_picture(cloud: np.ndarray, shares: np.ndarray) -> Laboratory:
     """One slider: what a perfect scan is worth, for particles ``cloud (n, 3)`` and their ``shares (n,)``."""
-    stops = (0.0, 10.0, 30.0, 54.0, 100.0, 200.0, 400.0, 700.0, 1000.0)
-    return Explorer(
-        partial(draw_weights, cloud, shares),
-        [Slider("sharpness", stops, 3, "Sharpness B of a scan", "", "g", (0.0, 1000.0, 1.0))],
-        alt=partial(describe_weights, shares),
-        title="How sharp should the likelihood be?",
-    )
+    title, alt = "How sharp should the likelihood be?", describe_weights(shares, 54.0)
+    return show_lab("sharpness", title, alt, **sharpness_options(cloud, shares))

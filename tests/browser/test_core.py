@@ -45,7 +45,7 @@ from pfslam.particles import (
     reweight,
     systematic_resample,
 )
-from pfslam.poses import average_pose, between, compose, transform_points, wrap_angle
+from pfslam.poses import Trajectory, average_pose, between, compose, transform_points, wrap_angle
 from pfslam.recording import Encoders
 from pfslam.sensors import EncoderModel, ImuModel, LidarModel, scan_points
 from pfslam.simulator.lidar import true_ranges
@@ -170,6 +170,9 @@ def motion_cases(rng):
         )
         yield "predict", [poses, 0.7, -0.3, 0.1, noise, normals], moved.poses
     yield "averagePose", [poses, weights := weights_of(rng, 40)], average_pose(poses, weights)
+    path = Trajectory(np.cumsum(rng.uniform(0.1, 1, 9)), poses_in(rng, 9))
+    for t in (path.t[0], path.t[4], path.t[-1], *rng.uniform(path.t[0], path.t[-1], 20)):
+        yield "poseAt", [path.t.tolist(), [pose.tolist() for pose in path.poses], t], path.at(t)
 
 
 def wheels_and_gyro_cases(rng):
@@ -187,6 +190,9 @@ def wheels_and_gyro_cases(rng):
     v, start = rng.uniform(0, 1, 60), [0.3, -0.2, 2.5]
     path = integrate(Controls(stamps, v, rates), start)
     yield "integrate", [{"v": v, "omega": rates, "dt": 0.1}, start], path.poses
+    uneven = np.concatenate([[0.0], np.cumsum(rng.uniform(0.01, 0.3, 60))])
+    moves = {"v": v, "omega": rates, "dt": np.diff(uneven)}
+    yield "integrate", [moves, start], integrate(Controls(uneven, v, rates), start).poses
     other = integrate(Controls(stamps, 1.1 * v, rates + 0.4), start)
     error = trajectory_error(other, path)
     expected = {"ateRmse": error.ate_rmse_m, "ateMax": error.ate_max_m}

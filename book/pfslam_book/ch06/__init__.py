@@ -1,7 +1,7 @@
 """What the notebook of chapter 06 calls."""
 
 from pfslam_book.ch06.drives import judge_for, load_drive, shots_along, take_shot
-from pfslam_book.ch06.live import journey_lab, structured_light_explorer
+from pfslam_book.ch06.live import dot_picture, journey_lab
 from pfslam_book.exercises.ch06 import (
     check_blind_ring,
     check_calibrate,
@@ -11,12 +11,5 @@ from pfslam_book.exercises.ch06 import (
 from pfslam_book.show.source import show_source
 
 __all__ = ["check_blind_ring", "check_calibrate", "check_seen_at", "check_to_body"]
-__all__ += [
-    "journey_lab",
-    "judge_for",
-    "load_drive",
-    "shots_along",
-    "show_source",
-    "structured_light_explorer",
-]
-__all__ += ["take_shot"]
+__all__ += ["dot_picture", "journey_lab", "judge_for", "load_drive", "shots_along"]
+__all__ += ["show_source", "take_shot"]

@@ -6,17 +6,12 @@ import base64
 
 import cv2
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from pfslam.grid import GridSpec
 from pfslam.sensors import RgbdModel
 from pfslam.texture import disparity_from_depth
 from pfslam_book.ch06.drives import Shot
 from pfslam_book.show.lab import Laboratory, show_lab
-from pfslam_book.show.pictures import steady
-from pfslam_book.show.style import COLOURS, INK, new_figure
-from pfslam_book.show.widgets import Explorer, Slider
 
 ALT = """A colour image from a corridor with letters on its floor. A circle marks a pixel on the nearest letter and a
 cross its partner in the colour image; a green veil lies on what counts as floor. Below, all points of the image from
@@ -69,55 +64,29 @@ def journey_lab(shot: Shot, spec: GridSpec) -> Laboratory:
     return show_lab("journey", "The journey of one pixel", ALT, **journey_options(shot, spec))
 
 
-def structured_light_explorer(camera: RgbdModel) -> Explorer:
-    """Move a wall and watch one dot of the projected pattern shift in the image."""
-    focal_times_baseline = (
-        abs(camera.depth_scale / camera.disparity_slope) / 8
-    )  # reported in eighths of a pixel
+def describe_dot(camera: RgbdModel, z: float) -> str:
+    """What the picture of a dot of light on a wall at ``z`` metres shows; disparities count eighths of a pixel."""
+    focal_times_baseline = abs(camera.depth_scale / camera.disparity_slope) / 8
     baseline = focal_times_baseline / camera.focal_u
-
-    def shift(z: float) -> float:
-        return focal_times_baseline / z
-
-    def draw(z: float) -> Figure:
-        figure, (above, below) = new_figure(5.4, 4.8, rows=2)
-        _draw_triangle(above, z, baseline)
-        depths = np.linspace(0.45, 8.2, 200)
-        below.plot(depths, disparity_from_depth(depths, camera), color=COLOURS["estimate"])
-        below.plot(z, disparity_from_depth(z, camera), "o", markersize=11, color=COLOURS["hits"])
-        below.axhline(1089, color=COLOURS["truth"], linestyle=":", linewidth=1.2)
-        below.text(8.3, 1100, "1089: infinitely far", ha="right", va="bottom")
-        below.set(xlabel="depth $Z$ [m]", ylabel="raw disparity $d$", xlim=(-2.1, 8.4), ylim=(300, 1210))
-        above.set_title(
-            f"shift {shift(z):.1f} px, raw disparity {float(disparity_from_depth(z, camera)):.0f}"
-        )
-        return figure
-
-    def alt(z: float) -> str:
-        return (
-            f"A wall at {z:g} m. From above: the projector sends one dot straight ahead, the camera {baseline:.3f} m "
-            f"beside it sees it {shift(z):.1f} pixels away from where a dot at infinity would be. Below, the raw "
-            f"disparity against depth, rising from 383 at 0.5 m towards 1089: here "
-            f"{disparity_from_depth(z, camera):.0f}."
-        )
-
-    slider = Slider("z", [0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0], 2, "Wall at", "m", live=(0.5, 8.0, 0.1))
-    return Explorer(
-        steady(draw), [slider], alt=alt, title="A dot of light, seen from beside", play="z", pause=900
+    return (
+        f"A wall at {z:g} m. From above: the projector sends one dot straight ahead, the camera {baseline:.3f} m "
+        f"beside it sees it {focal_times_baseline / z:.1f} pixels away from where a dot at infinity would be. "
+        f"Below, the raw disparity against depth, rising from 383 at 0.5 m towards 1089: here "
+        f"{disparity_from_depth(z, camera):.0f}."
     )
 
 
-def _draw_triangle(axes: Axes, z: float, baseline: float) -> None:
-    """Projector, camera, wall and the dot, from above; sideways distances are stretched."""
-    axes.plot([z, z], [-0.03, 0.11], color=COLOURS["truth"], linewidth=4)
-    axes.plot([0, z], [baseline, baseline], color=COLOURS["hits"])
-    axes.plot([0, z], [0, baseline], color=COLOURS["estimate"])
-    axes.plot([0, 8.4], [0, 0], color=COLOURS["estimate"], linestyle=":", linewidth=1.4)
-    axes.plot(0, baseline, "s", markersize=10, color=COLOURS["hits"])
-    axes.plot(0, 0, "s", markersize=10, color=COLOURS["estimate"])
-    axes.plot(z, baseline, "o", markersize=9, color=COLOURS["hits"], markeredgecolor=INK)
-    axes.text(-0.2, baseline, "projector", color=COLOURS["hits"], ha="right", va="center")
-    axes.text(-0.2, 0, "camera", color=COLOURS["estimate"], ha="right", va="center")
-    axes.text(8.3, -0.006, "to a dot at infinity", ha="right", va="top", color=COLOURS["estimate"])
-    axes.set(xlim=(-2.1, 8.4), ylim=(-0.035, 0.115), xlabel="ahead [m]", ylabel="sideways [m]")
-    axes.set_xticks(range(0, 9, 2))
+def dot_options(camera: RgbdModel) -> dict:
+    """Give what the script needs of the camera."""
+    return {
+        "slope": camera.disparity_slope,
+        "offset": camera.disparity_offset,
+        "scale": camera.depth_scale,
+        "focal": camera.focal_u,
+    }
+
+
+def dot_picture(camera: RgbdModel) -> Laboratory:
+    """Move a wall and watch one dot of the projected pattern shift in the image."""
+    title, alt = "A dot of light, seen from beside", describe_dot(camera, 1.0)
+    return show_lab("dot", title, alt, **dot_options(camera))

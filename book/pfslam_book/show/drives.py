@@ -1,4 +1,4 @@
-"""What more than one chapter asks of a drive: its length, its controls made sparser, a place to look from."""
+"""What more than one chapter asks of a drive: sparser controls and beams, scans along a path, a place to look from."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from pfslam.grid import OccupancyGrid
 from pfslam.motion import Controls
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording
-from pfslam.sensors import scan_points
+from pfslam.sensors import LidarModel, scan_points
+from pfslam_book.show.lab import lidar_options, packed_scan
 
 
 def at_rate(inputs: Controls, hertz: float) -> Controls:
@@ -23,6 +24,27 @@ def at_rate(inputs: Controls, hertz: float) -> Controls:
     t = inputs.t[0] + np.arange(steps + 1) / hertz
     distance, angle = (np.diff(np.interp(t, inputs.t, total)) for total in (travelled, turned))
     return Controls(t, distance * hertz, angle * hertz)
+
+
+def sparser(lidar: LidarModel, every: int) -> LidarModel:
+    """A LiDAR with every ``every``-th of the beams; the last one must be among them."""
+    return replace(lidar, beams=(lidar.beams - 1) // every + 1)
+
+
+def scans_along(
+    recording: Recording, path: Trajectory, which, beams_apart: int = 1, margin: float = 0.35
+) -> dict:
+    """What a script needs to draw some scans along a path, with stamps that are off by less than ``margin`` (s)."""
+    scans, lidar = recording.scans(), sparser(recording.robot.lidar, beams_apart)
+    t, ranges = scans.t[which], scans.ranges[which, ::beams_apart]
+    near = (path.t > t[0] - margin) & (path.t < t[-1] + margin)
+    return {
+        "t": (t - t[0]).tolist(),
+        "ranges": [packed_scan(one, lidar) for one in ranges],
+        "times": np.round(path.t[near] - t[0], 6).tolist(),
+        "poses": np.round(path.poses[near], 6).tolist(),
+        "lidar": lidar_options(lidar),
+    }
 
 
 @dataclass(frozen=True, eq=False)

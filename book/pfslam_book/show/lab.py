@@ -1,7 +1,8 @@
 """A laboratory: a picture that computes in the page, with buttons, sliders, mouse, finger and keys.
 
 The scripts are in the folder ``labs``: ``core.js`` holds the equations, ``view.js`` the stage, and each laboratory is a
-file of its own, ``lab_NAME.js``. On the site they work without a kernel. In JupyterLab they need ``anywidget``; without
+file of its own, ``lab_NAME.js``. A picture with a slider is less: ``picture.js`` draws axes, and ``picture_NAME.js``
+computes what stands in them. On the site they work without a kernel. In JupyterLab they need ``anywidget``; without
 it, without script and in print the reader sees the stored picture ``NAME.webp``.
 """
 
@@ -16,9 +17,12 @@ from typing import Any
 
 import numpy as np
 
+from pfslam.sensors import LidarModel
+
 from .pictures import output_mode
 
 FOLDER = files("pfslam_book.show").joinpath("labs")
+TWO_BYTES = 2**15 - 1
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,8 @@ class Laboratory:
     parts: Mapping[str, Callable] = field(default_factory=dict)
 
     def __repr__(self) -> str:
+        if scripts(self.name)[-1].startswith("picture_"):
+            return f"[picture: {self.title}; {' '.join(self.alt.split())}]"
         return f"[laboratory: {self.title}; it runs on the site and in JupyterLab]"
 
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
@@ -50,9 +56,9 @@ class Laboratory:
 def show_lab(
     name: str, title: str, alt: str, *, parts: Mapping[str, Callable] | None = None, **options
 ) -> Laboratory:
-    """Show the laboratory ``labs/lab_NAME.js``; make it the last expression of a cell."""
-    if not FOLDER.joinpath(f"lab_{name}.js").is_file():
-        raise ValueError(f"laboratory {name!r}: no file lab_{name}.js")
+    """Show the laboratory ``lab_NAME.js`` or the picture ``picture_NAME.js``; make it the last expression of a cell."""
+    if not FOLDER.joinpath(scripts(name)[-1]).is_file():
+        raise ValueError(f"laboratory {name!r}: no file lab_{name}.js and no picture_{name}.js")
     return Laboratory(name, title, alt, options, parts or {})
 
 
@@ -72,8 +78,38 @@ def page_fragment(lab: Laboratory) -> str:
 
 
 def scripts(name: str) -> list[str]:
-    """The files that a page with this laboratory loads, in order."""
-    return ["core.js", "view.js", f"lab_{name}.js"]
+    """The files that a page with this laboratory, or picture, loads, in order."""
+    own = f"lab_{name}.js"
+    if FOLDER.joinpath(own).is_file():
+        return ["core.js", "view.js", own]
+    return ["core.js", "view.js", "picture.js", f"picture_{name}.js"]
+
+
+def packed(values: np.ndarray, unit: float | None = None) -> dict:
+    """Numbers for a script as whole numbers of two bytes times ``unit``; without one, the largest number just fits."""
+    values = np.asarray(values, dtype=float).ravel()
+    unit = unit or max(float(np.abs(values).max()), 1e-9) / TWO_BYTES
+    whole = np.rint(values / unit)
+    if np.abs(whole).max() > TWO_BYTES:
+        raise ValueError(f"packed: found {np.abs(values).max():g}, expected at most {TWO_BYTES * unit:g}")
+    return {"unit": unit, "base64": base64.b64encode(whole.astype("<i2").tobytes()).decode("ascii")}
+
+
+def packed_scan(ranges: np.ndarray, lidar: LidarModel) -> dict:
+    """Ranges in whole millimetres; what is no measurement is 0."""
+    return packed(np.where(lidar.valid(ranges), ranges, 0.0), 0.001)
+
+
+def lidar_options(lidar: LidarModel) -> dict:
+    """A LiDAR as the scripts know it."""
+    return {
+        "angleMin": lidar.angle_min,
+        "angleMax": lidar.angle_max,
+        "beams": lidar.beams,
+        "rangeMin": lidar.range_min,
+        "rangeMax": lidar.range_max,
+        "position": list(lidar.position_b[:2]),
+    }
 
 
 def live_lab(lab: Laboratory):

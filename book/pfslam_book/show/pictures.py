@@ -3,13 +3,12 @@
 import base64
 import html
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import cv2
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.transforms import Bbox
 
 MODES = ("live", "static", "text")
 CSS_DPI = 100  # CSS pixels per inch of figure
@@ -43,28 +42,6 @@ def to_rgb(drawing: Figure | np.ndarray) -> np.ndarray:
     if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
         raise TypeError(f"expected a Figure or an (H, W, 3) uint8 array, found {image.dtype} {image.shape}")
     return image
-
-
-def steady(draw: Callable[..., Figure]) -> Callable[..., Figure]:
-    """The same drawing function, with all axes where its first picture has them.
-
-    To find their places takes half the time of a picture, and they no longer jump while a slider moves. For pictures
-    whose labels are equally wide throughout: what grows later is not given more room.
-    """
-    places: list[Bbox] = []
-
-    def placed(*args, **values) -> Figure:
-        figure = draw(*args, **values)
-        if not places:
-            figure.set_dpi(CSS_DPI * RASTER)
-            figure.draw_without_rendering()
-            places.extend(axes.get_position(original=True) for axes in figure.axes)
-        figure.set_layout_engine("none")
-        for axes, place in zip(figure.axes, places, strict=True):
-            axes.set_position(place)
-        return figure
-
-    return placed
 
 
 def encode(image: np.ndarray, quality: int = WEBP_QUALITY) -> bytes:

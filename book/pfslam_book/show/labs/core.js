@@ -48,15 +48,18 @@
     return Float64Array.from(left, (distance, k) => (right[k] - distance) / track);
   }
 
-  /** Apply the motion model, control after control, from `start`: poses Float64Array(3 (K + 1)), headings unwrapped. Eq. 5. */
+  /** Apply the motion model, control after control, from `start`: poses Float64Array(3 (K + 1)), headings unwrapped. Eq. 5.
+   *
+   * `dt` (s) is one number, or one for each control.
+   */
   function integrate({v, omega, dt}, start) {
     const poses = new Float64Array(3 * (v.length + 1));
     poses.set(start);
     for (let k = 0; k < v.length; k++) {
-      const at = 3 * k, theta = poses[at + 2];
-      poses[at + 3] = poses[at] + dt * v[k] * Math.cos(theta);
-      poses[at + 4] = poses[at + 1] + dt * v[k] * Math.sin(theta);
-      poses[at + 5] = theta + dt * omega[k];
+      const at = 3 * k, theta = poses[at + 2], tau = dt.length ? dt[k] : dt;
+      poses[at + 3] = poses[at] + tau * v[k] * Math.cos(theta);
+      poses[at + 4] = poses[at + 1] + tau * v[k] * Math.sin(theta);
+      poses[at + 5] = theta + tau * omega[k];
     }
     return poses;
   }
@@ -377,6 +380,13 @@
     return [pose[0] + c * motion[0] - s * motion[1], pose[1] + s * motion[0] + c * motion[1], wrapAngle(pose[2] + motion[2])];
   }
 
+  /** The pose [x, y, theta] at time t between poses [x, y, theta] at increasing times; it turns the shorter way round. */
+  function poseAt(times, poses, t) {
+    const next = times.findIndex(time => time > t), k = Math.max(0, (next < 0 ? times.length : next) - 1);
+    const i = Math.min(k, times.length - 2), part = (t - times[i]) / (times[i + 1] - times[i]), a = poses[i], b = poses[i + 1];
+    return [a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1]), wrapAngle(a[2] + part * wrapAngle(b[2] - a[2]))];
+  }
+
   /** The log-likelihood Float32Array(H W) of an end point in each cell, for a robot that is lost:
    * log(random + (1 - random) exp(-d^2 / 2 sigma^2)), with d (m) the distance to the nearest occupied cell. */
   function likelihoodField(occupied, spec, {sigma, random}) {
@@ -561,7 +571,7 @@
     wrapAngle, motionModel, yawRate, wheelTurns, integrate, trajectoryError, predict, beamAngles, isValid, scanPoints, transformPoints, worldToCell, contains, occupied,
     mapCorrelation, scoreField, scores, logLikelihood, logSumExp, reweight, effectiveSampleSize, systematicResample,
     chosen, averagePose, probability, doorAfter, traceRay, freeCells, evidence, addEvidence, integrateScan, castRays,
-    generator, between, edgeError, chiSquare, robustWeight, graphStep, compose, likelihoodField, lostLogLikelihood, kldBound, enough, touches, wayTo, steer,
+    generator, between, edgeError, chiSquare, robustWeight, graphStep, compose, poseAt, likelihoodField, lostLogLikelihood, kldBound, enough, touches, wayTo, steer,
   };
   root.pfslam = Object.assign(root.pfslam || {}, {core});
 })(globalThis);

@@ -196,10 +196,10 @@
       return plan;
     }
 
-    /** A strip of `height` pixels across the laboratory. */
+    /** A strip across the laboratory of `height` pixels, a number or a function of the width. */
     chart({name, height}) {
       const canvas = make("canvas", {role: "img", "aria-label": name});
-      return this.place(new Sheet(canvas, () => height), canvas);
+      return this.place(new Sheet(canvas, typeof height === "number" ? () => height : height), canvas);
     }
 
     /** A line of words under the pictures, HTML of our own. */

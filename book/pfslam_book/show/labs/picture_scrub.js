@@ -1,0 +1,54 @@
+/* Everything the robot knows at one moment (chapter 00): a scan, an image, and what wheels and gyro said around it. */
+(function (root) {
+  "use strict";
+  const {core, draw, picture, unpack} = root.pfslam;
+
+  picture("scrub", data => {
+    const [t, speed, yawRate] = [data.t, data.speed, data.yawRate].map(unpack), ranges = data.scans.ranges.map(unpack);
+    const images = data.images.sources.map(src => Object.assign(new Image(), {src}));
+    const nearest = (times, time) => times.reduce((best, one, k) => (Math.abs(one - time) < Math.abs(times[best] - time) ? k : best), 0);
+    return {
+      label: "The scan, with ahead at the top; the image; and the curves of wheels and gyro with the moment on them",
+      controls: {time: {name: "Time", min: data.from, max: data.to, step: 0.5, value: data.value, unit: "s", digits: 1}},
+      play: {key: "time", seconds: 30},
+      tall: [0.68, 1.25],
+      places: {
+        wide: [[0, 0, 0.5, 1], [0.54, 0, 0.42, 0.5], [0.5, 0.5, 0.5, 0.22], [0.5, 0.72, 0.5, 0.28]],
+        narrow: [[0, 0, 0.55, 0.58], [0.57, 0.08, 0.42, 0.3], [0, 0.58, 1, 0.19], [0, 0.77, 1, 0.23]],
+      },
+      compute({time}, again) {
+        const scan = nearest(data.scans.t, time), points = core.scanPoints(ranges[scan], data.lidar), k = nearest(t, time);
+        const shown = nearest(data.images.t, time), image = images[shown], later = 1000 * (data.images.t[shown] - time);
+        image.onload = again;
+        const turned = core.transformPoints([0, 0, Math.PI / 2], points);  // ahead is up
+        const far = Array.from({length: points.length / 2}, (_, j) => Math.hypot(points[2 * j], points[2 * j + 1]));
+        const ahead = {
+          title: `LiDAR at ${time.toFixed(1)} s`, x: [-5, 5], y: [-3, 7], equal: true, xName: "left, y [m]", yName: "ahead, x [m]",
+          xTicks: {"-4": "4", 0: "0", 4: "\u22124"},
+          paint(pen, colours) {
+            draw.dots(pen, turned, colours.hits, 1.4);
+            draw.robot(pen, [0, 0, Math.PI / 2], colours.truth);
+          },
+        };
+        const view = {
+          title: Math.abs(later) < 100 ? "camera" : `camera, ${Math.abs(later / 1000).toFixed(1)} s ${later > 0 ? "later" : "earlier"}`, x: [0, 4], y: [0, 3], equal: true, xTicks: null,
+          paint(pen) { if (image.complete && image.naturalWidth) pen.context.drawImage(image, ...pen.box); },
+        };
+        const curve = (values, title, y, more = {}) => ({
+          title, x: [0, 125], y, xTicks: {0: "0", 60: "60", 120: "120"}, ...more,
+          paint(pen, colours) {
+            draw.line(pen, Array.from(t, (one, j) => [one, values[j]]).flat(), colours.odometry, {width: 1});
+            draw.line(pen, [time, y[0], time, y[1]], colours.truth, {width: 1.5});
+          },
+        });
+        return {
+          panels: [ahead, view, curve(speed, "wheels [m/s]", [-0.1, 1.5]), curve(yawRate, "gyro [rad/s]", [-1.7, 1.7], {xName: "time [s]"})],
+          points,
+          words: `At ${time} s: wheels ${speed[k].toFixed(2)} m/s, gyro ${(yawRate[k] < 0 ? "" : "+") + yawRate[k].toFixed(2)} rad/s, nearest ` +
+            `LiDAR point ${Math.min(...far).toFixed(1)} m away, farthest ${Math.max(...far).toFixed(1)} m; the image shown was taken ` +
+            `${Math.abs(later).toFixed(0)} ms ${later > 0 ? "later" : "earlier"}.`,
+        };
+      },
+    };
+  });
+})(globalThis);

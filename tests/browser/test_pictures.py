@@ -1,0 +1,222 @@
+"""The pictures with a slider: the page computes what the package computes, under mouse, finger and key."""
+
+import re
+from functools import cache
+
+import numpy as np
+import pytest
+from lab_stills import default_options
+from lab_stills import page as lab_page
+from pfslam_book import ch00, ch01, ch04, ch08
+from pfslam_book.ch06.live import describe_dot
+from pfslam_book.show import faults
+from pfslam_book.show.lab import FOLDER
+
+from pfslam.io.datasets import load
+from pfslam.motion import controls, dead_reckoning, integrate
+from pfslam.poses import transform_points
+from pfslam.sensors import RgbdModel, scan_points
+from pfslam.texture import disparity_from_depth
+
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("laboratories")]
+nightly = pytest.mark.nightly
+
+PICTURES = sorted(path.name[8:-3] for path in FOLDER.iterdir() if path.name.startswith("picture_"))
+LAB = "document.querySelector('figure.pfslam-lab').lab"
+DRAWN = f"() => {{ {LAB}.draw(); return document.querySelector('canvas').toDataURL(); }}"
+
+
+@pytest.fixture
+def open_picture(chromium, opener, tmp_path):
+    """Open one picture on a page of its own: ``open_picture("dot", width=390)``."""
+    visits = []
+
+    def go(name: str, theme: str = "light", width: int = 1280, **context):
+        place = tmp_path / f"{name}-{len(visits)}.html"
+        place.write_text(lab_page(name, theme=theme), encoding="utf-8")
+        context = chromium.new_context(viewport={"width": width, "height": 844}, **context)
+        visits.append(opener(context, place.as_uri(), "file:///"))
+        visits[-1].page.wait_for_function(f"() => {LAB}?.stage.fitted")
+        return visits[-1].page
+
+    yield go
+    for seen in visits:
+        assert seen.complaints + seen.strangers == []
+        seen.page.context.close()
+
+
+# ---- what the page computes
+
+
+@cache
+def hall():
+    return load("hall")
+
+
+@cache
+def half_turn():
+    part = faults.scans_between(hall(), *ch08.TURNS)
+    return part, dead_reckoning(part)
+
+
+def late(offset: float, seen: dict) -> str:
+    right = {name: ch00.shifted_scans(hall(), moment, 0.0) for name, moment in ch00.STRETCHES.items()}
+    for panel in seen["panels"]:
+        points = ch00.shifted_scans(hall(), ch00.STRETCHES[panel["name"]], offset / 1e3)
+        np.testing.assert_allclose(numbers(panel["points"]).reshape(-1, 2), points, atol=0.002)
+    return ch00.describe_late_clock(hall(), right, offset)
+
+
+def turn(way: str, degrees: float, seen: dict) -> str:
+    points = ch00.turn_points(way, degrees)
+    np.testing.assert_allclose(numbers(seen["points"]).reshape(-1, 2), points, atol=1e-9)
+    return ch00.describe_turn(way, degrees)
+
+
+def smoothing(seconds: float, seen: dict) -> str:
+    inputs = controls(hall())
+    soft = ch01.smoothed(inputs, seconds)
+    np.testing.assert_allclose(numbers(seen["soft"]), soft.omega, atol=1e-4)
+    path = numbers(seen["path"]).reshape(-1, 3)  # whose headings are unwrapped
+    np.testing.assert_allclose(path[:, :2], integrate(soft).poses[:, :2], atol=5e-3)
+    return ch01.describe_smoothing(inputs, seconds)
+
+
+def sharpness(value: float, seen: dict) -> str:
+    shares = np.array(default_options("sharpness")["shares"])
+    np.testing.assert_allclose(numbers(seen["weights"]), ch04.sharpened(shares, value), rtol=1e-9)
+    return ch04.describe_weights(shares, value)
+
+
+def dot(z: float, seen: dict) -> str:
+    assert seen["disparity"] == pytest.approx(disparity_from_depth(z, RgbdModel()))
+    return describe_dot(RgbdModel(), z)
+
+
+def blur(shift: float, seen: dict) -> str:
+    part, along = half_turn()
+    scans, lidar = part.scans(), part.robot.lidar
+    points = [
+        transform_points(along.at(t + shift), scan_points(ranges, lidar))
+        for t, ranges in zip(scans.t[::16], scans.ranges[::16], strict=True)
+    ]
+    cells = len(np.unique(np.floor(np.concatenate(points) / 0.05), axis=0))
+    assert seen["count"] == pytest.approx(cells, abs=2)  # a page has a millionth of a metre
+    return f"Scans with stamps moved by {shift:.2f} s: the walls need {seen['count']} cells."
+
+
+CASES = [
+    ("scrub", {"time": "62"}, lambda seen: ch00.describe_scrub(hall(), 62.0)),
+    ("scrub", {"time": "14"}, lambda seen: ch00.describe_scrub(hall(), 14.0)),
+    ("scrub", {"time": "116"}, lambda seen: ch00.describe_scrub(hall(), 116.0)),
+    *(
+        (
+            "turn",
+            {"drawn-with": way, "turned-by": str(degrees)},
+            lambda seen, w=way, d=degrees: turn(w, d, seen),
+        )
+        for way, degrees in zip(ch00.WAYS, (360, 0, 95, 215), strict=True)
+    ),
+    ("late", {"clock-offset": "150"}, lambda seen: late(150.0, seen)),
+    ("late", {"clock-offset": "-300"}, lambda seen: late(-300.0, seen)),
+    ("smoothing", {}, lambda seen: smoothing(0.5, seen)),
+    ("smoothing", {"averaged-over-the-last": "0"}, lambda seen: smoothing(0.0, seen)),
+    ("smoothing", {"averaged-over-the-last": "2.35"}, lambda seen: smoothing(2.35, seen)),
+    ("sharpness", {"sharpness-b-of-a-scan": "0"}, lambda seen: sharpness(0.0, seen)),
+    ("sharpness", {"sharpness-b-of-a-scan": "731"}, lambda seen: sharpness(731.0, seen)),
+    ("dot", {"wall-at": "0.5"}, lambda seen: dot(0.5, seen)),
+    ("dot", {"wall-at": "6.35"}, lambda seen: dot(6.35, seen)),
+    ("blur", {"clock-offset": "0"}, lambda seen: blur(0.0, seen)),
+    ("blur", {"clock-offset": "-0.17"}, lambda seen: blur(-0.17, seen)),
+]
+SEEN = f"""settings => {{
+  const {{stage, state}} = {LAB}, plain = value => ArrayBuffer.isView(value) ? Array.from(value) : value;
+  stage.set(settings);
+  const {{panels, ...seen}} = state.seen;
+  return {{...Object.fromEntries(Object.entries(seen).map(([key, value]) => [key, plain(value)])),
+          panels: panels.map(({{name, points}}) => ({{name, points}}))}};
+}}"""
+NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
+
+
+def numbers(values) -> np.ndarray:
+    return np.array(values, dtype=float)
+
+
+def same_words(found: str, expected: str) -> None:
+    """The same sentence, but for the last digit of a number: what the page gets is rounded."""
+    assert NUMBER.sub("#", found) == NUMBER.sub("#", expected)
+    for ours, theirs in zip(NUMBER.findall(found), NUMBER.findall(expected), strict=True):
+        digit = 10.0 ** -len(theirs.partition(".")[2])
+        assert float(ours) == pytest.approx(float(theirs), abs=1.01 * digit), (found, expected)
+
+
+@pytest.mark.parametrize(("name", "settings", "expected"), CASES)
+def test_the_page_computes_what_the_package_computes(open_picture, name, settings, expected):
+    page = open_picture(name, reduced_motion="reduce")
+    seen = page.evaluate(SEEN, settings)
+    same_words(seen["words"], " ".join(expected(seen).split()))
+
+
+def test_every_picture_has_its_cases():
+    assert {name for name, _, _ in CASES} == set(PICTURES)
+
+
+# ---- for fingers, keys and small screens
+
+
+@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.parametrize("by", ["finger", pytest.param("key", marks=nightly)])
+def test_a_slider_draws_at_once_wherever_it_stands(open_picture, name, by):
+    phone = {"width": 390, "has_touch": True, "is_mobile": True}
+    page = open_picture(name, reduced_motion="reduce", **(phone if by == "finger" else {}))
+    slider = page.get_by_role("slider")
+    low, high, step, _ = slider.evaluate("s => [s.min, s.max, s.step, s.value].map(Number)")
+    pictures, values = [page.evaluate(DRAWN)], [float(slider.input_value())]
+    if by == "key":
+        for key in ("Home", "ArrowRight", "ArrowUp", "End", "ArrowLeft"):
+            slider.press(key)
+            pictures.append(page.evaluate(DRAWN))
+            values.append(float(slider.input_value()))
+        assert values[1:] == pytest.approx([low, low + step, low + 2 * step, high, high - step])
+        assert len(set(pictures[1:])) == 5
+        return
+    slider.scroll_into_view_if_needed()
+    box, touch = slider.bounding_box(), page.context.new_cdp_session(page)
+    at = (values[0] - low) / (high - low)
+    for k, part in enumerate(np.linspace(at, 0.9 if at < 0.5 else 0.1, 12)):
+        point = {"x": box["x"] + 8 + part * (box["width"] - 16), "y": box["y"] + box["height"] / 2}
+        touch.send(
+            "Input.dispatchTouchEvent",
+            {"type": "touchMove" if k else "touchStart", "touchPoints": [point]},
+        )
+        pictures.append(page.evaluate(DRAWN))
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    assert len(set(pictures)) >= 9, "it follows the finger"
+
+
+@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.parametrize("width", [pytest.param(1280, marks=nightly), 390])
+def test_picture_and_slider_are_seen_together(open_picture, name, width):
+    page = open_picture(name, width=width)
+    high = page.evaluate("""() => {
+      const boxes = [...document.querySelectorAll('canvas, button, .pfslam-slider, fieldset')].filter(
+        e => e.checkVisibility({contentVisibilityAuto: true})).map(e => e.getBoundingClientRect());
+      return Math.max(...boxes.map(b => b.bottom)) - Math.min(...boxes.map(b => b.top)); }""")
+    assert high <= 844 - 56
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+
+
+def test_a_picture_plays_to_its_end_and_steps_for_who_wants_no_motion(open_picture):
+    page = open_picture("dot")
+    page.get_by_role("button", name="Start", exact=True).click()
+    page.wait_for_function("() => Number(document.querySelector('input[type=range]').value) > 1.5")
+    page.get_by_role("button", name="Pause", exact=True).click()
+    page = open_picture("turn", reduced_motion="reduce")
+    assert page.get_by_role("button", name="Start", exact=True).count() == 0
+    step = page.get_by_role("button", name="Step")
+    for _ in range(12):
+        step.click()
+    assert page.get_by_role("slider").input_value() == "360"
+    step.click()
+    assert page.get_by_role("slider").input_value() == "0"
