@@ -22,6 +22,7 @@ from pfslam.beyond.localization import LocalizationConfig, locate
 from pfslam.cli import words
 from pfslam.cli.figures import picture_of_search, report_figures
 from pfslam.cli.lab import lab_command as lab_command
+from pfslam.cli.page import Clouds, Ran, write_pictures
 from pfslam.cli.parser import HAZARDS, TOPICS
 from pfslam.cli.wishes import wishes
 from pfslam.errors import DataError, need
@@ -117,10 +118,10 @@ def run_command(arguments: Namespace) -> None:
     with timed(seconds, "dead_reckoning"):
         odometry = dead_reckoning(recording)
     result, texture, revision = None, None, None
+    rng, clouds = np.random.default_rng(seed), Clouds(progress_bar("SLAM", arguments.quiet))
     if recording.lidar is not None:
         with timed(seconds, "slam"):
-            rng, bar = np.random.default_rng(seed), progress_bar("SLAM", arguments.quiet)
-            result = run_slam(recording, config, rng=rng, progress=bar, keep_particles=False)
+            result = run_slam(recording, config, rng=rng, progress=clouds, keep_particles=False)
         if arguments.loops:
             from pfslam.beyond.loops.closing import close_loops  # SciPy takes a while to load
 
@@ -132,17 +133,18 @@ def run_command(arguments: Namespace) -> None:
                 texture = map_texture(recording, result.trajectory, result.grid, progress=bar)
         # At the stamps of the estimate, so that the two files compare line by line.
         odometry = Trajectory(result.trajectory.t, odometry.at(result.trajectory.t))
+    ran = Ran(recording, odometry, result, texture, revision)
+    summary = words.summarise(*ran)
+    kept = config if result is None else result.config
+    about = {"command": arguments.line, "dataset": recording.name, "method": method, "seed": seed}
+    about |= {"config": replace(kept, every=kept.every or recording.default_every).as_dict()}
     with timed(seconds, "write"):
-        files = write_results(out, odometry, result, texture, revision)
-    summary = words.summarise(recording, odometry, result, texture, revision)
-    ran = config if result is None else result.config
-    about = {"dataset": recording.name, "method": method, "seed": seed}
-    about |= {"config": replace(ran, every=ran.every or recording.default_every).as_dict()}
+        files = write_results(out, *ran[1:]) + write_pictures(out, about | summary, ran, clouds)
     text = write_summary(out, about | {"seconds": seconds, "files": [*files, "summary.json"]} | summary)
     if arguments.json:
         print(text, end="")
     elif not arguments.quiet:
-        print(words.closing_words(recording, summary, out))
+        print(words.closing_words(recording, summary, out), words.to_look_at(files, out), sep="\n")
 
 
 def has_images(recording: Recording) -> bool:

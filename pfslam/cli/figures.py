@@ -5,7 +5,7 @@ Matplotlib is an extra: it is imported when the first figure is drawn.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -165,4 +165,32 @@ def picture_of_search(grid: OccupancyGrid, result: LocalizationResult) -> np.nda
     for place, sure in zip(places.tolist(), result.located, strict=True):
         cv2.circle(pixels, place, size, SURE if sure else UNSURE, -1)
     cv2.circle(pixels, places[-1].tolist(), 2 * size, END, -1)
+    return pixels
+
+
+DASHES = {"odometry": (ODOMETRY, 8), "truth": (TRUTH, 3), "estimate": (ESTIMATE, 0), "revised": (ESTIMATE, 0)}
+"""How the paths on a map look, and how many pixels a dash and a gap are long; 0 for a whole line."""
+LARGEST = 4000
+"""A picture of a map has at most so many pixels each way."""
+
+
+def picture_of_run(grid: OccupancyGrid, paths: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Draw paths over a map, ``(H, W, 3)`` uint8 RGB: a pixel is a cell, unless the map is too large.
+
+    ``paths`` are poses ``(K, 3)`` by name, NaN where they are not known.
+    """
+    n = -(-max(grid.spec.shape) // LARGEST)
+    grey = cv2.resize(map_pixels(grid), None, fx=1 / n, fy=1 / n, interpolation=cv2.INTER_AREA)
+    pixels = np.ascontiguousarray(np.repeat(grey[..., None], 3, axis=2))
+    x, _, _, y = grid.spec.extent
+    for name, poses in paths.items():
+        look, dash = DASHES[name]
+        at = (poses[np.isfinite(poses[:, 0]), :2] - [x, y]) * [1, -1] / (n * grid.spec.resolution) - 0.5
+        way = np.append(0.0, np.cumsum(np.hypot(*np.diff(at, axis=0).T)))
+        along = np.arange(0.0, way[-1] + 1.0)  # a point for each pixel of the way
+        line = np.column_stack([np.interp(along, way, at[:, k]) for k in (0, 1)]).clip(-10_000, 100_000)
+        part = along // dash if dash else np.zeros(len(along))
+        pieces = np.split(np.rint(16 * line).astype(np.int32), np.flatnonzero(np.diff(part)) + 1)
+        colour = tuple(bytes.fromhex(look["color"][1:]))
+        cv2.polylines(pixels, pieces[:: 2 if dash else 1], False, colour, 2, cv2.LINE_AA, shift=4)
     return pixels

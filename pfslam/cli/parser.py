@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -168,6 +169,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         arguments = build_parser().parse_args(argv)
+        arguments.line = shlex.join(["pfslam", *(sys.argv[1:] if argv is None else argv)])
         from pfslam.cli import commands
 
         code = getattr(commands, f"{arguments.command}_command")(arguments)

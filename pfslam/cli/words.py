@@ -202,6 +202,15 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
     return "\n".join([*lines, f"results are in {out}{found}"])
 
 
+def to_look_at(files: Sequence[str], out: Path) -> str:
+    """Say which files of a run show it, and why there is no page where there is none."""
+    shown = [str(out / name) for name in ("index.html", "map.png") if name in files]
+    missing = (
+        "" if "index.html" in files else "no index.html: the book's part of a release is not installed\n"
+    )
+    return f"{missing}to look at the run, open {' or '.join(shown)}" if shown else missing.strip()
+
+
 def _warning(stretches: list, begin: float) -> str:
     """Say in one sentence when and why not to trust the run, in seconds after the first scan."""
     first = stretches[0]
