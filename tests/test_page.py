@@ -67,6 +67,7 @@ def test_the_page_is_one_file_that_asks_for_nothing(results):
     text = re.sub(r"[\w+/=]{60,}", "", (results / "index.html").read_text(encoding="utf-8"))  # base64
     assert re.findall(r"https?:|//[\w.]+/|\b(?:src|href)\s*=\s*[\"']|@import|url\(|fetch\(", text) == []
     assert "default-src 'none'" in text
+    assert (text.count("<script"), text.count("</script>")) == (3, 3)
     assert (results / "index.html").stat().st_size < 1_000_000
     summary = json.loads((results / "summary.json").read_text())
     assert {"index.html", "map.png", "map_revised.png"} <= set(summary["files"])

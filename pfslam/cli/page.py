@@ -134,7 +134,10 @@ def page(shelf: Path, about: dict[str, Any], ran: Ran, paths: dict[str, np.ndarr
     names = {"core": "core.js", "view": "view.js", "run": "run.js", "style": "lab.css", "frame": "run.html"}
     parts = {name: (shelf / file).read_text(encoding="utf-8") for name, file in names.items()}
     data = json.dumps(plain(told), default=packed).replace("<", "\\u003c")
-    return Template(parts["frame"]).substitute(parts, title=escape(ran.recording.name), data=data)
+    title = (
+        escape(ran.recording.name).encode("ascii", "xmlcharrefreplace").decode()
+    )  # names need not be UTF-8
+    return Template(parts["frame"]).substitute(parts, title=title, data=data)
 
 
 def paths_of(ran: Ran) -> dict[str, np.ndarray]:

@@ -217,6 +217,12 @@
     if (time) scrub(time, share => byHand(momentAt(run, share)));
     const by = step => down => { if (down) byHand(run.at + step); };
     stage.keys(plan, {ArrowLeft: by(-1), ArrowRight: by(1), PageUp: by(-10), PageDown: by(10), Home: by(-Infinity), End: by(Infinity)});
+    document.body.addEventListener("keydown", event => {  // before anything has the focus, the map takes the first key
+      if (event.target !== document.body || ![" ", "ArrowLeft", "ArrowRight"].includes(event.key)) return;
+      event.preventDefault();
+      plan.holder.focus({preventScroll: true});
+      plan.holder.dispatchEvent(new KeyboardEvent("keydown", {key: event.key, bubbles: true}));
+    });
     figure.before(...verdict(run, t => { byHand(momentAt(run, t / run.t[run.last])); plan.holder.focus(); }));
     figure.after(...facts(run));
     return {
