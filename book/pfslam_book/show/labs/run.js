@@ -12,7 +12,7 @@
   const PLAYED = 20, SLOWEST = 6, FASTEST = 40;  // seconds that the whole run lasts; moments a second
   const NEAR = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50];  // half widths of the view from near (m)
   const WIDE = 900, LEAST_CLOSE = 300, GAP = 12;  // pixels: from WIDE on the view from near stands beside the map, as in run.html
-  const NAMES = {odometry: "odometry", slam: "estimate", revised: "revised by loops"};
+  const NAMES = {odometry: "odometry", slam: "estimate", revised: "revised"};
 
   /** What the page holds, with its arrays unpacked. */
   function told() {
@@ -208,7 +208,7 @@
     const byHand = k => { clock.pause(); go(k); };
     const floor = run.floor && stage.check({name: "Floor, as at the end", key: "f", value: true, change: value => { shown.floor = value; }});
     if (run.maps) stage.check({name: "Scan", key: "s", value: true, change: value => { shown.rays = value; }});
-    if (run.paths.revised) stage.check({name: "Revised by loops", key: "l", value: true, change: value => {
+    if (run.paths.revised) stage.check({name: "Revised path", key: "l", value: true, change: value => {
       run.revised = value;
       if (floor) floor.disabled = value;  // it was painted along the filter's path
     }});
@@ -403,7 +403,7 @@
     if (run.maps && Number.isFinite(from)) words.push(`The ${run.revised ? "revised path" : "estimate"} is ${metres(from)} from the truth, odometry ${metres(wheels)}.`);
     else if (Number.isFinite(wheels)) words.push(`Odometry is ${metres(wheels)} from the truth.`);
     if (run.maps && particles > 1) words.push(`${Math.round(effective[at])} of ${particles} particles carry the weight.`);
-    if (run.loops && run.revised) words.push(`Loops closed so far: ${Array.from(run.loops).filter((scan, k) => k % 2 && scan <= numbers[at]).length}.`);
+    if (run.loops && run.loops.length && run.revised) words.push(`Loops closed so far: ${Array.from(run.loops).filter((scan, k) => k % 2 && scan <= numbers[at]).length}.`);
     for (const {reason} of doubt) words.push(`Not to be trusted: ${reason}.`);
     return words.join(" ");
   }
@@ -414,7 +414,7 @@
     return [
       paths.estimate && dot("estimate", "estimate"), dot("odometry", "odometry (dashed)"), paths.truth && dot("truth", "truth (dotted)"),
       cloud && dot("particles", "particles"), cloud && dot("hits", "ends of beams"), cloud && "○\u00a0ellipse: nine times of ten",
-      loops && dot("clear", "places found to be the same"), distrust.length && dot("highlight", "not to be trusted"),
+      loops && loops.length && dot("clear", "places found to be the same"), distrust.length && dot("highlight", "not to be trusted"),
     ].filter(Boolean).join(" &ensp;");
   }
 
@@ -446,7 +446,7 @@
     fact("Made by", make("code", {text: about.command}), make("p", {text: `pfslam ${about.version}`}));
     fact("Data set", `${about.dataset}, ${clockTime(t[t.length - 1])} from first to last`);
     if (maps) fact("Filter", `${about.method}, seed ${about.seed}, ${about.config.particles === 1 ? "one particle" : `${about.config.particles} particles`}`);
-    if (about.loops) fact("Loops", `${about.loops.accepted} closed, which move the path by at most ${metres(about.loops.largest_move_m)}`);
+    if (about.loops) fact("Loops", `${about.loops.accepted} closed; the revision moves the path by at most ${metres(about.loops.largest_move_m)}`);
     fact("Checks failed", ...about.checks_failed.map(check => `${check.question} ${check.found}, expected ${check.expected}`));
     fact("Left out", ...Object.entries(about.dropped).map(([reason, count]) => `${count} ${reason}`));
     fact("Notes", ...about.notes);
