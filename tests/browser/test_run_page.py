@@ -145,6 +145,19 @@ def test_it_can_be_read_by_everybody(open_run, width, scheme):
     assert (page.evaluate(corner) < 100) == (scheme == "light")
 
 
+def test_a_link_leads_to_a_moment(open_run):
+    page = open_run()
+    page.keyboard.press("ArrowLeft")
+    page.locator("summary", has_text="More").click()
+    page.get_by_role("button", name="Link").click()
+    assert "link" in page.locator("[role=status]").inner_text()
+    at = page.evaluate(AT)
+    assert page.url.endswith(f"#lab=run&moment={at + 1}")
+    page.reload()
+    page.wait_for_function(READY)
+    assert page.evaluate(AT) == at
+
+
 def test_with_less_motion_it_steps_and_does_not_play(open_run):
     page = open_run(reduced_motion="reduce")
     assert page.get_by_role("button", name="Start").count() == 0
