@@ -25,6 +25,7 @@ _HOMES = {
     "LocalizationConfig": "beyond.localization",
     "LocalizationResult": "beyond.localization",
     "OccupancyGrid": "grid",
+    "Mapper": "mapper",
     "Odometer": "events",
     "Recording": "recording",
     "RobotModel": "sensors",

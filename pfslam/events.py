@@ -185,20 +185,23 @@ class Odometer:
     def event(self, t: float, ranges, tilt: tuple[float, float] = LEVEL) -> ScanEvent:
         """Return the event of a scan with ``ranges (B,)`` (m); ``DataError`` while the odometry does not reach it.
 
-        ``tilt`` is the (pitch, roll) of the body in rad.
+        ``tilt`` is the (pitch, roll) of the body in rad. Where the last beams come after the last sample, the robot is
+        taken to go on as it did up to there; who can wait asks ``reaches``.
         """
         lidar = self.robot.lidar
-        if not self.covers(t):
+        if not self._t or not self._t[0] <= t <= self._t[-1]:
             found = f"[{self._t[0]:.6f}, {self._t[-1]:.6f}] s" if self._t else "no sample"
             raise DataError("Odometer.event", "odometry", found, f"samples on both sides of {t:.6f} s")
         # One more knot, so that a time on the last sample is read off like those on the others, not interpolated.
-        knots, poses = np.append(self._t, self._t[-1] + 1.0), np.array([*self._poses, self._poses[-1]])
-        odometry = Trajectory(knots, poses)
+        ahead, inputs = 0.5 * abs(lidar.sweep) or 1.0, np.array(self._inputs).reshape(-1, 2)
+        v, omega = inputs[-1] if len(inputs) else (0.0, 0.0)
+        beyond = motion_model(self._poses[-1], v, omega, ahead)
+        knots = np.append(self._t, self._t[-1] + ahead)
+        odometry = Trajectory(knots, np.array([*self._poses, beyond]))
         begin = t if self.previous is None else self.previous
         motion = between(*odometry.at(np.array([begin, t])))
         motion[:2] *= np.cos(tilt[0])
-        v, omega = np.array(self._inputs).T
-        v, omega, dt = Controls(knots[:-1], v, omega).during(begin, t)
+        v, omega, dt = Controls(knots[:-1], *inputs.T).during(begin, t)
         made = ScanEvent.of(
             t, np.asarray(ranges), lidar, motion, (np.cos(tilt[0]) * v, omega, dt), odometry, tilt
         )

@@ -1,24 +1,19 @@
 """Scans of a scanner that takes its time: beams measured one after the other, from where the robot was by then."""
 
-import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from rooms import ENCODER_STEP, LIDAR, ROOM, SQUARE, arcs, distance_to_walls, drive, ray_cast, sensor_position
 
-import pfslam
 from pfslam.errors import DataError
 from pfslam.events import Drive, Odometer, deskewed, level_scan
-from pfslam.io.datasets import load
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, compose, rotation_matrix, transform_points
 from pfslam.recording import LidarScans
-from pfslam.run import run_slam, used_scans
+from pfslam.run import used_scans
 from pfslam.sensors import RobotModel
 from pfslam.slam import SlamConfig
-from pfslam.study.disturbances import first_seconds
 
 LEGS = [(1.0, 12, 0.0), (2.0, 0, 1.2), (1.0, 12, 0.0), (2.0, 6, -0.9)]
 SWEEP = 0.08
@@ -172,17 +167,3 @@ def test_an_odometer_refuses_what_it_cannot_use():
     odometer.add_pose(2.0, [1.0, 0.0, 0.0])
     with pytest.raises(DataError, match=r"samples on both sides of 2.1"):
         odometer.event(2.1, np.full(1081, 2.0))
-
-
-@pytest.mark.slow
-def test_the_node_of_the_reference_is_the_run_to_the_last_bit(monkeypatch):
-    """The lines that the page prints, run as they stand, over the hall's first seconds."""
-    hall = first_seconds(load("hall"), 12.0)
-    monkeypatch.setattr(pfslam, "load", lambda _: hall)
-    page = (Path(__file__).resolve().parents[1] / "book" / "api.md").read_text(encoding="utf-8")
-    (lines,) = re.findall(r"```python\n(import heapq.*?)```", page, re.DOTALL)
-    node: dict = {}
-    exec(lines, node)
-    whole = run_slam(hall)
-    np.testing.assert_array_equal(node["step"].estimate, whole.trajectory.poses[-1])
-    np.testing.assert_array_equal(node["belief"].grid.log_odds, whole.grid.log_odds)

@@ -14,6 +14,7 @@ wall that shows the way along.
 
 from __future__ import annotations
 
+from bisect import insort
 from collections.abc import Iterator, Sequence
 from typing import TypedDict
 
@@ -48,6 +49,7 @@ def score_deviation(infos: Sequence[Step]) -> np.ndarray:
     scans that were lost themselves do not.
     """
     past: list[float] = []
+    ordered: list[float] = []  # the same, by size
     found = np.full(len(infos), np.nan)
     middle, spread = 0.0, 1.0
     for k, info in enumerate(infos):
@@ -56,8 +58,10 @@ def score_deviation(infos: Sequence[Step]) -> np.ndarray:
         if len(past) >= LEAST_PAST:
             found[k] = (info.score - middle) / spread
         if info.drawn and not found[k] < LOST_BELOW:
-            past = [*past[1 - PAST :], info.score]
-            ordered = sorted(past)
+            past.append(info.score)
+            insort(ordered, info.score)
+            if len(past) > PAST:
+                ordered.remove(past.pop(0))
             low, middle = ordered[len(past) // 20], ordered[len(past) // 2]
             spread = max((middle - low) / 1.645, LEAST_SPREAD)
     return found

@@ -1,0 +1,109 @@
+"""A filter in the middle of its drive, in one ``.npz`` file of plain numbers: read back, it goes on to the last bit.
+
+The layers of the map are arrays; all that is small is JSON, kept as its UTF-8 bytes in the array ``told``. The array
+``seal`` is a check sum over both, so that a file is either the one that was written or refused.
+"""
+
+from __future__ import annotations
+
+import json
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pfslam.errors import DataError
+from pfslam.events import Odometer
+from pfslam.grid import Canvas, GridSpec
+from pfslam.io.files import read_npz, write_npz
+from pfslam.map import Map
+from pfslam.particles import Particles
+from pfslam.refined.outliers import WaitingScan
+from pfslam.sensors import LidarModel, RobotModel
+from pfslam.settings import changed, flat, plain, value_of
+from pfslam.slam import Belief, SlamConfig, Step
+
+FORMAT = b"pfslam belief 1"
+"""Changes with the layout, and the seal with it."""
+LAYERS = ("log_odds", "scores", "slots", "sums", "first", "drawn")
+
+
+def write_belief(
+    path: str | Path,
+    config: SlamConfig,
+    rng: np.random.Generator,
+    odometer: Odometer,
+    belief: Belief,
+    steps: list[Step],
+) -> None:
+    """Write all that the next scan needs, whole or not at all."""
+    state, map = rng.bit_generator.state, belief.map
+    if state["bit_generator"] != "PCG64":
+        raise DataError(path, "rng", state["bit_generator"], "NumPy's default generator, PCG64")
+    told = {
+        "config": _settings(config),
+        "lidar": _settings(odometer.robot.lidar),
+        "rng": state,
+        "odometer": {name: value for name, value in vars(odometer).items() if name != "robot"},
+        "particles": vars(belief.particles),
+        "belief": [belief.estimate, belief.variance, belief.covariance],
+        "map": [map.spec.origin, map.drawn_at, [vars(scan) for scan in map.waiting]],
+        "steps": [vars(step) for step in steps],
+    }
+    text = json.dumps(told, default=lambda value: value.tolist())
+    moments, drawn = map.moments, np.reshape(map.drawn, (-1, 3, 3))
+    layers = map.grid.log_odds, map.field.values, moments.slots.values, moments.sums, moments.first, drawn
+    arrays = {"told": np.frombuffer(text.encode(), dtype=np.uint8)} | dict(zip(LAYERS, layers, strict=True))
+    write_npz(path, **arrays, seal=_seal(arrays))
+
+
+def read_belief(path: str | Path) -> tuple[SlamConfig, np.random.Generator, Odometer, Belief, list[Step]]:
+    """Read what ``write_belief`` wrote; ``DataError`` for any other file."""
+    data = read_npz(path, ("told", *LAYERS, "seal"))
+    if not np.array_equal(data.pop("seal"), _seal(data)):
+        expected = "what Mapper.save of this version wrote"
+        raise DataError(path, "seal", "one of other numbers than the file's", expected)
+    told = json.loads(data["told"].tobytes())
+    config, rng = changed(SlamConfig(), told["config"]), np.random.default_rng(0)
+    rng.bit_generator.state = told["rng"]
+    odometer = Odometer(RobotModel(lidar=changed(LidarModel(), told["lidar"])))
+    vars(odometer).update(_arrays(told["odometer"], "_first", "_last"))
+    odometer._poses = [np.array(pose) for pose in odometer._poses]
+    cloud = _arrays(told["particles"])
+    particles = Particles(**cloud)
+    vars(particles).update(cloud)  # normalised a second time, weights may differ in the last bit
+    origin, drawn_at, waiting = told["map"]
+    spec = GridSpec(origin, config.map.resolution, data["log_odds"].shape)
+    map = Map(spec, config.map, config.search.field, config.lines, config.outliers)
+    map._log_odds, map._scores, slots = (Canvas(spec, data[n].dtype, data[n]) for n in LAYERS[:3])
+    map.moments.slots, map.moments.used = slots, len(data["first"])
+    map.moments._sums, map.moments._first = data["sums"], data["first"]
+    map.drawn, map.drawn_at = list(data["drawn"]), _array(drawn_at)
+    map.waiting = tuple(WaitingScan(**_arrays(scan)) for scan in waiting)
+    estimate, variance, covariance = (_array(value) for value in told["belief"])
+    belief = Belief(particles, estimate, map, variance, covariance)
+    return config, rng, odometer, belief, [Step(**_arrays(step)) for step in told["steps"]]
+
+
+def _settings(settings: Any) -> dict[str, Any]:
+    """Return settings by dotted name, as ``changed`` takes them; unlike in ``plain``, infinity stays infinity."""
+    names = [key.removesuffix(".kind") for key, _ in flat(plain(settings)) if key != "kind"]
+    return {name: value_of(settings, name) for name in names}
+
+
+def _array(value: Any) -> Any:
+    return np.array(value) if isinstance(value, list) else value
+
+
+def _arrays(told: dict[str, Any], *names: str) -> dict[str, Any]:
+    """Turn lists back into arrays, those by these names or all."""
+    return {name: value if names and name not in names else _array(value) for name, value in told.items()}
+
+
+def _seal(arrays: dict[str, np.ndarray]) -> np.ndarray:
+    """Compute a check sum over names, types, shapes and numbers."""
+    seal = blake2b(FORMAT)
+    for name, values in arrays.items():
+        seal.update(f"{name} {values.dtype} {values.shape}".encode() + values.tobytes())
+    return np.frombuffer(seal.digest(), dtype=np.uint8)
