@@ -21,6 +21,7 @@ import pfslam
 from pfslam import simulator
 from pfslam.__main__ import main
 from pfslam.cli import commands, words
+from pfslam.cli.parser import THREADS
 from pfslam.io.course import load_course, save_course
 from pfslam.io.formats import read_covariances, read_map, read_tum, write_tum
 from pfslam.motion import dead_reckoning
@@ -190,6 +191,15 @@ def test_quiet_says_nothing_and_the_version_is_known(data, tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["--version"])
     assert capsys.readouterr().out == f"pfslam {pfslam.__version__}\n"
+
+
+@pytest.mark.parametrize("asked", [{}, {"OMP_NUM_THREADS": "3"}])
+def test_linear_algebra_takes_one_thread_unless_asked(monkeypatch, asked):
+    monkeypatch.setattr(os, "environ", dict(asked))
+    main(["info", "nothing"])
+    assert {name: value for name, value in os.environ.items() if "THREADS" in name} == (
+        asked or dict.fromkeys(THREADS, "1")
+    )
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,8 @@ from pfslam.errors import DataError
 BAD_INPUT, INTERRUPTED, FAULT = 2, 130, 1
 CODES = "Exit codes: 0 all is well, 1 a check failed (or a fault of pfslam), 2 bad input, 130 interrupted."
 CHECK_CODES = "Exit codes: 0 no check failed, 1 at least one did, 2 the data set cannot be read."
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""What users set who want linear algebra in several threads: on matrices as small as ours they only wait."""
 LONGEST_LINE = 600
 """Characters of a complaint; an argument can have any length."""
 METHODS = ("report", "refined", "per-particle", "matching")
@@ -170,6 +172,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         arguments = build_parser().parse_args(argv)
         arguments.line = shlex.join(["pfslam", *(sys.argv[1:] if argv is None else argv)])
+        if not any(name in os.environ for name in THREADS):
+            os.environ |= dict.fromkeys(THREADS, "1")  # in time: NumPy is imported with the commands
         from pfslam.cli import commands
 
         code = getattr(commands, f"{arguments.command}_command")(arguments)
