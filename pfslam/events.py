@@ -269,6 +269,7 @@ def level_scan(
     ``tilt (2,)`` is (pitch, roll) in radians. Beams that end lower than ``floor`` (m above the ground under the robot)
     are left out: they struck the floor, which is no wall. A body that does not lean sees no floor (Eq. 7).
     """
+    ranges = np.asarray(ranges, dtype=float)  # a limit such as 5.6 m is another number in single precision
     if not np.any(tilt):
         return (
             scan_points(ranges, lidar),

@@ -111,6 +111,15 @@ def test_pitch_and_roll_move_the_scanner_each_in_its_own_way():
     np.testing.assert_allclose(sensor, expected[:2], atol=1e-12)
 
 
+@pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.01, 0.0)])
+@pytest.mark.parametrize("limit", [5.6, 5.9])  # rounded to single precision one grows, the other shrinks
+def test_a_range_at_the_limit_is_one_point_and_one_beam_or_neither(limit, tilt):
+    ranges = np.full(LIDAR.beams, 2.0, dtype=np.float32)
+    ranges[3] = limit
+    points, beams, _, _ = level_scan(ranges, replace(LIDAR, range_max=limit), tilt, -np.inf)
+    assert len(points) == len(beams)
+
+
 def same_event(found, expected):
     for name, value in vars(expected).items():
         for a, b in zip(np.atleast_1d(getattr(found, name)), np.atleast_1d(value), strict=True):
