@@ -53,9 +53,16 @@ def stamp(message):
     return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
 
 
-def fill_map(message, grid):
-    """Write a grid into an OccupancyGrid: 0 to 100, and -1 where nothing was seen."""
-    message.header.frame_id, message.info.resolution = "map", grid.spec.resolution
+def fill_header(header, mapper):
+    """The map's frame, and the time of the last scan that the mapper took; others may wait already."""
+    t, header.frame_id = mapper.steps[-1].t, "map"
+    header.stamp.sec, header.stamp.nanosec = int(t), int(t % 1.0 * 1e9)
+
+
+def fill_map(message, mapper):
+    """Write the map into an OccupancyGrid: 0 to 100, and -1 where nothing was seen."""
+    fill_header(message.header, mapper)
+    grid, message.info.resolution = mapper.grid, mapper.grid.spec.resolution
     message.info.height, message.info.width = grid.spec.shape
     message.info.origin.position.x, message.info.origin.position.y = grid.spec.origin
     message.info.origin.orientation.w = 1.0
@@ -65,8 +72,8 @@ def fill_map(message, grid):
 
 def fill_pose(message, mapper):
     """Write pose and covariance into a PoseWithCovarianceStamped."""
-    x, y, theta = map(float, mapper.pose)
-    message.header.frame_id, pose = "map", message.pose.pose
+    fill_header(message.header, mapper)
+    (x, y, theta), pose = map(float, mapper.pose), message.pose.pose
     pose.position.x, pose.position.y = x, y
     pose.orientation.z, pose.orientation.w = float(np.sin(theta / 2)), float(np.cos(theta / 2))
     covariance = np.zeros((6, 6))  # of x, y, z, roll, pitch, yaw
@@ -90,14 +97,13 @@ def main(file="belief.npz"):
     def on_scan(scan):
         for _ in loop.on_scan(scan):
             message = PoseWithCovarianceStamped()
-            message.header.stamp = scan.header.stamp
             fill_pose(message, loop.mapper)
             poses.publish(message)
 
     def every_second():
         if loop.mapper:
             message = OccupancyGrid()
-            fill_map(message, loop.mapper.grid)
+            fill_map(message, loop.mapper)
             maps.publish(message)
             if loop.mapper.doubt:
                 node.get_logger().warning(loop.mapper.doubt)

@@ -177,10 +177,11 @@ def lines_of_code(path):
 @pytest.mark.parametrize(
     ("pattern", "most"),
     [
-        ("**/*.py", 8240),
+        ("**/*.py", 8210),
         ("*.py", 1900),
         ("beyond/loops/*.py", 260),
-        ("io/bags.py", 300),
+        ("io/bags.py", 250),
+        ("io/topics.py", 110),
     ],
 )
 def test_what_is_to_be_read_stays_small(pattern, most):
@@ -221,7 +222,7 @@ def test_public_names_say_what_they_are():
 
 def test_importing_the_package_brings_nothing_heavy():
     heavy = ["numpy", "cv2", "tqdm", "matplotlib", "scipy", "joblib", "IPython", "ipywidgets", "pandas"]
-    code = f"import sys, pfslam; print(*[m for m in {heavy} if m in sys.modules])"
+    code = f"import sys, pfslam.__main__; print(*[m for m in {heavy} if m in sys.modules])"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent
     )

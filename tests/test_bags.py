@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import tracemalloc
 from dataclasses import replace
 from functools import partial
 
@@ -27,6 +28,7 @@ from pfslam.__main__ import main
 from pfslam.errors import DataError
 from pfslam.io.bags import BagOptions
 from pfslam.io.headings import with_better_headings
+from pfslam.io.topics import read_topics
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, between, transform_points
 from pfslam.recording import Imu, LidarScans
@@ -705,3 +707,20 @@ def test_a_converted_bag_loads_without_ros_and_the_lidars_place_can_be_said(tmp_
     np.testing.assert_array_equal(found.lidar.ranges, BOX.lidar.ranges)
     np.testing.assert_allclose(found.robot.lidar.position_b[:2], (-0.1, 0.5))
     assert found.robot.lidar.angle_min == pytest.approx(LIDAR.angle_min + 0.3, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_an_hour_of_an_imu_is_kept_as_numbers_while_it_is_read(tmp_path):
+    """As objects a reading takes some 2,500 bytes; its numbers, two times and a name take 72. The library adds some."""
+    readings, seen = 10_000, []
+    message = NEW.imu(START, (0.0, 0.0, 0.1), (0.0, 0.0, STANDARD_GRAVITY))
+    rows = [("/imu", nanoseconds(START) + 5_000_000 * k, message) for k in range(readings)]
+    path = write_bag(tmp_path / "imu", "mcap", rows)
+    read_topics(path)  # what the library itself builds up
+    tracemalloc.start()
+    found = read_topics(path, ["/imu"], progress=lambda them, total: seen.append(total) or them)["/imu"]
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found.rows.shape == (readings, 6)
+    assert seen == [readings]
+    assert peak < 600 * readings

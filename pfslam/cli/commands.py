@@ -27,13 +27,14 @@ from pfslam.cli.parser import HAZARDS, TOPICS
 from pfslam.cli.wishes import wishes
 from pfslam.errors import DataError, need
 from pfslam.evaluation.checkup import check_up
-from pfslam.io.bags import BagOptions, choose_topics, is_bag, read_topics
+from pfslam.io.bags import BagOptions, choose_topics, is_bag
 from pfslam.io.course import save_course
 from pfslam.io.datasets import dataset_name, load
 from pfslam.io.files import atomic_write, check_writable, write_png, write_text
 from pfslam.io.formats import read_known_map, write_covariances, write_map, write_texture, write_tum
 from pfslam.io.loading import Log
 from pfslam.io.recordings import save
+from pfslam.io.topics import read_topics
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
@@ -63,7 +64,7 @@ def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
 
 def load_dataset(arguments: Namespace) -> Recording:
     """Load the data set that the command line names."""
-    bar = progress_bar("simulating", getattr(arguments, "quiet", False))
+    bar = progress_bar("loading", getattr(arguments, "quiet", False))
     return load(arguments.dataset, arguments.data, bag=bag_options(arguments), progress=bar)
 
 
@@ -211,6 +212,7 @@ def info_command(arguments: Namespace) -> None:
         with suppress(DataError):  # which is said when the bag is loaded
             used += choose_topics(Log(path), topics, bag_options(arguments)).values()
         print(words.topic_table(topics, used), end="\n\n", flush=True)
+        topics.clear()  # a million stamps, before as many messages are read
     print(words.describe(load_dataset(arguments)))
 
 

@@ -14,7 +14,7 @@ from pfslam.evaluation.calibration import calibrate
 from pfslam.evaluation.checkup import Finding, check_up
 from pfslam.evaluation.cloud import covariance_consistency
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.io.bags import TF, Topic
+from pfslam.io.topics import TF, Topic
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.refined.health import alarms

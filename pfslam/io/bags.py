@@ -9,38 +9,34 @@ decided or looks odd is said in ``recording.notes``.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pfslam.errors import DataError, naming, need
+from pfslam.errors import DataError, naming
 from pfslam.io.headings import with_better_headings
 from pfslam.io.loading import GRAVITY_LIMIT, LONGEST_SWEEP, POSE_LIMIT, Log
+from pfslam.io.topics import IMAGE, IMU, INDEX, ODOMETRY, SCAN, TF, Names, Topic, frame_of, read_topics
 from pfslam.poses import Trajectory, chain_transforms, quaternion_to_rotation, rotation_matrix, transform
 from pfslam.recording import Imu, LidarScans, Recording, RgbdStream
 from pfslam.refined.tilt import upright
 from pfslam.sensors import MAX_BEAMS, STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel, nearest_ranges
 from pfslam.texture import disparity_from_depth_image
 
-IMAGE, TF, OLD_TF = "sensor_msgs/msg/Image", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
-INDEX = "metadata.yaml"
 SUFFIXES = (".bag", ".mcap", ".db3", ".active", ".zstd")
 """Of the files of bags; one alone that is not closed (.active) or packed (.zstd) is refused."""
-NEAR = 1e-6
-"""Seconds: what double precision leaves of a time since 1970, and more."""
 LATE = 1.0
 """Seconds of more delay than usual, from its stamp to the bag, that a message is called late for."""
 MOVED = 0.01
 """A pair of frames whose transform changes by more than this (m, or in an entry of its rotation) is not fixed."""
 USES = {
-    "scan": ("sensor_msgs/msg/LaserScan", ("/scan",)),
-    "odom": ("nav_msgs/msg/Odometry", ("/odom",)),
-    "imu": ("sensor_msgs/msg/Imu", ("/imu/data", "/imu")),
+    "scan": (SCAN, ("/scan",)),
+    "odom": (ODOMETRY, ("/odom",)),
+    "imu": (IMU, ("/imu/data", "/imu")),
     "depth": (IMAGE, ()),
     "rgb": (IMAGE, ()),
 }
@@ -66,21 +62,25 @@ class BagOptions:
     lidar_at: tuple[float, float, float] | None = None
 
 
-def load_bag(path: str | Path, options: BagOptions | None = None) -> Recording:
+def load_bag(
+    path: str | Path, options: BagOptions | None = None, progress: Callable | None = None
+) -> Recording:
     """Read a ROS bag: its scans, its odometry as logged, its IMU, and the LiDAR's place from the tree of frames.
 
     Header stamps count; the bag's own time takes their place only where all of them are zero. Messages are put in the
-    order of their stamps; of those with the same stamp the first counts. Raises ``DataError`` naming topic and time.
+    order of their stamps; of those with the same stamp the first counts. ``progress`` wraps the messages as they are
+    read. Raises ``DataError`` naming topic and time.
     """
     path, options = Path(path), options or BagOptions()
     log, topics = Log(path), read_topics(path)
     chosen = choose_topics(log, topics, options)
     trees = [topic.name for topic in topics.values() if topic.kind == TF]
-    topics = read_topics(path, {*chosen.values(), *trees})
-    read = {use: _ordered(log, topics[name]) for use, name in chosen.items() if use != "info"}
-    frames = _read_frames(log, [topics[name] for name in trees])
-    odometry, base = _odometry(log, read.get("odom"), frames)
-    imu = _imu(log, read["imu"], frames, base) if "imu" in read else None
+    topics = read_topics(path, {*chosen.values(), *trees}, progress=progress)
+    # Taken out where they are used, so that an hour of them is not held twice.
+    read = {use: _ordered(log, topics.pop(name)) for use, name in chosen.items() if use != "info"}
+    frames = _read_frames(log, [topics.pop(name) for name in trees])
+    odometry, base = _odometry(log, read.pop("odom", None), frames)
+    imu = _imu(log, read.pop("imu"), frames, base) if "imu" in read else None
     odometry, notes = with_better_headings(odometry, imu)
     log.notes += notes
     model, lidar, eye, camera = LidarModel(), None, RgbdModel(), None
@@ -125,39 +125,6 @@ def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) ->
     return chosen
 
 
-@dataclass(frozen=True, eq=False)
-class Topic:
-    """The messages of one topic: their stamps and when they reached the bag (s), and their contents."""
-
-    name: str
-    kind: str
-    t: np.ndarray
-    arrived: np.ndarray
-    contents: np.ndarray
-
-    @classmethod
-    def of(cls, name: str, kind: str, rows: Iterable[tuple[float, float, Any]]) -> Topic:
-        """Arrange messages, each with its two times."""
-        t, arrived, contents = np.array([*rows], dtype=object).reshape(-1, 3).T
-        return cls(name, kind, t.astype(float), arrived.astype(float), contents)
-
-    def __getitem__(self, rows: np.ndarray) -> Topic:
-        return Topic(self.name, self.kind, self.t[rows], self.arrived[rows], self.contents[rows])
-
-    def keep(self, log: Log, good: Any, why: str, expected: str | None = None) -> Topic:
-        """Keep the good ``(K,)`` messages and count the others; ``DataError`` if none is what was expected."""
-        good = np.asarray(good, dtype=bool)
-        if expected and not good.any():
-            raise DataError(log.path, f"{self.name} at {self.t[0]:.3f}", f"only messages {why}", expected)
-        log.leave_out(f"messages on {self.name} {why}", ~good)
-        return self[good]
-
-    def numbers(self, *vectors: str) -> np.ndarray:
-        """Collect the numbers ``(K, n)`` of vectors, each given as its field and its axes: ``"rotation xyzw"``."""
-        get = attrgetter(*(f"{name}.{axis}" for name, axes in map(str.split, vectors) for axis in axes))
-        return np.array([get(content) for content in self.contents], dtype=float)
-
-
 Poses = tuple[Topic, np.ndarray]
 """Messages, and their transforms ``(K, 4, 4)``."""
 Frames = dict[tuple[str, str], Poses]
@@ -168,50 +135,6 @@ def is_bag(path: Path) -> bool:
     """Whether a path is a bag, by its name: a file of a bag's kind, or a folder that holds such files."""
     names = [entry.name for entry in path.iterdir()] if path.is_dir() else [path.name]
     return any(name == INDEX or Path(name).suffix.lower() in SUFFIXES for name in names)
-
-
-def read_topics(path: Path, wanted: Collection[str] = (), at: float | None = None) -> dict[str, Topic]:
-    """Read the wanted topics of a bag, or list all, without contents, by when their messages reached the bag.
-
-    Of images, the pixels are kept only where one is read alone: what reached the bag ``at`` this time (s).
-    """
-    need("rosbags", "ros")
-    from rosbags import rosbag1, rosbag2
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    is_old, place = path.suffix.lower() == ".bag", "bag"
-    store = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.LATEST)
-    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
-    span = (None, None) if at is None else (int((at - NEAR) * 1e9), int((at + NEAR) * 1e9))
-    decode: Any = store.deserialize_ros1 if is_old else store.deserialize_cdr
-    try:
-        with rosbag1.Reader(path) if is_old else rosbag2.Reader(path) as reader:
-            kinds = {c.topic: TF if c.msgtype == OLD_TF else c.msgtype for c in reader.connections}
-            rows: dict[str, list[tuple[float, float, Any]]] = {name: [] for name in sorted(kinds)}
-            chosen = [c for c in reader.connections if c.topic in wanted]
-            for connection, nanoseconds, data in reader.messages(chosen, *span):
-                name, arrived = connection.topic, nanoseconds // 10**9 + nanoseconds % 10**9 * 1e-9
-                place = f"{name} at {arrived:.3f}"
-                content: Any = decode(data, kinds[name]) if chosen else None
-                t = _stamp(content) if hasattr(content, "header") else arrived
-                if chosen and kinds[name] == IMAGE and at is None:
-                    content.data = None
-                rows[name].append((t, arrived, content))
-    except Exception as error:  # the library raises many kinds for a damaged bag
-        found = ": ".join(filter(None, (type(error).__name__, str(error))))
-        expected = f"a whole ROS bag, closed by its recorder: a file, or a folder with its {INDEX}"
-        raise DataError(path, place, found, expected) from error
-    return {name: Topic.of(name, kinds[name], rows[name]) for name in rows}
-
-
-def _stamp(message: Any) -> float:
-    """Return the time in a message's header, in seconds, rounded once."""
-    return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
-
-
-def _frame_of(message: Any) -> str:
-    """Return the frame of a message, without the slash that old robots write before it."""
-    return message.header.frame_id.lstrip("/")
 
 
 def _ordered(log: Log, topic: Topic) -> Topic:
@@ -225,12 +148,13 @@ def _ordered(log: Log, topic: Topic) -> Topic:
     if late.any():
         first = topic.arrived[late.argmax()]
         log.notes.append(f"messages on {topic.name} late or early: {late.sum()}, the first at {first:.3f} s")
-    return topic[log.in_order(f"messages on {topic.name}", topic.t)]
+    order = log.in_order(f"messages on {topic.name}", topic.t)
+    return topic if np.array_equal(order, np.arange(len(topic.t))) else topic[order]
 
 
-def _transforms(log: Log, topic: Topic, at: str = "translation", turn: str = "rotation") -> Poses:
-    """Keep the messages whose position and quaternion, by their fields, are a pose; with their transforms."""
-    rows = topic.numbers(f"{at} xyz", f"{turn} xyzw")
+def _transforms(log: Log, topic: Topic) -> Poses:
+    """Keep the messages whose position and quaternion are a pose; with their transforms."""
+    rows = topic.rows
     length = np.linalg.norm(np.clip(rows[:, 3:], -2.0, 2.0), axis=1)
     good = (np.abs(rows) < POSE_LIMIT[0]).all(axis=1) & (np.abs(length - 1.0) < 0.01)
     topic = topic.keep(log, good, "that are no poses", "finite numbers, a quaternion of length 1")
@@ -240,13 +164,14 @@ def _transforms(log: Log, topic: Topic, at: str = "translation", turn: str = "ro
 
 def _read_frames(log: Log, topics: Iterable[Topic]) -> Frames:
     """Collect the transforms of TFMessages, by pair of frames."""
-    rows: dict[tuple[str, str], list[tuple[float, float, Any]]] = {}
+    found: dict[Names, list[Topic]] = {}
     for topic in topics:
-        for arrived, message in zip(topic.arrived, topic.contents, strict=True):
-            for edge in message.transforms:
-                pair = _frame_of(edge), edge.child_frame_id.lstrip("/")
-                rows.setdefault(pair, []).append((_stamp(edge), arrived, edge.transform))
-    named = {pair: Topic.of(f"/tf ({' -> '.join(pair)})", TF, found) for pair, found in rows.items()}
+        pairs: dict[Names, list[int]] = {}
+        for k, pair in enumerate(topic.contents):
+            pairs.setdefault(pair, []).append(k)
+        for pair, rows in pairs.items():
+            found.setdefault(pair, []).append(topic[np.array(rows)])
+    named = {pair: Topic.joined(f"/tf ({' -> '.join(pair)})", TF, parts) for pair, parts in found.items()}
     return {pair: _transforms(log, topic) for pair, topic in named.items()}
 
 
@@ -260,8 +185,8 @@ def _odometry(log: Log, topic: Topic | None, frames: Frames) -> tuple[Trajectory
     """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames."""
     if topic is not None:
         usual = "base_footprint" if any("base_footprint" in pair for pair in frames) else "base_link"
-        base = topic.contents[0].child_frame_id.lstrip("/") or usual
-        topic, T = _transforms(log, topic, "pose.pose.position", "pose.pose.orientation")
+        base = topic.contents[0].child or usual
+        topic, T = _transforms(log, topic)
     else:
         # Frames of a robot's own name are known by their last part, as in robot1/odom.
         pairs = [pair for pair in frames if pair[0].rpartition("/")[2].startswith("odom")]
@@ -277,13 +202,12 @@ def _odometry(log: Log, topic: Topic | None, frames: Frames) -> tuple[Trajectory
 
 def _imu(log: Log, topic: Topic, frames: Frames, base: str) -> Imu | None:
     """Read the IMU, its axes turned into the body's: as the tree of frames says, or gravity."""
-    rows = topic.numbers("angular_velocity xyz", "linear_acceleration xyz")
-    rows[:, 3:] /= STANDARD_GRAVITY
-    good = (np.abs(rows) < GRAVITY_LIMIT[0]).all(axis=1)
-    frame, topic = _frame_of(topic.contents[0]), topic.keep(log, good, "without usable numbers")
+    topic.rows[:, 3:] /= STANDARD_GRAVITY
+    good = (np.abs(topic.rows) < GRAVITY_LIMIT[0]).all(axis=1)
+    frame, topic = topic.contents[0].frame, topic.keep(log, good, "without usable numbers")
     if len(topic.t) < 2:
         return None
-    rates, pushes = rows[good, :3], rows[good, 3:]
+    rates, pushes = topic.rows[:, :3], topic.rows[:, 3:]
     T = _find_place(frames, base, frame)
     R, taken = upright(pushes.mean(axis=0)) if T is None else (T[:3, :3], "")
     if T is None:
@@ -297,7 +221,7 @@ def _place_of_lidar(log: Log, topic: Topic, frames: Frames, base: str, options: 
         x, y, yaw = options.lidar_at
         log.notes.append(f"the LiDAR is taken to be at x {x:g} m, y {y:g} m, yaw {yaw:g} rad, as asked for")
         return transform(rotation_matrix(yaw=yaw), (x, y, LidarModel().position_b[2]))
-    frame = _frame_of(topic.contents[0])
+    frame = frame_of(topic.contents[0])
     T = _find_place(frames, base, frame)
     if T is None:
         found = f"no fixed chain of frames from {base} to {frame or 'a frame without a name'}"
@@ -308,13 +232,13 @@ def _place_of_lidar(log: Log, topic: Topic, frames: Frames, base: str, options: 
 
 def _scans(log: Log, topic: Topic, T: np.ndarray) -> tuple[LidarModel, LidarScans]:
     """Describe the LiDAR, at ``T (4, 4)`` on the robot, and arrange its scans counter-clockwise, seen from above."""
-    frame = _frame_of(topic.contents[0])
-    topic = topic.keep(log, [_frame_of(m) == frame for m in topic.contents], f"of other frames than {frame}")
+    frame = frame_of(topic.contents[0])
+    topic = topic.keep(log, [frame_of(m) == frame for m in topic.contents], f"of other frames than {frame}")
     usable = [_has_angles(message) for message in topic.contents]
     topic = topic.keep(log, usable, "without usable angles", "beams over at most one turn")
-    said = np.concatenate([message.ranges for message in topic.contents])
     for what, odd in (("not a number", np.isnan), ("infinite", np.isinf), ("zero", partial(np.equal, 0))):
-        log.leave_out(f"ranges on {topic.name} that are {what}", odd(said))
+        number = sum(int(np.count_nonzero(odd(message.ranges))) for message in topic.contents)
+        log.leave_out(f"ranges on {topic.name} that are {what}", number)
     usual, ranges = _at_usual_angles(log, topic)
     between = np.median([message.time_increment for message in topic.contents])
     sweep, period = (ranges.shape[1] - 1) * float(between), np.median(np.diff(topic.t, append=np.inf))
@@ -364,11 +288,11 @@ def _images(
     log: Log, depth: Topic, rgb: Topic, info: Any, frames: Frames, base: str
 ) -> tuple[RgbdModel, RgbdStream | None]:
     """Describe the camera and give its images, or count them if they are not to be used."""
-    frame = _frame_of(depth.contents[0])
+    frame = frame_of(depth.contents[0])
     T_bo, K = _find_place(frames, base, frame), (info.k if hasattr(info, "k") else info.K).reshape(3, 3)
     shapes = {(m.height, m.width) for m in (*depth.contents, *rgb.contents, info)}
     unread = {m.encoding for m in depth.contents} - {*DEPTHS} | {m.encoding for m in rgb.contents} - COLOURS
-    if len(shapes) > 1 or _frame_of(rgb.contents[0]) != frame:
+    if len(shapes) > 1 or frame_of(rgb.contents[0]) != frame:
         why = "depth and colour are not registered: sizes or frames differ"
     elif unread:
         why = f"not read: encoding {', '.join(sorted(unread))}"

@@ -34,8 +34,8 @@ def load(
     images, rendered when it is read (``simulate`` gives all). A number is a set in the course format, whose
     files lie in ``data_dir`` (None: ``$PFSLAM_DATA``, else ``data/``). Anything else is a path: of a ROS bag, of an
     ``.npz`` file that ``save`` wrote, of a folder with one set in the course format, or of a CARMEN log. ``bag`` says
-    what a bag does not. ``progress`` may wrap the work of simulating, as tqdm does. Raises ``DataError`` for what is
-    none of these.
+    what a bag does not. ``progress`` may wrap the work of simulating or of reading a bag, as tqdm does. Raises
+    ``DataError`` for what is none of these.
 
     >>> from pfslam import load
     >>> recording = load("hall")
@@ -57,7 +57,7 @@ def load(
             "of an .npz recording, of a folder with one set, or of a CARMEN log"
         )
         raise DataError("pfslam", "data set", repr(text[:200]), accepted)
-    return load_bag(text, bag) if reads is load_bag else reads(text)
+    return load_bag(text, bag, progress) if reads is load_bag else reads(text)
 
 
 def _reader(text: str) -> Callable[..., Recording] | None:

@@ -1,0 +1,160 @@
+"""The messages of ROS bags, topic by topic: stamps, and of each type what is used, kept small.
+
+An hour of an IMU is a million messages; as objects they would take some gigabytes. What comes so often is kept as plain
+numbers while the bag is read.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+from operator import attrgetter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pfslam.errors import DataError, need
+from pfslam.io.loading import Log
+
+SCAN, IMAGE, IMU = (f"sensor_msgs/msg/{kind}" for kind in ("LaserScan", "Image", "Imu"))
+ODOMETRY, TF, OLD_TF = "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
+INDEX = "metadata.yaml"
+NEAR = 1e-6
+"""Seconds: what double precision leaves of a time since 1970, and more."""
+
+
+def _numbers(*vectors: str) -> Callable[[Any], tuple[float, ...]]:
+    """Make what gets the numbers of vectors, each given as its field and its axes: ``"rotation xyzw"``."""
+    return attrgetter(*(f"{name}.{axis}" for name, axes in map(str.split, vectors) for axis in axes))
+
+
+NUMBERS = {
+    ODOMETRY: _numbers("pose.pose.position xyz", "pose.pose.orientation xyzw"),
+    IMU: _numbers("angular_velocity xyz", "linear_acceleration xyz"),
+    TF: _numbers("transform.translation xyz", "transform.rotation xyzw"),
+}
+"""What is kept of messages that come by the hundred thousand, beside the frames that they name."""
+
+
+class Names(NamedTuple):
+    """The frames that a message names: of what it speaks, and what moves there."""
+
+    frame: str
+    child: str
+
+
+@dataclass(frozen=True, eq=False)
+class Topic:
+    """The messages of one topic: their stamps and when they reached the bag (s), and what is kept of them.
+
+    Of the types in ``NUMBERS`` that is ``rows (K, n)``, and ``Names`` as contents; a TFMessage is one message for each
+    of its pairs of frames.
+    """
+
+    name: str
+    kind: str
+    t: np.ndarray
+    arrived: np.ndarray
+    contents: np.ndarray
+    rows: np.ndarray
+
+    @classmethod
+    def joined(cls, name: str, kind: str, parts: Iterable[Topic]) -> Topic:
+        """Put the messages of several topics one after the other."""
+        columns = zip(*((part.t, part.arrived, part.contents, part.rows) for part in parts), strict=True)
+        return cls(name, kind, *map(np.concatenate, columns))
+
+    def __getitem__(self, rows: np.ndarray) -> Topic:
+        picked = (column[rows] for column in (self.t, self.arrived, self.contents, self.rows))
+        return Topic(self.name, self.kind, *picked)
+
+    def keep(self, log: Log, good: Any, why: str, expected: str | None = None) -> Topic:
+        """Keep the good ``(K,)`` messages and count the others; ``DataError`` if none is what was expected."""
+        good = np.asarray(good, dtype=bool)
+        if expected and not good.any():
+            raise DataError(log.path, f"{self.name} at {self.t[0]:.3f}", f"only messages {why}", expected)
+        log.leave_out(f"messages on {self.name} {why}", ~good)
+        return self if good.all() else self[good]
+
+
+def read_topics(
+    path: Path, wanted: Collection[str] = (), at: float | None = None, progress: Callable | None = None
+) -> dict[str, Topic]:
+    """Read the wanted topics of a bag, or list all, without contents, by when their messages reached the bag.
+
+    Of images, the pixels are kept only where one is read alone: what reached the bag ``at`` this time (s).
+    """
+    need("rosbags", "ros")
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    is_old, place = path.suffix.lower() == ".bag", "bag"
+    store = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.LATEST)
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
+    span = (None, None) if at is None else (int((at - NEAR) * 1e9), int((at + NEAR) * 1e9))
+    decode: Any = store.deserialize_ros1 if is_old else store.deserialize_cdr
+    try:
+        with rosbag1.Reader(path) if is_old else rosbag2.Reader(path) as reader:
+            kinds = {c.topic: TF if c.msgtype == OLD_TF else c.msgtype for c in reader.connections}
+            found = {name: _Columns(kinds[name], at is not None) for name in sorted(kinds)}
+            chosen = [c for c in reader.connections if c.topic in wanted]
+            messages = reader.messages(chosen, *span)
+            if progress:
+                messages = progress(messages, total=sum(c.msgcount for c in chosen))
+            for connection, nanoseconds, data in messages:
+                name, arrived = connection.topic, nanoseconds // 10**9 + nanoseconds % 10**9 * 1e-9
+                place = f"{name} at {arrived:.3f}"
+                found[name].add(arrived, decode(data, kinds[name]) if chosen else None)
+    except Exception as error:  # the library raises many kinds for a damaged bag
+        what = ": ".join(filter(None, (type(error).__name__, str(error))))
+        expected = f"a whole ROS bag, closed by its recorder: a file, or a folder with its {INDEX}"
+        raise DataError(path, place, what, expected) from error
+    return {name: columns.topic(name) for name, columns in found.items()}
+
+
+class _Columns:
+    """Messages of one topic while they are read: numbers in plain arrays, whatever else in a list."""
+
+    def __init__(self, kind: str, with_pixels: bool):
+        self.kind, self.with_pixels = kind, with_pixels
+        self.t, self.arrived, self.rows = array("d"), array("d"), array("d")
+        self.contents: list[Any] = []
+        self.names: dict[Names, Names] = {}
+
+    def add(self, arrived: float, message: Any) -> None:
+        """Keep of a message what will be used."""
+        for part in message.transforms if self.kind == TF and message is not None else (message,):
+            self.t.append(_stamp(part) if hasattr(part, "header") else arrived)
+            self.arrived.append(arrived)
+            self.contents.append(part if part is None else self._kept(part))
+
+    def _kept(self, message: Any) -> Any:
+        if self.kind in NUMBERS:
+            self.rows.extend(NUMBERS[self.kind](message))
+            names = Names(frame_of(message), getattr(message, "child_frame_id", "").lstrip("/"))
+            return self.names.setdefault(names, names)
+        if self.kind == SCAN:
+            message.ranges, message.intensities = message.ranges.copy(), None
+        elif self.kind == IMAGE and not self.with_pixels:
+            message.data = None
+        return message
+
+    def topic(self, name: str) -> Topic:
+        """Arrange what was kept."""
+        contents = np.fromiter(self.contents, dtype=object, count=len(self.contents))
+        columns = self.t, self.arrived, self.rows
+        t, arrived, rows = (np.frombuffer(column) if column else np.zeros(0) for column in columns)
+        rows = rows.reshape(len(t), len(rows) // max(len(t), 1))
+        return Topic(name, self.kind, t, arrived, contents, rows)
+
+
+def _stamp(message: Any) -> float:
+    """Return the time in a message's header, in seconds, rounded once."""
+    return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+
+
+def frame_of(message: Any) -> str:
+    """Return the frame of a message, without the slash that old robots write before it."""
+    return message.header.frame_id.lstrip("/")
