@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -60,14 +60,31 @@ ch05.drive_lab(forgotten)""",
 @pytest.fixture
 def readers_lab(tmp_path):
     """A JupyterLab with a notebook in which a reader's functions drive the laboratory of chapter 05."""
-    (tmp_path / "work").mkdir()
-    cell = {"cell_type": "code", "metadata": {}, "outputs": [], "execution_count": None}
-    cells = [{**cell, "id": f"cell-{k}", "source": source} for k, source in enumerate(READERS_CELLS)]
-    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
-    notebook = {"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}
-    write_json(tmp_path / "work" / "00_mine.ipynb", notebook)
+    write_notebook(tmp_path / "work" / "00_mine.ipynb", READERS_CELLS)
     with running_lab(tmp_path / "work") as address:
         yield address
+
+
+# What the cells with laboratories take from the cells before them, without the minutes of chapter 06's filter.
+BEFORE_THE_LABORATORIES = """import numpy as np, pfslam
+from types import SimpleNamespace
+from pfslam_book import ch01, ch02, ch03, ch04, ch05, ch06, ch10, ch11
+hall = pfslam.load("hall")
+corner, corridor = ch04.place_at(hall, 14.5), ch04.place_at(hall, 27.0)
+shot = ch06.take_shot(ch06.load_drive("hall"))
+result = SimpleNamespace(grid=corner.grid)"""
+
+
+@pytest.fixture(scope="session")
+def laboratories(tmp_path_factory):
+    """A JupyterLab with a notebook of all the chapters' cells that show a laboratory, and how many there are."""
+    folder = tmp_path_factory.mktemp("laboratories") / "work"
+    cells = [cell for path in NOTEBOOKS for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]]
+    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    shown = [source for source in code if re.search(r"^ch\d\d\.\w+_lab\(", source, re.MULTILINE)]
+    write_notebook(folder / "00_laboratories.ipynb", [BEFORE_THE_LABORATORIES, *shown])
+    with running_lab(folder) as address:
+        yield address, len(shown)
 
 
 @pytest.fixture(scope="session")
@@ -106,6 +123,14 @@ def running_lab(folder: Path, disabled: tuple[str, ...] = ()) -> Iterator[str]:
                 server.wait(20)
             except subprocess.TimeoutExpired:  # it waits for a kernel that is still starting
                 server.kill()
+
+
+def write_notebook(path: Path, sources: Sequence[str]) -> None:
+    """A notebook of code cells that nobody has run."""
+    cell = {"cell_type": "code", "metadata": {}, "outputs": [], "execution_count": None}
+    cells = [{**cell, "id": f"cell-{k}", "source": source} for k, source in enumerate(sources)]
+    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
+    write_json(path, {"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5})
 
 
 def write_json(path: Path, content: dict) -> None:

@@ -74,6 +74,24 @@ MOVES = f"""async () => {{
   return all;
 }}"""
 HANGS = 3_000  # ms of processor time
+# Of each canvas in sight of a laboratory: how much of it is black, how much is one of the theme's colours, and of how
+# many colours it is.
+PIXELS = """figure => {
+  const style = getComputedStyle(figure), rgb = name => {
+    const [r, g, b] = style.getPropertyValue('--lab-' + name).trim().match(/\\w\\w/g).map(x => parseInt(x, 16));
+    return (r << 16) | (g << 8) | b;
+  };
+  const theme = new Set(['paper', 'free', 'wall', 'ink', 'estimate', 'particles', 'highlight'].map(rgb));
+  return [...figure.querySelectorAll('canvas')].filter(c => c.offsetHeight && c.width).map(canvas => {
+    const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data, counts = new Map();
+    for (let i = 0; i < data.length; i += 4) {
+      const colour = data[i + 3] ? (data[i] << 16) | (data[i + 1] << 8) | data[i + 2] : -1;
+      counts.set(colour, (counts.get(colour) ?? 0) + 1);
+    }
+    const share = chosen => [...counts].reduce((sum, [c, n]) => sum + (chosen(c) ? n : 0), 0) / (data.length / 4);
+    return {black: share(c => c === 0), ofTheme: share(c => theme.has(c)), colours: counts.size};
+  });
+}"""
 
 
 @pytest.fixture
@@ -172,6 +190,33 @@ def test_a_laboratory_runs_with_the_readers_functions(readers_lab, open_chapter)
         forgotten.get_by_role("button", name="Start", exact=True).click()
         told = forgotten.get_by_text("NameError: name 'weight' is not defined")
         told.wait_for(state="attached", timeout=MINUTE)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("theme", ["JupyterLab Light", "JupyterLab Dark"])
+def test_no_laboratory_is_black_however_often_all_cells_run(laboratories, open_chapter, theme):
+    address, number = laboratories
+    change = "theme => window.jupyterapp.commands.execute('apputils:change-theme', {theme})"
+    with open_chapter(address, "lab/tree/00_laboratories.ipynb?reset", IDLE) as page:
+        page.evaluate(change, theme)
+        for run in range(10):
+            page.evaluate("() => { window.jupyterapp.commands.execute('notebook:restart-run-all'); }")
+            page.locator(".jp-Dialog button.jp-mod-warn").click()
+            page.wait_for_function(DONE, timeout=10 * MINUTE, polling=250)
+            assert page.evaluate(STATE)["errors"] == []
+            for k in range(number):
+                figure = page.locator("figure.pfslam-live").nth(k)
+                figure.scroll_into_view_if_needed()
+                page.wait_for_timeout(300)
+                seen = figure.evaluate(PIXELS)
+                print(run, k, seen)
+                assert seen, "no canvas"
+                assert all(canvas["black"] < 0.05 and canvas["colours"] > 2 for canvas in seen), (
+                    run,
+                    k,
+                    seen,
+                )
+                assert max(canvas["ofTheme"] for canvas in seen) > 0.6, (run, k, seen)
 
 
 @pytest.mark.nightly
