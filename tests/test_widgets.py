@@ -45,7 +45,7 @@ def mode(monkeypatch):
 def test_frames_cover_the_whole_grid_and_show_their_values():
     frames = explorer().frames()
     assert set(frames) == {(i, j) for i in range(3) for j in range(2)}
-    for (i, j), image in frames.items():
+    for (i, j), (image, _) in frames.items():
         assert image[0, 0].tolist() == [(10, 20, 30)[i], (10, 20, 30)[i], (0, 50)[j]]
 
 

@@ -3,6 +3,8 @@
 The script that draws the equations comes from a pinned package and is copied into the site at build time.
 """
 
+import base64
+import hashlib
 import json
 import os
 import re
@@ -105,6 +107,22 @@ def clean_page(page: str) -> str:
     return MODULE_LIST.sub(one_list, page)
 
 
+NIGHT = re.compile(r"data:image/webp;night=1;base64,([A-Za-z0-9+/=]+)")
+
+
+def set_nights_apart(page: str, site: Path, depth: int) -> str:
+    """One built page whose figures for the dark theme are files, so that only who reads in the dark fetches them."""
+
+    def as_file(found: re.Match) -> str:
+        data = base64.b64decode(found[1])
+        name = f"_static/night/{hashlib.sha256(data).hexdigest()[:16]}.webp"
+        (site / name).write_bytes(data)
+        return "../" * depth + name
+
+    (site / "_static" / "night").mkdir(parents=True, exist_ok=True)
+    return NIGHT.sub(as_file, page)
+
+
 def one_list(found: re.Match) -> str:
     """The list of modules as one list: Sphinx puts a list where only its entries may stand.
 
@@ -120,7 +138,9 @@ def finish_site(app, error) -> None:
         return
     site = Path(app.outdir)
     for path in site.rglob("*.html"):
-        path.write_text(clean_page(path.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
+        page = clean_page(path.read_text(encoding="utf-8"))
+        page = set_nights_apart(page, site, len(path.relative_to(site).parts) - 1)
+        path.write_text(page, encoding="utf-8", newline="\n")
     for dead in (site / "_static").glob("*thebe*"):
         dead.unlink()
     for dead in (site / "_static" / "vendor" / "fontawesome").rglob("*.js*"):
@@ -334,6 +354,7 @@ def setup(app):
     app.add_css_file("pfslam.css")
     app.add_js_file("print.js", loading_method="defer")
     app.add_js_file("predict.js", loading_method="defer")
+    app.add_js_file("night.js", loading_method="defer")
     app.add_js_file("zoom.js", loading_method="defer")
     app.add_directive("math", Math, override=True)
     app.add_transform(LinkToSource)

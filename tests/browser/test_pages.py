@@ -10,6 +10,7 @@ from pathlib import Path
 from urllib.parse import quote_plus, unquote, urldefrag
 
 import pytest
+from pfslam_book.show.night import NIGHT
 
 pytestmark = pytest.mark.browser
 
@@ -18,6 +19,25 @@ FORMULAS_WITH_SCROLL_BARS = """() => [...document.querySelectorAll('article :is(
   .filter(e => /auto|scroll/.test(getComputedStyle(e).overflowX)).map(e => e.textContent)"""
 CODE_CUT_OFF = """() => [...document.querySelectorAll('article pre')]
   .filter(e => e.scrollWidth > e.clientWidth + 1).map(e => e.textContent.trim().slice(0, 60))"""
+
+# Of each figure with a picture for the dark: how light its corner is, of 255, and the colours of a thousandth of it.
+FIGURES = """async () => {
+  const all = [];
+  for (const image of document.querySelectorAll('img[data-night]')) {
+    image.loading = 'eager';
+    await image.decode();
+    const canvas = new OffscreenCanvas(image.naturalWidth, image.naturalHeight), pen = canvas.getContext('2d');
+    pen.drawImage(image, 0, 0);
+    const data = pen.getImageData(0, 0, canvas.width, canvas.height).data, counts = {};
+    for (let i = 0; i < data.length; i += 4) {
+      const key = [data[i] >> 4, data[i + 1] >> 4, data[i + 2] >> 4].join();
+      counts[key] = (counts[key] ?? 0) + 1;
+    }
+    all.push({corner: Math.max(data[0], data[1], data[2]),
+              colours: Object.keys(counts).filter(key => counts[key] > data.length / 4000)});
+  }
+  return all;
+}"""
 
 
 class Anatomy(HTMLParser):
@@ -64,6 +84,8 @@ def test_pictures_are_there_and_say_what_they_show_and_nothing_stands_twice(anat
         for image in anatomy.images:
             source, alt = image.get("src", ""), image.get("alt", "").strip()
             assert source.startswith("data:") or (path.parent / unquote(source)).is_file(), (path, source)
+            night = image.get("data-night", "")
+            assert not night or (path.parent / night).is_file(), (path, night[:60])
             assert alt, f"{path.name}: a picture without alt text: {source[:60]}"
             assert "_images/" not in alt, f"{path.name}: a file name is no alt text: {alt}"
         for names in (anatomy.scripts, [i for i in anatomy.ids if i.startswith("explorer-")]):
@@ -185,6 +207,23 @@ def test_on_paper_code_is_whole_and_answers_stand_at_the_end(visit, chapter_page
     assert not any(fold.is_visible() for fold in folds.all())
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
     assert page.locator("article > *").count() == own
+
+
+def test_in_the_dark_figures_are_dark_in_the_colours_of_the_code_and_on_paper_light(visit, chapter_page):
+    page = visit(chapter_page, color_scheme="dark").page
+    figures = page.evaluate(FIGURES)
+    assert figures
+    assert max(figure["corner"] for figure in figures) < 40
+    near = {",".join(str(int(colour[i : i + 2], 16) >> 4) for i in (1, 3, 5)) for colour in NIGHT.values()}
+    shown = {colour for figure in figures for colour in figure["colours"]}
+    assert len(near & shown) >= 3, near & shown
+    for event, ends in (("beforeprint", True), ("afterprint", False)):
+        page.evaluate("event => window.dispatchEvent(new Event(event))", event)
+        sources = page.locator("img[data-night]").evaluate_all("all => all.map(image => image.src)")
+        assert {source.startswith("data:") for source in sources} == {ends}
+    page.evaluate("() => { document.documentElement.dataset.theme = 'light'; }")
+    page.wait_for_timeout(100)
+    assert min(figure["corner"] for figure in page.evaluate(FIGURES)) > 240
 
 
 def test_a_chapter_can_be_downloaded_as_a_notebook(visit, chapter_page):

@@ -50,9 +50,17 @@
   });
   var player = controls[data.play];
 
+  function dark() { return document.documentElement.dataset.theme === "dark" && data.nights[0]; }
+  function fetch_nights() {  // files of their own, fetched before the pictures move
+    if (dark()) data.nights.forEach(function (address) { new Image().src = address; });
+  }
+  root.addEventListener("pointerenter", fetch_nights, {once: true});
+  root.addEventListener("focusin", fetch_nights, {once: true});
   function show() {
     var state = data.states[controls.map(function (control) { return control.at; }).join()];
-    image.src = data.frames[state[0]];
+    image.dataset.day = data.frames[state[0]];
+    image.dataset.night = data.nights[state[0]];
+    image.src = dark() ? image.dataset.night : image.dataset.day;
     image.alt = data.alts[state[1]];
   }
   function move(k, stop) {

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from .pictures import FRAME_QUALITY, data_uri, image_tag, output_mode, quick_uri, to_rgb
+from .pictures import FRAME_QUALITY, data_uri, image_tag, night_uri, output_mode, quick_uri, to_rgb
 
 MAX_FRAMES = 60  # about 1 MB on the page
 TRACK = 1000  # places on the track of a slider whose stops are not evenly spaced
@@ -169,9 +169,14 @@ class Explorer:
         frame = self.frame(**values)
         return image_tag(quick_uri(frame), self.alt(**values), frame.shape)
 
-    def frames(self) -> dict[tuple[int, ...], np.ndarray]:
-        """Every picture of the built page, by slider position."""
-        return {state: self.frame(**self.values(state)) for state in self.states()}
+    def frames(self) -> dict[tuple[int, ...], tuple[np.ndarray, str]]:
+        """Every picture of the built page, by slider position, and the address of the one for the dark theme."""
+        pictures = {}
+        for state in self.states():
+            with garbage_swept():
+                drawing = self.draw(**self.values(state))
+                pictures[state] = to_rgb(drawing), night_uri(drawing, FRAME_QUALITY)
+        return pictures
 
     def __repr__(self) -> str:
         start = self.values(self.start)
@@ -258,13 +263,13 @@ def page_fragment(explorer: Explorer) -> str:
     """
     identifier = _identifier(explorer)
     pictures = explorer.frames()
-    uris = {state: data_uri(image, FRAME_QUALITY) for state, image in pictures.items()}
+    uris = {state: (data_uri(image, FRAME_QUALITY), night) for state, (image, night) in pictures.items()}
     alts = {state: explorer.alt(**explorer.values(state)) for state in pictures}
     start = explorer.start
     rows = "\n".join(_row(f"{identifier}-{k}", c) for k, c in enumerate(explorer.controls))
     title = html.escape(explorer.title)
     return f"""<figure class="pfslam-explorer" id="{identifier}">
-{image_tag(uris[start], alts[start], pictures[start].shape)}
+{image_tag(uris[start][0], alts[start], pictures[start][0].shape, uris[start][1])}
 <div class="pfslam-controls">
 {rows}
 {_buttons(explorer)}</div>
@@ -330,7 +335,8 @@ def _data(explorer: Explorer, uris: dict, alts: dict) -> dict:
         "places": [c.places for c in explorer.controls],
         "states": {",".join(map(str, s)): [frames.index(uris[s]), texts.index(alts[s])] for s in uris},
         "alts": texts,
-        "frames": frames,
+        "frames": [day for day, _ in frames],
+        "nights": [night for _, night in frames],
     }
 
 
