@@ -61,6 +61,10 @@ def test_page_works_from_its_file(visit, page_name):
     seen = visit(page_name, "file", width=390, color_scheme="dark")
     assert seen.strangers + seen.complaints == []
     assert seen.page.evaluate("document.documentElement.dataset.theme") == "dark"
+    faces = (
+        "() => document.fonts.ready.then(() => [...document.fonts].map(face => [face.family, face.status]))"
+    )
+    assert ["Literata", "loaded"] in seen.page.evaluate(faces)
     assert seen.page.locator("mjx-container").count() >= seen.page.locator(".math").count()
     assert seen.page.locator("mjx-merror, [data-mjx-error]").count() == 0
 
