@@ -97,6 +97,11 @@ def test_a_photograph_stays_and_a_map_turns():
     cells = np.array([rgb(COLOURS["unknown"]), (1.0, 1.0, 1.0), rgb(COLOURS["truth"])])
     _, night = picture_of(cells[np.arange(16).reshape(4, 4) % 3])
     assert [shares(night, colour) > 0.03 for colour in ("#24282e", "#3a414a", WHITE)] == [True] * 3
+    figure, axes = sheet(3.0)
+    axes.set_facecolor(COLOURS["unknown"])  # as around a map
+    to_rgb(figure)
+    assert shares(draw_at_night(figure), CELLS[COLOURS["unknown"]]) > 0.5
+    assert shares(to_rgb(figure), COLOURS["unknown"]) > 0.5
     day, night = picture_of(np.eye(4), cmap="Greys")
     assert shares(day, "white") > 0.15 > 0.01 > shares(night, "white")
 
@@ -118,6 +123,7 @@ def test_colours_that_are_data_stay():
     figure, axes = sheet(3.0)
     axes.scatter([0, 1, 2], [0, 1, 2], c=["#5b3a29", "#808080", "#d0d0c0"], s=2000)
     axes.scatter([0, 1], [2, 0], c=[COLOURS["odometry"], COLOURS["estimate"]], s=2000)
+    axes.scatter([2], [0], facecolors="none", edgecolors=COLOURS["hits"])
     to_rgb(figure)
     night = draw_at_night(figure)
     colours = ("#5b3a29", "#808080", "#d0d0c0", NIGHT[COLOURS["odometry"]], NIGHT[COLOURS["estimate"]])

@@ -32,9 +32,10 @@ BRIGHTER = {
     "particle B": "#cbbb3f",
     "particle C": "#ee6f85",
 }
-NIGHT = {COLOURS[name]: colour for name, colour in BRIGHTER.items()}
+UNSEEN = "#b8bcc3"  # stands for the colour of unseen cells where it is the ground of a map and no line
+NIGHT = {**{COLOURS[name]: colour for name, colour in BRIGHTER.items()}, UNSEEN: "#24282e"}
 # The cells of a map: seen by nobody, free, occupied.
-CELLS = {**NIGHT, COLOURS["unknown"]: "#24282e", "#ffffff": "#3a414a", COLOURS["truth"]: WHITE}
+CELLS = {**NIGHT, COLOURS["unknown"]: NIGHT[UNSEEN], "#ffffff": "#3a414a", COLOURS["truth"]: WHITE}
 MAPS = {
     name: LinearSegmentedColormap.from_list(f"{name} at night", [PAPER, end])
     for name, end in {"Blues": "#a5dcff", "Greys": WHITE}.items()
@@ -80,7 +81,7 @@ def _pen(colour):
 def _pens(colours):
     """The same for those of a collection, (N, 4); its greys are data where others are."""
     different, which = np.unique(np.asarray(colours, dtype=float).reshape(-1, 4), axis=0, return_inverse=True)
-    if any(is_data(tuple(colour)) for colour in different[:, :3]):
+    if len(different) == 0 or any(is_data(tuple(colour)) for colour in different[:, :3]):
         return colours
     return np.array([_pen(colour) for colour in different])[which.ravel()]
 
@@ -189,9 +190,14 @@ def _as_laid_out(figure: Figure) -> Iterator[None]:
         if artist.get_cmap().name in MAPS:
             changed.append((artist, artist.get_cmap()))
             artist.set_cmap(MAPS[artist.get_cmap().name])
+    grounds = [axes for axes in figure.axes if to_hex(axes.get_facecolor()) == COLOURS["unknown"]]
+    for axes in grounds:
+        axes.set_facecolor(UNSEEN)
     try:
         yield
     finally:
+        for axes in grounds:
+            axes.set_facecolor(COLOURS["unknown"])
         for artist, colours in changed:
             artist.set_cmap(colours)
         figure.set_layout_engine(engine)
