@@ -162,6 +162,7 @@ def test_a_picture_opens_at_its_full_size_by_key_and_by_tap(visit, width):
     picture.press("Enter")
     assert full.locator("img").bounding_box()["width"] >= max(width, 900, before)
     assert violations(page, "dark") == []
+    assert full.locator("img").evaluate("e => getComputedStyle(e).filter") == "none"
     page.keyboard.press("Escape")
     assert not full.is_visible()
     assert picture.evaluate("e => e === document.activeElement")
