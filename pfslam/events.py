@@ -254,9 +254,9 @@ def _used_scans(recording: Recording, every: int, odometry: Trajectory) -> tuple
     index = np.arange(0, len(stamps), every)
     covered = odometry.covers(stamps[index])
     if not covered.any():
-        raise DataError(
-            recording.name, "lidar time_stamps", "no scan within the odometry's time", "streams that overlap"
-        )
+        apart = max(stamps[0] - odometry.t[-1], odometry.t[0] - stamps[-1], 0.0)
+        found = f"no scan within the odometry's time, {apart:.1f} s apart"
+        raise DataError(recording.name, "lidar time_stamps", found, "streams that overlap, of one clock")
     outside = int(np.count_nonzero(~covered))
     return index[covered], {"scans outside the odometry's time": outside} if outside else {}
 

@@ -685,7 +685,8 @@ def test_clocks_that_do_not_meet_are_refused(tmp_path, capsys):
         message.header = NEW.header(5.0 + 0.1 * k, "laser")
     path = str(write_bag(tmp_path / "drive", "mcap", rows))
     assert main(["run", path]) == 2
-    assert "no scan within the odometry's time" in capsys.readouterr().err
+    apart = WHEELS.t[0] - of(rows)[-1].header.stamp.sec - of(rows)[-1].header.stamp.nanosec * 1e-9
+    assert f"no scan within the odometry's time, {apart:.1f} s apart" in capsys.readouterr().err
     assert main(["check", path]) == 1
     assert "FAILED   Do the streams overlap?                0 %" in capsys.readouterr().out
 
@@ -724,3 +725,20 @@ def test_an_hour_of_an_imu_is_kept_as_numbers_while_it_is_read(tmp_path):
     assert found.rows.shape == (readings, 6)
     assert seen == [readings]
     assert peak < 600 * readings
+
+
+def test_a_yaw_in_degrees_is_refused_and_named(tmp_path):
+    with pytest.raises(DataError, match=r"YAW: found 180, expected radians.*180 degrees are 3\.1416"):
+        loaded(tmp_path, rows_of(BOX), lidar_at=(0.05, 0.0, 180.0))
+
+
+def test_a_bag_with_point_clouds_only_fails_its_check_and_is_not_run(tmp_path, capsys):
+    rows = rows_of(BOX)
+    another_type(rows)
+    path = str(write_bag(tmp_path / "drive", "mcap", [row for row in rows if row[0] != "/scan"]))
+    assert main(["check", path]) == 1
+    assert "55 messages of PointCloud2 on /points, which is not read" in capsys.readouterr().out
+    line = ["run", path, "--out", str(tmp_path / "out")]
+    assert main(line) == 3
+    assert "pointcloud_to_laserscan" in capsys.readouterr().err
+    assert main([*line, "--anyway"]) == 4

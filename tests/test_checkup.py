@@ -1,5 +1,6 @@
 """The check-up: nothing to complain about on good drives, and each fault found by the question meant for it."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +10,11 @@ from drives import simulated
 from pfslam_book.show.faults import clockwise, late_scans, scaled_gyro, silent_gyro
 
 import pfslam
-from pfslam.evaluation.checkup import check_up, scan_turn_fit
+from pfslam.__main__ import main
+from pfslam.evaluation.checkup import check_scene, check_up, scan_turn_fit, scene_fit
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, LidarScans, Recording
-from pfslam.study.disturbances import first_seconds, missing_beams
+from pfslam.study.disturbances import first_seconds, missing_beams, start_time
 
 HEALTHY = "none"
 
@@ -93,6 +95,88 @@ def test_each_fault_is_found(drive, fault):
     assert set(EXPECTED) == set(FAULTS) - {HEALTHY}
 
 
+def turned(recording, degrees):
+    """State another yaw of the LiDAR than it has."""
+    lidar, yaw = recording.robot.lidar, np.radians(degrees)
+    lidar = replace(lidar, angle_min=lidar.angle_min + yaw, angle_max=lidar.angle_max + yaw)
+    return replace(recording, robot=replace(recording.robot, lidar=lidar))
+
+
+@pytest.mark.parametrize("degrees", [-135, -20, 0, 90, 180])
+def test_a_lidar_that_is_mounted_otherwise_is_told_by_how_much(drive, degrees):
+    """What is stated is too much by so many degrees, so the LiDAR is mounted at as many less."""
+    factor, yaw = scene_fit(turned(drive, degrees))
+    assert (factor, abs((yaw + degrees + 180) % 360 - 180)) == (1.0, 0.0)
+    finding = check_scene(turned(drive, degrees))
+    assert (finding.ok, bool(finding.remedy)) == (degrees == 0, degrees != 0)
+
+
+@pytest.mark.parametrize("scale", [0.5, 2.0])
+def test_odometry_of_another_length_is_told_and_a_run_may_go_on(drive, scale):
+    """The path to scale, as the metres per count would make it: only its length is another."""
+    encoders = replace(drive.robot.encoders, metres_per_count=scale * drive.robot.encoders.metres_per_count)
+    finding = check_scene(replace(drive, robot=replace(drive.robot, encoders=encoders)))
+    assert finding.found == f"factor {1 / scale:.1f}, turned by +0 deg"
+    assert (finding.ok, finding.remedy) == (False, "")
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["hall", "ramp", "ring"])
+@pytest.mark.parametrize("seed", range(10))
+def test_a_sound_mounting_is_never_doubted_and_one_backwards_always(name, seed):
+    recording = simulated(name, seed).recording
+    assert scene_fit(recording) == (1.0, 0.0)
+    assert scene_fit(turned(recording, 180))[1] == 180.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hazard", ["people", "slip", "bumps"])
+def test_a_sound_mounting_is_not_doubted_among_hazards(hazard):
+    assert scene_fit(simulated("hall", 7, **{hazard: 8}).recording) == (1.0, 0.0)
+
+
+def test_most_scans_with_the_stamp_of_another_are_no_drive(drive):
+    lost = replace(drive, dropped={"scans with the stamp of another": 3 * len(drive.lidar.t)})
+    assert complaints(lost) == {"Are the scans all there?"}
+    assert complaints(replace(drive, dropped={"scans with the stamp of another": 30})) == set()
+
+
+def halved(recording):
+    """Set the clock back by half a minute in mid drive, as a simulation that starts again does."""
+    counts, begin = recording.wheels_and_gyro()[0].counts * 40, start_time(recording)
+    return with_counts(recording, np.where(recording.encoders.t[:, None] > begin + 20, counts, counts // 40))
+
+
+SPOILT = {
+    "LiDAR backwards": (lambda r: turned(r, 180), "the LiDAR seems mounted +180 deg from what is stated"),
+    "counts times forty": (halved, "is the odometry in m"),
+    "a day later": (
+        lambda r: replace(
+            r, lidar=LidarScans(r.lidar.t + 9e4 * (r.lidar.t > r.lidar.t[300]), r.lidar.ranges)
+        ),
+        "did the clock jump?",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_a_run_stops_at_what_spoils_it_and_goes_on_if_asked_to(drive, name, tmp_path, capsys):
+    spoil, words = SPOILT[name]
+    pfslam.save(spoil(first_seconds(drive, 30.0)), tmp_path / "drive.npz")
+    line = ["run", str(tmp_path / "drive.npz"), "--out", str(tmp_path / "out"), "--particles", "2", "--quiet"]
+    assert main(line) == 3
+    said = capsys.readouterr()
+    assert (said.out, words in said.err, "--anyway" in said.err) == ("", True, True)
+    assert not (tmp_path / "out" / "summary.json").exists()
+    assert main([*line, "--anyway"]) == 4
+    (*_, doubt) = [
+        d
+        for d in json.loads((tmp_path / "out" / "summary.json").read_text())["distrust"]
+        if words in d["reason"]
+    ]
+    assert doubt["to"] is None
+
+
 def test_the_clock_offset_comes_out_in_milliseconds(drive):
     for late in (-0.1, 0.06, 0.2):
         shifted = replace(drive, lidar=LidarScans(drive.lidar.t + late, drive.lidar.ranges))
@@ -115,7 +199,7 @@ def test_the_shortest_recordings_are_answered(poses, scans):
     odometry = Trajectory(box.truth.t[:poses], box.truth.poses[:poses])
     findings = check_up(Recording("short", box.robot, odometry=odometry, lidar=lidar))
     found = {f.question: (f.ok, f.found) for f in findings}
-    assert len(found) == 9
+    assert len(found) == 11
     assert found["Do wheels and gyro turn the same way?"] == (None, "no gyro")
     assert found["What does the gyro show at rest?"] == (None, "no gyro")
 

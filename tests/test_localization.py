@@ -337,6 +337,8 @@ def test_locate_writes_trajectory_summary_and_picture(files, capsys):
     ]
     assert (files / "a/trajectory.tum").read_bytes() == (files / "b/trajectory.tum").read_bytes()
     summary = json.loads((files / "a/summary.json").read_text())
+    assert summary["found"]
+    assert summary["explained"] > 0.98
     assert summary["located_at_end"]
     assert 0.0 <= summary["seconds_to_find"] < 4.0
     assert summary["particles"]["most"] == 30_000
@@ -393,3 +395,16 @@ def test_a_bad_map_is_one_clear_line(files, capsys, change, words):
     assert complaint.err.count("\n") == 1
     assert words in complaint.err
     assert not (files / "out").exists()
+
+
+@pytest.mark.slow
+def test_another_building_is_not_found(files, tmp_path, capsys):
+    """A room that is half a metre longer and wider, and has no pillars."""
+    wider = known_map(box(-2.53, -1.52, 4.01, 2.98))
+    write_map(tmp_path / "other.yaml", OccupancyGrid(wider.spec, 5.0 * wider.log_odds))
+    line = ["locate", str(tmp_path / "other.yaml"), str(files / "drive.npz"), "--out", str(tmp_path / "out")]
+    assert main([*line, "--particles", "3000"]) == 1
+    assert "found after" not in capsys.readouterr().out
+    summary = json.loads((tmp_path / "out/summary.json").read_text())
+    assert not summary["found"]
+    assert summary["explained"] < 0.9

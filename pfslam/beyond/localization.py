@@ -41,6 +41,11 @@ STEP_METRES, STEP_RADIANS = 0.1, 0.1
 """A scan is used after moving or turning by at least this much: scans from one place say the same."""
 NEAR_METRES, NEAR_RADIANS = 1.0, 0.5
 """A particle counts for the estimate if it lies no farther from it than this."""
+EXPLAINED_METRES, EXPLAINED_SHARE, LAST_SECONDS = 0.1, 0.9, 10.0
+"""A beam is explained if a wall is so near its end (m). In the right building nearly all are, over the last seconds.
+
+In 45 wrong buildings the cloud often agreed on one place, too, where by chance up to 88 % were.
+"""
 AT_ONCE = 10_000
 """Particles that are scored together; more would only take memory."""
 Count = Annotated[int, Range(1, MAX_PARTICLES)]
@@ -148,6 +153,12 @@ class KnownMap:
         stands[stands] = self.grid.free[cells[stands, 1], cells[stands, 0]]
         return self.config.effective_beams * np.where(stands, mean, np.log(self.config.random))
 
+    def explained(self, pose: np.ndarray, points_b: np.ndarray) -> float:
+        """Return the share of a scan's end points ``(M, 2)`` that lie near a wall of the map, from a pose ``(3,)``."""
+        near = np.exp(-0.5 * (EXPLAINED_METRES / self.config.sigma) ** 2)
+        least = np.log(self.config.random + (1.0 - self.config.random) * near)
+        return float((self._at(transform_points(pose, points_b)) >= least - 1e-6).mean())
+
     def _at(self, points_w: np.ndarray) -> np.ndarray:
         """Look up the field at points ``(..., 2)``; outside the map nothing explains them."""
         cells = self.grid.spec.world_to_cell(points_w)
@@ -176,6 +187,7 @@ class LocalizationInfo:
     ``estimate (3,)`` is the mean of the particles around the densest place of the cloud, ``share`` their part of the
     weight; ``particles`` the cloud before resampling, None where it was not kept. ``fit`` is the mean likelihood of a
     beam, from ``random`` to 1, and ``injected`` the share of particles that were drawn anew from the whole map.
+    ``explained`` is the share of the beams that end near a wall of the map, seen from the estimate.
     """
 
     t: float
@@ -186,6 +198,7 @@ class LocalizationInfo:
     used: bool = True
     fit: float = 0.0
     injected: float = 0.0
+    explained: float = 0.0
 
 
 def localization_step(
@@ -205,7 +218,9 @@ def localization_step(
     slow = EXPECTED if state.slow is None else state.slow + SLOW * (fit - state.slow)
     fast = fit if state.fast is None else state.fast + FAST * (fit - state.fast)
     share = injected_share(slow, fast) if config.inject else 0.0
-    info = LocalizationInfo(event.t, *densest(particles), particles, len(particles), True, fit, share)
+    pose, near = densest(particles)
+    explained = known.explained(pose, event.points_b)
+    info = LocalizationInfo(event.t, pose, near, particles, len(particles), True, fit, share, explained)
     n_eff = effective_sample_size(particles.weights)
     if share or n_eff <= RESAMPLE_BELOW * len(particles):
         particles = resample_adaptively(particles, share, known.grid, config, rng)
@@ -279,6 +294,17 @@ class LocalizationResult:
     def located(self) -> np.ndarray:
         """At which scans ``(K,)`` the pose counts as found: enough of the weight lies near the estimate."""
         return np.array([info.share >= self.config.found for info in self.infos])
+
+    @property
+    def explained(self) -> float:
+        """The share of the beams that the map explained in the last seconds: how well the place fits in the end."""
+        used = [info for info in self.infos if info.used]
+        return float(np.mean([info.explained for info in used if info.t >= used[-1].t - LAST_SECONDS] or 0.0))
+
+    @property
+    def found(self) -> bool:
+        """Whether the cloud agrees on one place in the end, and the map explains nearly all that is seen from there."""
+        return bool(self.located[-1] and self.explained >= EXPLAINED_SHARE)
 
     @property
     def found_at(self) -> float | None:

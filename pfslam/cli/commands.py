@@ -23,10 +23,10 @@ from pfslam.cli import words
 from pfslam.cli.figures import picture_of_search, report_figures
 from pfslam.cli.lab import lab_command as lab_command
 from pfslam.cli.page import Clouds, Ran, write_pictures
-from pfslam.cli.parser import HAZARDS, TOPICS
+from pfslam.cli.parser import DOUBTED, FAULT, HAZARDS, SPOILED, TOPICS
 from pfslam.cli.wishes import wishes
 from pfslam.errors import DataError, need
-from pfslam.evaluation.checkup import check_up
+from pfslam.evaluation.checkup import Finding, check_up
 from pfslam.io.bags import BagOptions, choose_topics, is_bag
 from pfslam.io.course import save_course
 from pfslam.io.datasets import dataset_name, load
@@ -39,12 +39,16 @@ from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.refined.floor import map_texture
+from pfslam.refined.health import in_doubt
 from pfslam.run import run_slam
 from pfslam.settings import changed, plain
 from pfslam.simulator import Hazards, simulate
 from pfslam.simulator.cache import cached_simulation
 from pfslam.study import read_study, run_study
 from pfslam.study.table import read_table
+
+MOSTLY = 0.5
+"""Share of a drive in doubt from which its result is not to be trusted as a whole."""
 
 
 def progress_bar(what: str, quiet: bool = False) -> Callable:
@@ -106,8 +110,8 @@ def simulate_command(arguments: Namespace) -> None:
     print(f"set {number} ({arguments.name}) is in {arguments.out}")
 
 
-def run_command(arguments: Namespace) -> None:
-    """Run dead reckoning, the filter and the texture of one data set; all results go to one folder."""
+def run_command(arguments: Namespace) -> int:
+    """Run dead reckoning, the filter and the texture of a data set, unless its check-up finds what would spoil them."""
     method, seed, config = wishes(arguments)
     arguments.quiet |= arguments.json
     out, seconds = out_folder(arguments), dict[str, float]()
@@ -116,6 +120,9 @@ def run_command(arguments: Namespace) -> None:
     wants_texture = has_images(recording) if arguments.texture is None else arguments.texture
     check_wishes(recording, wants_texture, arguments.loops)
     check_writable(out)
+    findings = check_up(recording)
+    if words.remedies(findings) and not arguments.anyway:
+        return stopped(findings)
     with timed(seconds, "dead_reckoning"):
         odometry = dead_reckoning(recording)
     result, texture, revision = None, None, None
@@ -134,18 +141,31 @@ def run_command(arguments: Namespace) -> None:
                 texture = map_texture(recording, result.trajectory, result.grid, progress=bar)
         # At the stamps of the estimate, so that the two files compare line by line.
         odometry = Trajectory(result.trajectory.t, odometry.at(result.trajectory.t))
-    ran = Ran(recording, odometry, result, texture, revision)
-    summary = words.summarise(*ran)
     kept = config if result is None else result.config
     about = {"command": arguments.line, "dataset": recording.name, "method": method, "seed": seed}
     about |= {"config": replace(kept, every=kept.every or recording.default_every).as_dict()}
+    ran = Ran(recording, odometry, result, texture, revision)
+    return finished(arguments, out, about, seconds, ran, findings, clouds)
+
+
+def finished(arguments: Namespace, out: Path, about: dict, seconds: dict, ran: Ran, findings, clouds) -> int:
+    """Write and tell what came out of a run, and return the exit code."""
+    summary = words.summarise(*ran, findings)
     with timed(seconds, "write"):
         files = write_results(out, *ran[1:]) + write_pictures(out, about | summary, ran, clouds)
     text = write_summary(out, about | {"seconds": seconds, "files": [*files, "summary.json"]} | summary)
     if arguments.json:
         print(text, end="")
     elif not arguments.quiet:
-        print(words.closing_words(recording, summary, out), words.to_look_at(files, out), sep="\n")
+        print(words.closing_words(ran.recording, summary, out), words.to_look_at(files, out), sep="\n")
+    return DOUBTED if in_doubt(summary["distrust"], ran.odometry.t).mean() > MOSTLY else 0
+
+
+def stopped(findings: list[Finding]) -> int:
+    """Say what would spoil a run, and return the exit code of a run that is not begun."""
+    lines = [*words.remedies(findings), "nothing was run; --anyway goes on"]
+    print(*(f"pfslam: {line}" for line in lines), sep="\n", file=sys.stderr)
+    return SPOILED
 
 
 def has_images(recording: Recording) -> bool:
@@ -180,8 +200,11 @@ def write_results(out: Path, odometry: Trajectory, result, texture, revision) ->
     return files
 
 
-def locate_command(arguments: Namespace) -> None:
-    """Find the robot of a data set in a known map; trajectory, summary and a picture go to one folder."""
+def locate_command(arguments: Namespace) -> int:
+    """Find the robot of a data set in a known map; trajectory, summary and a picture go to one folder.
+
+    The exit code is 1 if it was not found.
+    """
     config = LocalizationConfig()
     if (most := arguments.particles) is not None:
         config = changed(replace(config, least=1), {"particles": most}, "locate", "--")
@@ -201,6 +224,7 @@ def locate_command(arguments: Namespace) -> None:
     about |= {"seconds": seconds, "files": ["trajectory.tum", "located.png", "summary.json"]}
     write_summary(out, about | words.summarise_search(recording, result))
     print(words.closing_words_of_search(recording, result, out))
+    return 0 if result.found else FAULT
 
 
 def info_command(arguments: Namespace) -> None:
@@ -221,7 +245,8 @@ def check_command(arguments: Namespace) -> int:
     recording = load_dataset(arguments)
     findings = check_up(recording)
     failed = sum(finding.ok is False for finding in findings)
-    print(words.check_table(findings), *words.said_by_the_loader(recording), sep="\n")
+    said = [*words.remedies(findings), *words.said_by_the_loader(recording)]
+    print(words.check_table(findings), *said, sep="\n")
     print(f"{failed} of {len(findings)} checks failed" if failed else "no check failed")
     return 1 if failed else 0
 
@@ -243,10 +268,11 @@ def report_command(arguments: Namespace) -> None:
         with atomic_write(out / f"{name}.png") as file:
             figure.savefig(file, format="png", dpi=150)
         count += 1
+    print("they show the report's filter, not the refined one: `pfslam run` makes the map to hand on")
     print(f"{count} figures are in {out}")
 
 
-def study_command(arguments: Namespace) -> None:
+def study_command(arguments: Namespace) -> int:
     """Make the runs of a study that are missing, and its table."""
     study = read_study(arguments.file)
     out = arguments.out or Path("out") / study.name
@@ -255,3 +281,4 @@ def study_command(arguments: Namespace) -> None:
     failed = int(np.count_nonzero(errors != ""))
     complaint = f"{failed} of {len(errors)} runs failed, see the column error; " if failed else ""
     print(f"{complaint}{len(errors)} runs are in {path}")
+    return FAULT if failed == len(errors) else 0

@@ -59,7 +59,7 @@ def report_figures(
     yield "dead_reckoning_map", map_figure("Map from dead reckoning", map_along(recording, odometry))
     config = SlamConfig.report(noise.sigma_v, noise.sigma_omega)
     result = run_slam(recording, config, rng=np.random.default_rng(seed), progress=progress)
-    title = f"Particle-filter SLAM, {config.particles} particles"
+    title = f"The report's filter, {config.particles} particles (not the refined one)"
     yield "slam_map", map_figure(title, result.grid)
     yield "slam_trajectory", path_figure(title, *truth, (result.trajectory.poses, ESTIMATE))
     if recording.camera is not None and len(recording.camera.rgb_index):

@@ -16,8 +16,12 @@ from pathlib import Path
 from pfslam import __version__
 from pfslam.errors import DataError
 
-BAD_INPUT, INTERRUPTED, FAULT = 2, 130, 1
-CODES = "Exit codes: 0 all is well, 1 a check failed (or a fault of pfslam), 2 bad input, 130 interrupted."
+BAD_INPUT, INTERRUPTED, FAULT, SPOILED, DOUBTED = 2, 130, 1, 3, 4
+CODES = (
+    "Exit codes: 0 all is well, 1 a check, a search or every run of a study failed (or a fault of pfslam), "
+    "2 bad input, 3 the data would spoil the run (--anyway goes on), 4 most of the result is not to be trusted, "
+    "130 interrupted."
+)
 CHECK_CODES = "Exit codes: 0 no check failed, 1 at least one did, 2 the data set cannot be read."
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """What users set who want linear algebra in several threads: on matrices as small as ours they only wait."""
@@ -87,7 +91,7 @@ def build_parser() -> Parser:
 
     _add_simulate(command("simulate", "write a simulated data set in the course format, with its truth"))
     command("info", "what a data set holds, and what a run would use", dataset)
-    command("check", "nine questions to ask of a data set before a run", dataset, epilog=CHECK_CODES)
+    command("check", "eleven questions to ask of a data set before a run", dataset, epilog=CHECK_CODES)
     _add_run(command("run", "trajectory, map and floor texture of a data set", dataset, out))
     known, what = Parser(add_help=False), "a ROS map: the .yaml file beside its image"
     known.add_argument("map", type=Path, metavar="MAP.yaml", help=what)
@@ -143,6 +147,8 @@ def _add_run(add) -> None:
     add("--config", type=Path, metavar="FILE", help=config)
     one = "one setting, such as search.sharpness=30 or lines=false; may be given several times"
     add("--set", action="append", default=[], metavar="NAME=VALUE", help=one)
+    anyway = "run even where the check-up finds what spoils a run, and say so in distrust"
+    add("--anyway", action="store_true", help=anyway)
     add("--quiet", action="store_true", help="no progress and no closing words")
     add("--json", action="store_true", help="print summary.json, and nothing else")
     loops = "revise the path where places are seen again; writes trajectory_revised.tum, map_revised.yaml"

@@ -11,7 +11,7 @@ import numpy as np
 
 from pfslam.beyond.localization import LocalizationResult
 from pfslam.evaluation.calibration import calibrate
-from pfslam.evaluation.checkup import Finding, check_up
+from pfslam.evaluation.checkup import Finding
 from pfslam.evaluation.cloud import covariance_consistency
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.io.topics import TF, Topic
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pfslam.beyond.loops.closing import Revision
 
 VERDICTS = {True: "ok", False: "FAILED", None: "-"}
+INFINITE = "that are infinite"
 RATES = ("seconds", "per second", "longest gap")
 
 # Tables: what a data set holds, and whether its instruments agree
@@ -42,6 +43,11 @@ def check_table(findings: Iterable[Finding]) -> str:
     """Set the answers of a check-up as a table."""
     rows = ((VERDICTS[f.ok], f.question, f.found, f.expected) for f in findings)
     return text_table(("verdict", "question", "found", "expected"), rows)
+
+
+def remedies(findings: Iterable[Finding]) -> list[str]:
+    """List the answers that spoil a run, each in one line with what to do."""
+    return [f"{f.question} found {f.found}, expected {f.expected}: {f.remedy}" for f in findings if f.remedy]
 
 
 def topic_table(topics: Mapping[str, Topic], chosen: Iterable[str]) -> str:
@@ -103,9 +109,11 @@ def summarise(
     result: SlamResult | None,
     texture: FloorTexture | None,
     revision: Revision | None = None,
+    findings: Sequence[Finding] = (),
 ) -> dict[str, Any]:
     """Collect the figures of a run: counts, what was dropped and why, and the errors where the truth is known."""
     dropped = recording.dropped | (result.dropped if result else {}) | (texture.dropped if texture else {})
+    doubts = [{"from": float(odometry.t[0]), "to": None, "reason": reason} for reason in remedies(findings)]
     summary: dict[str, Any] = {
         "scans_recorded": 0 if recording.lidar is None else len(recording.lidar.t),
         "scans": len(result.trajectory) if result else 0,
@@ -113,11 +121,11 @@ def summarise(
         "resamplings": result.resamplings if result else 0,
         "lost": len(alarms(result.infos)) if result else 0,
         "second_look": bool(result and result.config.outliers),
-        "distrust": result.distrust if result else [],
+        "distrust": [*doubts, *(result.distrust if result else ())],
         "covariance": _covariance(result, recording.truth) if result else None,
         "dropped": dropped,
         "notes": list(recording.notes),
-        "checks_failed": [asdict(finding) for finding in check_up(recording) if finding.ok is False],
+        "checks_failed": [asdict(finding) for finding in findings if finding.ok is False],
     }
     if recording.encoders is not None and recording.imu is not None:
         summary["calibration"] = {"applied": False} | asdict(calibrate(recording, result))
@@ -170,6 +178,8 @@ def summarise_search(recording: Recording, result: LocalizationResult) -> dict[s
         "seconds_to_find": None if found is None else found - float(result.trajectory.t[0]),
         "located_share": float(result.located.mean()),
         "located_at_end": bool(result.located[-1]),
+        "explained": result.explained,
+        "found": result.found,
         "particles": {"most": max(numbers), "fewest": min(numbers), "mean": float(np.mean(numbers))},
         "dropped": recording.dropped | result.dropped,
         "notes": list(recording.notes),
@@ -180,9 +190,10 @@ def summarise_search(recording: Recording, result: LocalizationResult) -> dict[s
 
 
 def said_by_the_loader(recording: Recording) -> list[str]:
-    """List what the loader of a recording decided, and what it left out."""
+    """List what the loader of a recording decided, and what it left out, but for infinite ranges: no return."""
     lines = [f"note: {note}" for note in recording.notes]
-    return lines + [f"left out: {count} {reason}" for reason, count in recording.dropped.items()]
+    left_out = {reason: count for reason, count in recording.dropped.items() if not reason.endswith(INFINITE)}
+    return lines + [f"left out: {count} {reason}" for reason, count in left_out.items()]
 
 
 def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> str:
@@ -195,7 +206,8 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
     for check in summary.get("checks_failed", ()):
         lines.append(f"check failed: {check['question']} {check['found']}, expected {check['expected']}")
     if stretches := summary["distrust"]:
-        lines.append(_warning(stretches, recording.scans().t[0]))
+        begin = stretches[0]["from"] if recording.lidar is None else recording.lidar.t[0]
+        lines.append(_warning(stretches, begin))
     estimates = [name for name in ("odometry", "slam", "revised") if name in summary]
     errors = ", ".join(f"{name} {summary[name]['ate_rmse_m']:.3f} m" for name in estimates)
     found = f" ({errors} from the truth, root mean square)" if errors else ""
@@ -229,8 +241,11 @@ def closing_words_of_search(recording: Recording, result: LocalizationResult, ou
         seconds = result.found_at - result.trajectory.t[0]
         x, y, theta = result.trajectory.poses[-1]
         place = f"({x:.2f} m, {y:.2f} m, {np.degrees(theta):.0f} deg)"
-        if result.located[-1]:
-            lines.append(f"found after {seconds:.1f} s; now at {place}")
+        fit = f"the map explains {100 * result.explained:.0f} % of the last beams"
+        if result.found:
+            lines.append(f"found after {seconds:.1f} s; now at {place}; {fit}")
+        elif result.located[-1]:
+            lines.append(f"not found: {fit}, too few at {place}; is it the map of this building?")
         else:
             lines.append(f"not sure at the end: seemed found after {seconds:.1f} s; last guess {place}")
             lines.append("is it the map of this building?")

@@ -1,20 +1,24 @@
 """Questions to ask of a recording before a filter runs: each takes a second, and each finds a fault that costs days.
 
 A check compares two instruments that must agree, or one with what is possible. It proves nothing, but it shows where to
-look.
+look. An answer that spoils a run comes with a remedy, and the command ``run`` stops at it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
+import cv2
 import numpy as np
 
 from pfslam.evaluation.calibration import gyro_bias
 from pfslam.io.headings import LEAST_SECONDS, compare_turns
-from pfslam.motion import Controls, controls
+from pfslam.motion import Controls, controls, dead_reckoning
+from pfslam.poses import between, transform_points
 from pfslam.recording import LidarScans, Recording, image_pairs
+from pfslam.sensors import scan_points
 
 FASTEST = 10.0
 """Speed (m/s) that no wheel of a robot indoors reaches, not even over one reading."""
@@ -24,6 +28,10 @@ SAME_TURN = 1e-3
 """Two instruments never agree to this (rad) in every second: one of them was taken for the other."""
 LONGEST_GAP = 0.5
 """Seconds without a reading that a filter should not have to bridge."""
+LONGEST_PAUSE = 3600.0
+"""Seconds without a reading after which a clock was set, or the robot was switched off and moved."""
+OFTEN = 0.01
+"""Share of impossible speeds from which they are no single reading that went wrong."""
 SCAN_STEP = 0.1
 """Time (s) between the scans that are compared with one another."""
 WIDEST_TURN = 0.35
@@ -34,6 +42,18 @@ LATEST = 0.3
 """Largest offset (s) between two clocks that is looked for."""
 EVEN = 0.005
 """Where the correlation of turns varies by no more than this from offset to offset, it says nothing about a clock."""
+STRIDE = 0.4
+"""Way (m) between two scans whose scenes are compared; the more, the less of one is seen in the other."""
+NEARLY_STRAIGHT = 0.2
+"""Turn (rad) on that way up to which the direction of driving is one direction."""
+LEAST_STRIDES, MOST_STRIDES = 20, 40
+"""Pairs of scans that say something, and those that are compared."""
+SEEN, SCENE_CELL, APART = 10.0, 0.05, 0.3
+"""Of a scene: how far (m) it is drawn, in what cells (m), and from what distance (m) on points are strangers."""
+TELLING = 0.1
+"""Share of the range of distances by which one answer must be better than what is stated, to be believed."""
+WIDEST_YAW = 10.0
+"""Degrees: so far a direction may seem off, where wheels slide sideways, without anything being mounted otherwise."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +64,8 @@ class Finding:
     ok: bool | None
     found: str
     expected: str
+    remedy: str = ""
+    """What to do about an answer that spoils a run; empty where a run can do with it."""
 
 
 def check_up(recording: Recording) -> list[Finding]:
@@ -54,8 +76,10 @@ def check_up(recording: Recording) -> list[Finding]:
         check_speed(recording),
         check_rest(recording),
         check_track(recording),
+        check_kept(recording),
         check_beams(recording),
         *check_scans(recording),
+        check_scene(recording),
         check_images(recording),
     ]
 
@@ -76,18 +100,28 @@ def check_gaps(recording: Recording) -> Finding:
         (float(gaps.max(initial=0.0)), name) for name, gaps in stamps.items() if name != "camera"
     )
     found = f"{longest:.2f} s ({name})"
-    return Finding("How long is the longest gap?", longest <= limit, found, f"below {limit:.1f} s")
+    remedy = (
+        "did the clock jump? run the parts before and after it one by one" if longest > LONGEST_PAUSE else ""
+    )
+    return Finding("How long is the longest gap?", longest <= limit, found, f"below {limit:.1f} s", remedy)
 
 
 def check_speed(recording: Recording) -> Finding:
     """Check the largest count of any wheel as a speed: running totals and counters that wrap give impossible ones."""
     if recording.encoders is None:
-        fastest = float(np.abs(controls(recording).v).max(initial=0.0))
+        speed = np.abs(controls(recording).v)
     else:
-        way = np.abs(recording.encoders.counts).max() * recording.robot.encoders.metres_per_count
-        fastest = float(way / np.median(np.diff(recording.encoders.t)))
-    found = f"{fastest:.1f} m/s"
-    return Finding("How fast was a wheel at most?", fastest <= FASTEST, found, f"below {FASTEST:.0f} m/s")
+        way = np.abs(recording.encoders.counts).max(axis=1) * recording.robot.encoders.metres_per_count
+        speed = way / np.median(np.diff(recording.encoders.t))
+    fastest, often = float(speed.max(initial=0.0)), (speed > FASTEST).sum() > OFTEN * len(speed)
+    found, remedy = (
+        f"{fastest:.1f} m/s",
+        "is the odometry in m, each reading of its own, and its clock never set back?",
+    )
+    expected = f"below {FASTEST:.0f} m/s"
+    return Finding(
+        "How fast was a wheel at most?", fastest <= FASTEST, found, expected, remedy if often else ""
+    )
 
 
 def check_rest(recording: Recording) -> Finding:
@@ -156,6 +190,35 @@ def check_scans(recording: Recording) -> list[Finding]:
         Finding(f"Do scans turn as the {other} does?", turn, found[0], "a factor of 0.8 to 1.2"),
         Finding(f"Do scans and {other} share a clock?", clock, found[1], "within 0.03 s"),
     ]
+
+
+def check_kept(recording: Recording) -> Finding:
+    """Check that most scans could be kept, and that a bag without any holds no other kind of them."""
+    answer = partial(Finding, "Are the scans all there?")
+    said = (f"{count} {reason}" for reason, count in recording.dropped.items())
+    others = [line for line in said if "PointCloud2" in line or "MultiEcho" in line]
+    if recording.lidar is None:
+        remedy = (
+            "make LaserScan messages of them, as pointcloud_to_laserscan and laser_proc do" if others else ""
+        )
+        return answer(
+            False if others else None, "; ".join(others) or "no LiDAR", "LaserScan messages", remedy
+        )
+    kept, lost = len(recording.lidar.t), recording.dropped.get("scans with the stamp of another", 0)
+    remedy = "record again with stamps that tell one message from the next" if lost > 2 * kept else ""
+    return answer(not remedy, f"{kept} kept, {lost} doubles", "most kept", remedy)
+
+
+def check_scene(recording: Recording) -> Finding:
+    """Check that the scene moves as the odometry says: as far, and in the direction of the LiDAR's mounting."""
+    answer = partial(Finding, "Does the scene move as odometry says?")
+    expected = f"a factor of 0.7 to 1.4, within {WIDEST_YAW:.0f} deg"
+    if (fit := scene_fit(recording)) is None:
+        return answer(None, "too little way", expected)
+    factor, yaw = fit
+    found, ok = f"factor {factor:.1f}, turned by {yaw:+.0f} deg", abs(yaw) <= WIDEST_YAW
+    remedy = f"the LiDAR seems mounted {yaw:+.0f} deg from what is stated: correct its yaw"
+    return answer(ok and 0.7 <= factor <= 1.4, found, expected, "" if ok else remedy)
 
 
 def check_images(recording: Recording) -> Finding:
@@ -256,6 +319,66 @@ def _scan_pairs(inputs: Controls, scans: LidarScans) -> tuple[np.ndarray, np.nda
     small = np.flatnonzero(turn < 0.8 * WIDEST_TURN)
     strongest = np.sort(small[np.argsort(-turn[small], kind="stable")[:MOST_PAIRS]])
     return first[strongest], second[strongest]
+
+
+def scene_fit(recording: Recording) -> tuple[float, float] | None:
+    """Fit how far the scene moved on straight ways, by the odometry's measure, and by how much (deg) the LiDAR is off.
+
+    The points of each scan are moved onto those of another, by the odometry's motion in every direction and then at
+    every scale; what puts most of them onto the scene counts. (1, 0) unless another answer is clearly better; None if
+    there is too little to compare.
+    """
+    pairs = [] if recording.lidar is None else [*_scenes(recording)]
+    if len(pairs) < LEAST_STRIDES:
+        return None
+    degrees, factors = np.arange(-175.0, 181.0, 5.0), np.arange(0.0, 2.05, 0.1)
+    apart = np.sum([_apart(*pair, np.exp(-1j * np.deg2rad(degrees))) for pair in pairs], axis=0)
+    yaw = degrees[np.argmin(apart)] if _tells(apart, apart[degrees == 0]) else 0.0
+    apart = np.sum([_apart(*pair, factors * np.exp(-1j * np.deg2rad(yaw))) for pair in pairs], axis=0)
+    factor = factors[np.argmin(apart)] if _tells(apart, apart[10]) else 1.0
+    return float(factor), float(yaw)
+
+
+def _tells(apart: np.ndarray, stated) -> bool:
+    return bool(stated - apart.min() > TELLING * (apart.max() - apart.min()))
+
+
+def _scenes(recording: Recording) -> Iterator[tuple[np.ndarray, np.ndarray, complex]]:
+    """Yield, for pairs of scans a stride apart: the points of both, turned alike, and the LiDAR's way between them."""
+    lidar, scans, odometry = recording.robot.lidar, recording.scans(), dead_reckoning(recording)
+    covered = np.flatnonzero(odometry.covers(scans.t))
+    poses = odometry.at(scans.t[covered])
+    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T)))
+    second = np.searchsorted(way, way + STRIDE)
+    first = np.flatnonzero(second < len(way))
+    motion = between(poses[first], poses[second := second[first]])
+    metres = np.hypot(*motion[:, :2].T)
+    good = np.flatnonzero(
+        (metres > 0.5 * STRIDE) & (metres < 2.0 * STRIDE) & (np.abs(motion[:, 2]) < NEARLY_STRAIGHT)
+    )
+    place = np.array(lidar.position_b[:2])
+    for k in good[np.unique(np.linspace(0, len(good) - 1, MOST_STRIDES).astype(int))] if len(good) else ():
+        before, after = (scan_points(scans.ranges[covered[i]], lidar) - place for i in (first[k], second[k]))
+        if min(len(before), len(after)) > 0:
+            x, y = (transform_points(motion[k], place[None]) - place)[0]
+            yield before, transform_points([0.0, 0.0, motion[k, 2]], after), x + 1j * y
+
+
+def _apart(before: np.ndarray, after: np.ndarray, way: complex, turns: np.ndarray) -> np.ndarray:
+    """Measure how far apart (m) two scenes ``(M, 2)`` are for each of the ways ``way * turns``, complex ``(K,)``."""
+    size = int(2 * SEEN / SCENE_CELL)
+
+    def cells(points):
+        return np.clip(((points + SEEN) / SCENE_CELL).astype(int), 0, size - 1)
+
+    scene = np.ones((size, size), dtype=np.uint8)
+    ix, iy = cells(before[np.abs(before).max(axis=1) < SEEN]).T
+    scene[iy, ix] = 0
+    away = cv2.distanceTransform(scene, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    shifts = way * turns
+    points = after[:: len(after) // 180 + 1] + np.column_stack([shifts.real, shifts.imag])[:, None]
+    ix, iy = np.moveaxis(cells(points), -1, 0)
+    return np.minimum(SCENE_CELL * away[iy, ix], APART).mean(axis=1)
 
 
 def _stamps(recording: Recording) -> dict[str, np.ndarray]:

@@ -219,12 +219,16 @@ def _place_of_lidar(log: Log, topic: Topic, frames: Frames, base: str, options: 
     """Find the transform ``(4, 4)`` of the LiDAR in the body frame."""
     if options.lidar_at is not None:
         x, y, yaw = options.lidar_at
+        if abs(yaw) > 2.0 * np.pi:
+            expected = f"radians, at most one turn ({yaw:g} degrees are {np.radians(yaw):.4f})"
+            raise DataError(log.path, "--lidar-at, YAW", f"{yaw:g}", expected)
         log.notes.append(f"the LiDAR is taken to be at x {x:g} m, y {y:g} m, yaw {yaw:g} rad, as asked for")
         return transform(rotation_matrix(yaw=yaw), (x, y, LidarModel().position_b[2]))
     frame = frame_of(topic.contents[0])
     T = _find_place(frames, base, frame)
     if T is None:
-        found = f"no fixed chain of frames from {base} to {frame or 'a frame without a name'}"
+        there = ", ".join(f"{parent} -> {child}" for parent, child in sorted(frames)) or "no frames at all"
+        found = f"no fixed chain of frames from {base} to {frame or 'a frame without a name'}, only {there}"
         expected = "one on /tf_static, or --lidar-at X Y YAW"
         raise DataError(log.path, f"{topic.name}, place of the LiDAR", found, expected)
     return T
