@@ -134,6 +134,24 @@ def test_a_pull_or_strange_beams_alone_are_trusted(changes):
     assert distrust(steady(**changes)) == []
 
 
+def test_an_odometry_of_another_scale_is_no_drag_and_people_still_are():
+    """A fifth too long: of every step of 0.1 m, 0.02 m are taken back. People drag the estimate besides, for 2 s."""
+    scale, people = np.zeros((400, 2)), np.zeros((400, 2))
+    scale[:, 0] = -0.02
+    people[200:216, 1] = 0.03
+    share = np.full(400, 0.1)
+    assert distrust(steady(departure=scale, unexplained=share)) == []
+    (found,) = distrust(steady(departure=scale + people, unexplained=share))
+    assert found["from"] == 206 / 8
+
+
+def test_an_odometry_that_stands_still_is_named():
+    """All of the 0.1 m between two scans comes from the scans: after the tenth it is a metre, and a little."""
+    (found,) = distrust(steady(departure=np.tile([0.1, 0.0], (400, 1))))
+    assert (found["to"], found["reason"]) == (None, "the odometry stands still while scans move")
+    assert found["from"] <= 11 / 8
+
+
 def test_scans_far_apart_are_not_judged_by_what_odometry_says_between_them():
     """A log with a scan every three seconds: its odometry may drift 0.3 m between two."""
     sparse = [replace(info, t=3.0 * info.t * 8) for info in steady(**pulled(0.3, 0.1))]
@@ -156,6 +174,21 @@ def test_a_blind_stretch_lasts_from_the_last_scan_to_the_next(blind, stretches, 
     found = distrust(steady(matched=seen, drawn=seen, rejected=~seen & rejected))
     assert [(d["from"], d["to"]) for d in found] == stretches
     assert all(("could be believed" in d["reason"]) == rejected for d in found)
+
+
+@pytest.mark.parametrize(("fallen", "ends"), [(0, [270 / 8]), (3, [270 / 8]), (5, [270 / 8, None])])
+def test_after_a_silence_the_first_scans_may_fit_badly_and_take_back_what_odometry_drifted(fallen, ends):
+    """Ten seconds without scans: three that fit badly are no sign, five tell of a robot that was carried off."""
+    scores, changes = ordinary(400), pulled(0.0, 0.0)
+    scores[190 : 190 + fallen] = 0.3
+    changes["departure"][190], changes["unexplained"][190:192] = 0.5, 0.3
+    steps = [
+        replace(step, t=step.t + 10.0 * (k >= 190)) for k, step in enumerate(steady(score=scores, **changes))
+    ]
+    found = distrust(steps)
+    assert [d["to"] for d in found] == ends
+    assert found[0]["from"] == 189 / 8
+    assert "odometry alone" in found[0]["reason"]
 
 
 def test_ten_metres_of_bare_corridor_are_in_doubt_and_nine_are_not():

@@ -33,6 +33,10 @@ Ordinary runs were measured down to -6.3, people and moving doors included; 46 k
 down. Where ordinary scores vary widely, as in a log of 180 beams and a scan every few metres, a kidnap may stay within
 them: two of three did, without an alarm.
 """
+BLIND_SECONDS = 2.0
+"""For so long odometry alone is good to some centimetres."""
+SETTLING = 3
+"""After a silence the first scans take back what odometry has drifted; carried off, a robot fits badly for longer."""
 ONE_ALARM = 5.0
 """Falls less than so many seconds apart belong to one alarm."""
 LEAST_SPREAD = 0.005
@@ -69,7 +73,20 @@ def score_deviation(infos: Sequence[Step]) -> np.ndarray:
 
 def lost(infos: Sequence[Step]) -> np.ndarray:
     """Which scans ``(K,)`` bool fit the map so badly that the robot cannot be where the filter puts it."""
-    return score_deviation(infos) < LOST_BELOW
+    return (score_deviation(infos) < LOST_BELOW) & ~_settling(infos)
+
+
+def _silence(infos: Sequence[Step]) -> float:
+    """Return from how many seconds on a time without scans is one that this recording is not used to."""
+    usual = float(np.median(np.diff([info.t for info in infos]))) if len(infos) > 1 else 0.0
+    return max(BLIND_SECONDS, 5.0 * usual)
+
+
+def _settling(infos: Sequence[Step]) -> np.ndarray:
+    """Which scans ``(K,)`` bool are the first after a silence."""
+    t = np.array([info.t for info in infos])
+    first = np.flatnonzero(np.diff(t, prepend=t[:1]) > _silence(infos))
+    return np.isin(np.arange(len(t)), first[:, None] + np.arange(SETTLING))
 
 
 def alarms(infos: Sequence[Step]) -> np.ndarray:
@@ -98,8 +115,10 @@ SUSPECT_METRES = 0.15
 """A second look costs only time, so it is taken at less than ``DRAGGED_METRES``."""
 SUSPECT_UNEXPLAINED = 0.01
 """The same for ``DRAGGED_UNEXPLAINED``: glass leaves fewer beams unexplained than people do."""
-BLIND_SECONDS = 2.0
-"""For so long odometry alone is good to some centimetres."""
+SCALE_OFF = 0.05
+"""An odometry whose scale is off by more is a matter of its own: such departures say nothing about the scans."""
+STILL_SHARE, STILL_METRES = 0.1, 1.0
+"""An odometry that moves the estimate by less than this share of what scans do, over so many metres, stands still."""
 ALONG_METRES = 10.0
 """So far along a corridor whose walls do not show the way, an error of the wheels of 2 % has grown to 0.2 m."""
 ALONG_WITHIN = 20.0
@@ -112,7 +131,8 @@ def distrust(infos: Sequence[Step]) -> list[Distrust]:
     An error that is drawn into the map stays there, so only blindness ends: when the scans fit again, the estimate is
     back where it was in the map.
     """
-    return sorted([*_lost(infos), *_dragged(infos), *_blind(infos), *_along(infos)], key=lambda d: d["from"])
+    signs = _still(infos), _lost(infos), _dragged(infos), _blind(infos), _along(infos)
+    return sorted((stretch for sign in signs for stretch in sign), key=lambda d: d["from"])
 
 
 def in_doubt(stretches: Sequence[Distrust], t: np.ndarray) -> np.ndarray:
@@ -133,6 +153,21 @@ def was_dragged(infos: Sequence[Step]) -> bool:
     return any(True for _ in _dragged(before, SUSPECT_METRES, SUSPECT_UNEXPLAINED))
 
 
+def _steps(infos: Sequence[Step]) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far the estimate came up to each scan, and what part of that was the scan's doing, both ``(K, 2)``."""
+    poses = np.array([info.estimate[:2] for info in infos]).reshape(-1, 2)
+    return np.diff(poses, axis=0, prepend=poses[:1]), np.array([i.departure for i in infos]).reshape(-1, 2)
+
+
+def _still(infos: Sequence[Step]) -> Iterator[Distrust]:
+    """Find the time at which scans have moved the estimate a metre, and the odometry hardly anything."""
+    step, departure = _steps(infos)
+    by_odometry, by_scans = (np.cumsum(np.hypot(*part.T)) for part in (step - departure, departure))
+    found = by_scans > STILL_METRES
+    if found.any() and by_odometry[k := int(np.argmax(found))] < STILL_SHARE * by_scans[k]:
+        yield {"from": float(infos[k].t), "to": None, "reason": "the odometry stands still while scans move"}
+
+
 def _lost(infos: Sequence[Step]) -> Iterator[Distrust]:
     if len(when := alarms(infos)):
         reason = "scans fit the map far worse than before: the robot is lost, or was moved by hand"
@@ -145,8 +180,17 @@ def _dragged(
     """Find the first time at which scans drag the estimate from its odometry while no wall explains part of them."""
     matched = [info for info in infos if info.matched]
     t = np.array([info.t for info in matched])
+    step, departure = _steps(matched)
+    far = np.hypot(*step.T) > 0.02
+    scale = (
+        np.median((departure * step)[far].sum(axis=1) / np.square(step[far]).sum(axis=1))
+        if far.any()
+        else 0.0
+    )
+    departure = departure - scale * step if abs(scale) > SCALE_OFF else departure
+    departure = np.where(_settling(matched)[:, None], 0.0, departure)
     sums = np.zeros((len(t) + 1, 3))
-    np.cumsum([(*info.departure, info.unexplained) for info in matched] or np.zeros((0, 3)), 0, out=sums[1:])
+    np.cumsum(np.column_stack([departure, [info.unexplained for info in matched]]), axis=0, out=sums[1:])
     since = np.searchsorted(t, t - DRAGGED_WITHIN)
     scans = np.arange(len(t)) + 1 - since
     total = sums[1:] - sums[since]
@@ -168,7 +212,7 @@ def _blind(infos: Sequence[Step]) -> Iterator[Distrust]:
         if not (info.matched or info.drawn):
             blind, rejected = True, rejected or info.rejected
             continue
-        if blind and info.t - since > BLIND_SECONDS:
+        if info.t - since > (BLIND_SECONDS if blind else _silence(infos)):
             yield _blindness(since, info.t, float(info.t), rejected)
         since, blind, rejected = info.t, False, False
     if blind and infos[-1].t - since > BLIND_SECONDS:
