@@ -183,12 +183,20 @@ def test_the_clock_offset_comes_out_in_milliseconds(drive):
         assert scan_turn_fit(shifted)[1] == pytest.approx(scan_turn_fit(drive)[1] + late, abs=0.011)
 
 
+@pytest.mark.parametrize("every", [4, 20])
+def test_sparse_scans_say_nothing_about_the_clock(drive, every):
+    """Ten scans a second tell, two do not."""
+    thin = replace(drive, lidar=LidarScans(drive.lidar.t[::every], drive.lidar.ranges[::every]))
+    clock = {f.question: f for f in check_up(thin)}["Do scans and gyro share a clock?"]
+    assert (clock.ok, "sparse" in clock.found) == ((True, False) if every == 4 else (None, True))
+
+
 def test_a_drive_in_a_circle_says_nothing_about_the_clock():
     """It looks the same a moment later, so no shift of the scans fits better than another."""
     findings = {f.question: f for f in check_up(box_recording(images=0))}
     assert findings["Do scans turn as the gyro does?"].ok
     clock = findings["Do scans and gyro share a clock?"]
-    assert (clock.ok, clock.found) == (None, "turns too even to tell")
+    assert (clock.ok, clock.found) == (None, "too even or too sparse to tell")
 
 
 @pytest.mark.parametrize("poses", [1, 2, 3])

@@ -44,7 +44,7 @@ NEAR_METRES, NEAR_RADIANS = 1.0, 0.5
 EXPLAINED_METRES, EXPLAINED_SHARE, LAST_SECONDS = 0.1, 0.9, 10.0
 """A beam is explained if a wall is so near its end (m). In the right building nearly all are, over the last seconds.
 
-In 45 wrong buildings the cloud often agreed on one place, too, where by chance up to 88 % were.
+In wrong buildings the cloud often agrees on one place, too, where by chance up to 88 % of them were.
 """
 AT_ONCE = 10_000
 """Particles that are scored together; more would only take memory."""

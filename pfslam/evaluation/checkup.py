@@ -40,6 +40,8 @@ MOST_PAIRS = 300
 """Pairs of scans that are compared: those in the strongest turns."""
 LATEST = 0.3
 """Largest offset (s) between two clocks that is looked for."""
+SPARSE = 0.3
+"""Seconds between readings from which turns in between are not known well enough to set a clock by."""
 EVEN = 0.005
 """Where the correlation of turns varies by no more than this from offset to offset, it says nothing about a clock."""
 STRIDE = 0.4
@@ -182,9 +184,9 @@ def check_scans(recording: Recording) -> list[Finding]:
         found = ["no scans in turns"] * 2
     else:
         factor, late = fit
-        even = not np.isfinite(late)
-        turn, clock = 0.8 <= factor <= 1.2, None if even else abs(late) <= 0.03
-        lateness = "turns too even to tell" if even else f"scans {1000 * late:+.0f} ms late"
+        unknown = not np.isfinite(late)
+        turn, clock = 0.8 <= factor <= 1.2, None if unknown else abs(late) <= 0.03
+        lateness = "too even or too sparse to tell" if unknown else f"scans {1000 * late:+.0f} ms late"
         found = [f"factor {factor:+.2f}", lateness]
     return [
         Finding(f"Do scans turn as the {other} does?", turn, found[0], "a factor of 0.8 to 1.2"),
@@ -263,7 +265,8 @@ def scan_turn_fit(recording: Recording) -> tuple[float, float] | None:
     """Fit the turns seen by the LiDAR to those of the gyro: their ratio, and how many seconds the scans are late.
 
     None if there are no scans, or no turns to compare. The lateness is NaN if it hardly matters to the fit, as on a
-    drive in a circle, which looks the same at any time. The odometry takes the gyro's place where there is none.
+    drive in a circle, which looks the same at any time, or if readings are far apart. The odometry takes the gyro's
+    place where there is none.
     """
     if recording.lidar is None or not recording.robot.lidar.increment:
         return None
@@ -282,7 +285,8 @@ def scan_turn_fit(recording: Recording) -> tuple[float, float] | None:
         return None
     likeness = (by_gyro @ seen) / np.sqrt((by_gyro**2).sum(axis=1) * (seen @ seen))
     best = int(np.argmax(np.abs(likeness)))
-    late = float(shifts[best]) if np.ptp(likeness) > EVEN else np.nan
+    sparse = max(np.median(np.diff(t)) for t in (inputs.t, scans.t)) > SPARSE
+    late = np.nan if sparse or np.ptp(likeness) <= EVEN else float(shifts[best])
     return float(by_gyro[best] @ seen / (by_gyro[best] @ by_gyro[best])), late
 
 
