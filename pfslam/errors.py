@@ -10,13 +10,19 @@ from contextlib import contextmanager
 class DataError(ValueError):
     """Report input that cannot be used.
 
-    The message is one line that names the source, the field, the value found and what was expected,
-    so that the command line can print it as it is.
+    The message is one line that names the source, the field, the value found and what was expected, so that the
+    command line can print it as it is.
     """
 
     def __init__(self, source: object, field: str, found: object, expected: str):
         self.source, self.field, self.found, self.expected = str(source), field, _short(found), expected
-        super().__init__(" ".join(f"{self.source}: {field}: found {self.found}, expected {expected}".split()))
+        line = " ".join(f"{self.source}: {field}: found {self.found}, expected {expected}".split())
+        super().__init__(printable(line))
+
+
+def printable(text: str) -> str:
+    """Replace what a terminal would obey: names of files and topics can hold any sign."""
+    return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in text)
 
 
 @contextmanager

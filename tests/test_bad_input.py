@@ -4,6 +4,8 @@
 """
 
 import os
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -167,6 +169,41 @@ def test_a_long_value_is_cut():
     line = str(DataError("file", "field", "9" * 5000, "less"))
     assert len(line) < 250
     assert line.endswith("..., expected less")
+
+
+MAP = "image: map.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no such pipes")
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        (["info", "7", "--data", "."], "Encoders7.npz"),
+        (["locate", "map.yaml", "hall"], "map.yaml"),
+        (["locate", "map.yaml", "hall"], "map.pgm"),
+        (["study", "pipe.toml"], "pipe.toml"),
+        (["run", "hall", "--config", "pipe.toml"], "pipe.toml"),
+        (["info", "bag"], "bag/metadata.yaml"),
+    ],
+)
+def test_nobody_waits_for_a_pipe(tmp_path, line, name):
+    (tmp_path / "map.yaml").write_text(MAP, encoding="utf-8")
+    (tmp_path / name).unlink(missing_ok=True)
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    os.mkfifo(tmp_path / name)
+    words = [sys.executable, "-m", "pfslam", *line]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "found a pipe or a device, expected a file" in done.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="streams are closed the Unix way")
+@pytest.mark.parametrize("closed", [">&-", "2>&-"])
+def test_a_closed_stream_is_no_fault(closed, tmp_path):
+    line = f"{sys.executable} -m pfslam info nothing {closed}"
+    done = subprocess.run(line, shell=True, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert "fault" not in done.stdout + done.stderr
 
 
 # Command lines

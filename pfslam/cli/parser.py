@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from pfslam import __version__
-from pfslam.errors import DataError
+from pfslam.errors import DataError, printable
 
 BAD_INPUT, INTERRUPTED, FAULT, SPOILED, DOUBTED = 2, 130, 1, 3, 4
 CODES = (
@@ -175,6 +175,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     0 if all is well, 1 if ``check`` found something; after one line, 2 for bad input, 130 for Ctrl-C, 1 for a fault.
     """
+    _make_streams_safe()
     try:
         arguments = build_parser().parse_args(argv)
         arguments.line = shlex.join(["pfslam", *(sys.argv[1:] if argv is None else argv)])
@@ -201,7 +202,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code or 0
 
 
+def _make_streams_safe() -> None:
+    """Let a closed stream swallow what is said, and one that knows few signs write the others as numbers."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - it stays open
+        with suppress(AttributeError):  # a stream that somebody put in its place
+            getattr(sys, name).reconfigure(errors="backslashreplace")
+
+
 def _complain(message: str, code: int) -> int:
-    line = " ".join(message.removeprefix("pfslam: ").split())
+    line = printable(" ".join(message.removeprefix("pfslam: ").split()))
     print("pfslam: " + (line if len(line) <= LONGEST_LINE else line[:LONGEST_LINE] + " ..."), file=sys.stderr)
     return code

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pfslam.beyond.localization import LocalizationResult
+from pfslam.errors import printable
 from pfslam.evaluation.calibration import calibrate
 from pfslam.evaluation.checkup import Finding
 from pfslam.evaluation.cloud import covariance_consistency
@@ -33,7 +34,7 @@ RATES = ("seconds", "per second", "longest gap")
 
 def text_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Set a table in columns of text."""
-    table = [headings, *rows]
+    table = [headings, *([printable(cell) for cell in row] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = ([word.ljust(width) for word, width in zip(row, widths, strict=True)] for row in table)
     return "\n".join("  ".join(line).rstrip() for line in lines)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pfslam.errors import DataError, naming
-from pfslam.io.files import reason
+from pfslam.io.files import open_file, reason
 from pfslam.io.formats import numbers
 from pfslam.io.loading import Log, check_size
 from pfslam.poses import Trajectory, between
@@ -104,7 +104,7 @@ def read_log(path: str | Path) -> CarmenLog:
     """Read and check all lines of a log."""
     log = CarmenLog(Path(path))
     try:
-        with open(path, "rb") as file:
+        with open_file(path) as file:
             for number, line in enumerate(iter(lambda: file.readline(MAX_LINE_BYTES + 1), b""), start=1):
                 if len(line) > MAX_LINE_BYTES:
                     expected = f"at most {MAX_LINE_BYTES} bytes a line"

@@ -103,10 +103,23 @@ def reason(error: OSError) -> str:
     return error.strerror or type(error).__name__
 
 
+def check_ends(path: str | Path) -> None:
+    """Raise ``DataError`` for a pipe or a device, whose end may never come."""
+    path = Path(path)
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise DataError(path, "reading", "a pipe or a device", "a file")
+
+
+def open_file(path: str | Path) -> BinaryIO:
+    """Open a file to read; pipes and devices are refused."""
+    check_ends(path)
+    return open(path, "rb")
+
+
 def read_bytes(path: str | Path, limit: int) -> bytes:
     """Read a file of at most ``limit`` bytes."""
     try:
-        with open(path, "rb") as file:
+        with open_file(path) as file:
             data = file.read(limit + 1)
     except OSError as error:
         raise DataError(path, "reading", reason(error), "a file that can be read") from error
@@ -124,7 +137,7 @@ def read_npz(
     damaged member, or a size beyond ``MAX_FIELD_BYTES``.
     """
     try:
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+        with open_file(path) as file, np.load(file, allow_pickle=False) as archive:
             if missing := [name for name in required if name not in archive.files]:
                 held = ", ".join(sorted(archive.files)[:8]) or "nothing"
                 raise DataError(path, "keys", held[:200], f"a key named {missing[0]}")

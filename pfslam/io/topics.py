@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pfslam.errors import DataError, need
+from pfslam.io.files import check_ends
 from pfslam.io.loading import Log
 
 SCAN, IMAGE, IMU = (f"sensor_msgs/msg/{kind}" for kind in ("LaserScan", "Image", "Imu"))
@@ -87,6 +88,8 @@ def read_topics(
     Of images, the pixels are kept only where one is read alone: what reached the bag ``at`` this time (s).
     """
     need("rosbags", "ros")
+    for part in [path, *(path.iterdir() if path.is_dir() else ())]:
+        check_ends(part)
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 

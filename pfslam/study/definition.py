@@ -147,7 +147,7 @@ def read_study(path: str | Path) -> Study:
     """Read a study from a TOML file; a mistake in it raises ``DataError``, which names the key."""
     try:
         content = tomllib.loads(read_text(path))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # a number of ten thousand digits is a ValueError, too
         raise DataError(path, "file", error, "a study in TOML") from None
     return make_study(content, path)
 
