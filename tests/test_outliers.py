@@ -1,8 +1,6 @@
 """Outliers: each measure against a slow and obvious one, and whole drives that it saves or leaves alone."""
 
-import importlib.util
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,7 +22,6 @@ from pfslam.refined.outliers import (
     settle_hits,
 )
 from pfslam.run import better_look, needs_second_look, run_slam, slam_steps, used_scans
-from pfslam.settings import changed
 from pfslam.simulator import Hazards, simulate
 from pfslam.slam import SlamConfig, slam_step
 
@@ -266,14 +263,3 @@ def test_real_wheels_among_people_and_glass(real_data, name, metres):
     data = pfslam.load(20, real_data / "hard" / name)
     found = trajectory_error(run_slam(data, keep_particles=False).trajectory, data.truth)
     assert found.ate_rmse_m <= metres
-
-
-def test_what_the_table_of_ingredients_leaves_out_are_settings_of_these_names():
-    """The script runs for hours, and rarely: a setting that has been renamed would stop it at its end."""
-    path = Path(__file__).resolve().parents[1] / "book" / "_tools" / "hard.py"
-    spec = importlib.util.spec_from_file_location("hard", path)
-    hard = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(hard)
-    for without in hard.WITHOUT.values():
-        config = changed(SlamConfig.refined(), without.config)
-        assert changed(config.robust(0.02), without.careful).outliers

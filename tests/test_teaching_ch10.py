@@ -104,7 +104,7 @@ def test_the_localiser_of_the_page_finds_a_robot_and_finds_it_again_if_it_has_an
 
 
 def test_the_stored_searches_are_those_the_page_speaks_of():
-    twins = ch10.read_table(ch10.TABLES / "twins.csv")
+    twins = ch10.read_table("ch10_twins")
     assert set(twins["cloud"]) == {"door", "no door", "drift 500", "drift 5000"}
     assert all(len(ch10.select(twins, cloud=cloud)["seed"]) == 20 for cloud in set(twins["cloud"]))
     assert (ch10.select(twins, cloud="door")["share_end"] > 0.95).all()

@@ -4,7 +4,6 @@ from pfslam.cli.figures import map_along
 from pfslam_book.ch05.live import drive_lab, maps_lab
 from pfslam_book.ch05.whole import check_filter
 from pfslam_book.ch05.your_filter import (
-    FILTER_TABLE,
     Settings,
     drive,
     moments,
@@ -17,6 +16,6 @@ from pfslam_book.show.keep import keep
 from pfslam_book.show.source import show_source
 from pfslam_book.show.tables import Shown
 
-__all__ = ["FILTER_TABLE", "Settings", "Shown", "check_filter", "check_mean_pose", "check_resample"]
+__all__ = ["Settings", "Shown", "check_filter", "check_mean_pose", "check_resample"]
 __all__ += ["check_update", "drive", "drive_lab", "keep", "map_along", "maps_lab", "moments"]
 __all__ += ["my_filter", "show_source", "step", "stored_errors"]

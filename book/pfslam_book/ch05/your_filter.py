@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,11 +14,8 @@ from pfslam.motion import controls, motion_model
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
-from pfslam.study.table import read_table as read_table_file
 from pfslam_book.show.keep import FILE, giving, kept
-from pfslam_book.show.tables import errors_by_label, select
-
-FILTER_TABLE = Path(__file__).parent / "your_filter.csv"
+from pfslam_book.show.tables import errors_by_label, read_table, select
 
 
 @dataclass(frozen=True)
@@ -240,6 +236,7 @@ def error(driven: Driven, recording: Recording) -> TrajectoryError:
     return trajectory_error(driven.trajectory, recording.true_path())
 
 
-def stored_errors(table: Path, **wanted: str) -> dict[str, np.ndarray]:
-    """The errors (m, RMS) of a table that ``book/_tools/filter_tables.py`` made, one array for each label."""
-    return errors_by_label(select(read_table_file(table), **wanted))
+def stored_errors(*, whole: bool) -> dict[str, np.ndarray]:
+    """The stored errors (m, RMS) of the filter, printed and harmed, on the whole drive or on its first 65 s."""
+    table = read_table("ch05_your_filter")
+    return errors_by_label(select(table, seconds=max(table["seconds"]) if whole else 65))

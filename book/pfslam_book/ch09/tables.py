@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import comb
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pfslam.study import read_study
-from pfslam.study.table import read_table as read_table_file
 from pfslam_book.show.tables import ERROR, Shown, errors_by_label, read_table, select, study_file
 
-LATTICE_TABLE = Path(__file__).parent / "lattice.csv"
 LADDER, HARD_LADDER = "ch09_ladder", "ch09_hard_ladder"
 KNOWN_AS = {
     "+ gentle clearing": "inverse sensor model",
@@ -77,7 +74,7 @@ def cm(metres: np.ndarray) -> str:
 
 def lattice_medians() -> dict[str, float]:
     """Return the median error (m) of the report's filter, scored on the lattice and exactly."""
-    errors = errors_by_label(read_table_file(LATTICE_TABLE))
+    errors = errors_by_label(read_table("ch09_lattice"))
     return {label: float(np.median(some)) for label, some in errors.items()}
 
 

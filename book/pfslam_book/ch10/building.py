@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
@@ -26,8 +25,6 @@ from pfslam.simulator.plan import FloorPlan, outline
 from pfslam.simulator.world import WALL_KINDS, World
 from pfslam.slam import Belief, SlamConfig, slam_step
 
-TABLES = Path(__file__).parent
-"""Where the chapter's three tables lie; ``book/_tools/locate.py`` makes them."""
 HALF = ((-12.0, -1.0, 12.0, 1.0), (2.0, 1.25, 6.5, 5.0), (3.4, 1.0, 4.4, 1.25), (8.0, -1.5, 9.0, -1.0))
 """A corridor, and on one half of it a room, the room's doorway and a shallow recess (x0, y0, x1, y1; m)."""
 DOOR = (9.0, 1.0, 10.0, 2.2)

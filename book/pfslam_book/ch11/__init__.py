@@ -1,6 +1,6 @@
 """What the notebook of chapter 11 calls."""
 
-from pfslam_book.ch11.drives import edges, stored, table
+from pfslam_book.ch11.drives import edges, stored
 from pfslam_book.ch11.springs import (
     draw_graph,
     outlier_case,
@@ -11,7 +11,7 @@ from pfslam_book.ch11.springs import (
 )
 from pfslam_book.exercises.ch11 import check_edge_error, check_landmark_jacobian, check_robust_weight
 from pfslam_book.show.source import show_source
-from pfslam_book.show.tables import Shown
+from pfslam_book.show.tables import Shown, read_table
 
 __all__ = [
     "Shown",
@@ -22,10 +22,10 @@ __all__ = [
     "edges",
     "outlier_case",
     "outlier_explorer",
+    "read_table",
     "show_source",
     "six_poses",
     "springs_lab",
     "stored",
-    "table",
     "two_rounds",
 ]

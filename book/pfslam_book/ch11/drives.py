@@ -1,6 +1,6 @@
 """Chapter 11: what closing loops did on simulated drives and a real log, stored.
 
-``python book/_tools/loops.py DATA`` made the tables and the arrays.
+The studies ``ch11_loops`` and ``ch11_intel`` made the arrays.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import numpy as np
 
 from pfslam.beyond.loops.graph import Edges
 from pfslam.grid import GridSpec, OccupancyGrid
-from pfslam.study.table import Table, read_table
 
 TABLES = Path(__file__).parent
 FALSE = 0.5
@@ -46,8 +45,3 @@ def edges(name: str) -> list[Edges]:
     of = arrays(TABLES / f"{name}.npz")
     parts = [[of[f"{part}_{field.name}"] for field in fields(Edges)] for part in ("chain", "near", "loops")]
     return [Edges(*(v.astype(float) if v.dtype == np.float32 else v for v in values)) for values in parts]
-
-
-def table(name: str) -> Table:
-    """Return a stored table, an array for each column: "loops" or "intel"."""
-    return read_table(TABLES / f"{name}.csv")

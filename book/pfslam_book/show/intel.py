@@ -1,51 +1,51 @@
 """What our runs over the public Intel log gave, stored, so that a real building is seen on every machine.
 
-``book/_tools/intel.py`` made the two files from the log, which is not part of the book.
+The study ``intel`` made them from the log, which is not part of the book.
 """
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from pfslam.grid import GridSpec, OccupancyGrid
-from pfslam.io.files import read_text
 from pfslam.poses import Trajectory
 from pfslam_book.show.artists import draw_map, draw_path
 from pfslam_book.show.pictures import Picture
 from pfslam_book.show.style import new_figure
-from pfslam_book.show.tables import Shown
+from pfslam_book.show.tables import Shown, errors_by_label, read_table
 
-RUNS = Path(__file__).parent / "intel.npz"
-TABLE = Path(__file__).parent / "intel.csv"
-COLUMNS = ("label", "seed", "all_m", "all_deg", "returns_m", "returns_worst_m", "returns_deg")
+KEPT = ("dead reckoning", "scan matching", "report")
+"""The methods whose first path and map are stored."""
+FACTS = ("relations", "usable", "returns", "short", "short_median_m")
+"""Columns that tell what the log can be judged by; they are the same in every row."""
 RETURN_SECONDS = 60.0
 """A relation between poses further apart in time than this joins two visits to one place."""
 SLIP = 0.1
 """A run whose returns are off by more than this in the mean (m) has slipped somewhere."""
 
 
+def kept_file(method: str) -> Path:
+    """Where the first run of a method is stored."""
+    return Path(__file__).parent / f"intel_{method.replace(' ', '_')}.npz"
+
+
 @cache
-def _stored() -> dict[str, np.ndarray]:
-    with np.load(RUNS, allow_pickle=False) as file:
+def _stored(method: str) -> dict[str, np.ndarray]:
+    with np.load(kept_file(method), allow_pickle=False) as file:
         return dict(file)
 
 
-def intel_facts() -> dict:
+def intel_facts() -> dict[str, float]:
     """Return how many relations the log has, how many can be used here, and how many of these join separate visits."""
-    return json.loads(str(_stored()["made"]))
+    return {name: values[0] for name, values in read_table("intel").items() if name in FACTS}
 
 
 def intel_errors(column: str = "returns_m") -> dict[str, np.ndarray]:
     """Return one figure of every run (m), an array over the seeds for each method."""
-    rows = list(csv.DictReader(io.StringIO(read_text(TABLE))))
-    labels = dict.fromkeys(row["label"] for row in rows)
-    return {label: np.array([float(r[column]) for r in rows if r["label"] == label]) for label in labels}
+    return errors_by_label(read_table("intel"), column)
 
 
 def intel_slips() -> dict[str, str]:
@@ -79,13 +79,12 @@ def intel_table() -> Shown:
 
 def intel_path(method: str) -> Trajectory:
     """Return the stored path of one method, with its first seed."""
-    return Trajectory(_stored()["t"], _stored()[f"{method.replace(' ', '_')}_path"].astype(float))
+    return Trajectory(_stored(method)["t"], _stored(method)["path"].astype(float))
 
 
 def intel_map(method: str) -> OccupancyGrid:
     """Return the stored map of one method, with its first seed: the signs of its log-odds."""
-    key = method.replace(" ", "_")
-    signs, (x, y, resolution) = _stored()[f"{key}_map"], _stored()[f"{key}_corner"]
+    signs, (x, y, resolution) = _stored(method)["map"], _stored(method)["corner"]
     return OccupancyGrid(GridSpec((float(x), float(y)), float(resolution), signs.shape), signs.astype(float))
 
 

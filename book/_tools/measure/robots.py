@@ -1,0 +1,256 @@
+"""Misses and false alarms together, over robots that are not the author's: a table on the page about trust.
+
+Some seventy robots drive through the simulated hall: other scanners, rates, clocks, mountings and odometries, and a
+building full of hazards. Every robot is checked and run, even where the check-up would stop the run, unless its
+odometry is so far off that the run would not end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+from pfslam_book.show.faults import clockwise, late_scans
+
+from pfslam.evaluation.checkup import check_up
+from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.motion import dead_reckoning
+from pfslam.poses import Trajectory, between, compose, invert
+from pfslam.recording import LidarScans, Recording
+from pfslam.refined.health import in_doubt
+from pfslam.run import run_slam
+from pfslam.sensors import LidarModel
+from pfslam.simulator import PRESETS, Hazards, simulate
+from pfslam.study import Case, Study, disturbances
+
+SECONDS, MIDDLE = 60.0, 35.0
+LIDAR = LidarModel(-np.pi, np.pi - np.radians(1.0), 360, 0.1, 12.0, (0.13, 0.05, 0.3))
+Change = Callable[[Recording], Recording]
+
+
+@cache
+def drive(name: str = "hall", **hazards: Any) -> Recording:
+    """Simulate the drive of a robot with a scanner of 360 beams, ten scans a second, and odometry of its own."""
+    config = replace(PRESETS[name], robot=replace(PRESETS[name].robot, lidar=LIDAR))
+    full = disturbances.first_seconds(simulate(config, 3, hazards=Hazards(**hazards)).recording, SECONDS)
+    path, scans = dead_reckoning(full), full.scans()
+    odometry = Trajectory(path.t[::2], path.poses[::2])
+    lidar = LidarScans(scans.t[::4], scans.ranges[::4])
+    return replace(full, encoders=None, imu=None, camera=None, odometry=odometry, lidar=lidar)
+
+
+def with_scans(
+    change: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]], r: Recording
+) -> Recording:
+    """Change stamps and ranges."""
+    return replace(r, lidar=LidarScans(*change(r.scans().t, r.scans().ranges)))
+
+
+def with_odometry(
+    change: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]], r: Recording
+) -> Recording:
+    """Change stamps and poses."""
+    return replace(r, odometry=Trajectory(*change(r.odometry.t, r.odometry.poses.copy())))
+
+
+def with_lidar(r: Recording, **changes: Any) -> Recording:
+    """Change what is stated of the scanner."""
+    return replace(r, robot=replace(r.robot, lidar=replace(r.robot.lidar, **changes)))
+
+
+def thinned(step: int, t: np.ndarray, rows: np.ndarray):
+    return t[::step], rows[::step]
+
+
+def gap(seconds: float, t: np.ndarray, rows: np.ndarray):
+    """Leave out the readings of some seconds in the middle of the drive."""
+    some = np.abs(t - t[0] - MIDDLE) > seconds / 2
+    return t[some], rows[some]
+
+
+def shorter(metres: float, r: Recording) -> Recording:
+    """See no farther than so many metres."""
+    ranges = np.where(r.scans().ranges < metres, r.scans().ranges, np.inf)
+    return with_lidar(disturbances.with_ranges(r, ranges), range_max=metres)
+
+
+def narrower(degrees: float, r: Recording) -> Recording:
+    """See only what lies within an angle about ahead."""
+    angles, k = LIDAR.angles, np.flatnonzero(np.abs(LIDAR.angles) <= np.radians(degrees / 2))
+    ends = {"angle_min": float(angles[k[0]]), "angle_max": float(angles[k[-1]])}
+    lidar = LidarScans(r.scans().t, np.ascontiguousarray(r.scans().ranges[:, k]))
+    return replace(r, lidar=lidar, robot=replace(r.robot, lidar=replace(LIDAR, beams=len(k), **ends)))
+
+
+def coarser(step: int, r: Recording) -> Recording:
+    """Have only every so-many-th beam."""
+    ranges = np.ascontiguousarray(r.scans().ranges[:, ::step])
+    lidar = replace(LIDAR, beams=ranges.shape[1], angle_max=float(LIDAR.angles[::step][-1]))
+    return replace(r, lidar=LidarScans(r.scans().t, ranges), robot=replace(r.robot, lidar=lidar))
+
+
+def turned(degrees: float, r: Recording) -> Recording:
+    """State a wrong yaw of the scanner; the truth is that of a robot for which it would be right."""
+    yaw, (x, y, _) = np.radians(degrees), LIDAR.position_b
+    poses = compose(compose(r.true_path().poses, [x, y, 0.0]), invert([x, y, yaw]))
+    r = replace(r, truth=Trajectory(r.true_path().t, poses))
+    return with_lidar(r, angle_min=LIDAR.angle_min + yaw, angle_max=LIDAR.angle_max + yaw)
+
+
+def moved(along: float, turn: Callable[[np.ndarray], np.ndarray], t: np.ndarray, poses: np.ndarray):
+    """Let every step be so many times as long, and turn by ``turn`` of what it turns."""
+    step = between(poses[:-1], poses[1:]) * [along, along, 1.0]
+    step[:, 2] = turn(step[:, 2])
+    heading = np.append(0.0, np.cumsum(step[:, 2]))
+    c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
+    xy = np.column_stack([c * step[:, 0] - s * step[:, 1], s * step[:, 0] + c * step[:, 1]])
+    return t, np.column_stack([np.vstack([[0.0, 0.0], np.cumsum(xy, axis=0)]), heading])
+
+
+def day_later(t: np.ndarray, rows: np.ndarray):
+    """Let the clock jump by a day."""
+    return t + 86400.0 * (t > t[0] + MIDDLE), rows
+
+
+def restarted(r: Recording) -> Recording:
+    """Let the clock start again in the middle: two halves of a drive one upon the other, in the order of stamps."""
+
+    def halves(t, rows):
+        t = np.where(t > r.odometry.t[0] + MIDDLE, t - MIDDLE, t)
+        order = np.argsort(t, kind="stable")
+        keep = np.diff(t[order], prepend=-np.inf) > 0
+        return t[order][keep], rows[order][keep]
+
+    first = {"truth": Trajectory(*halves(r.truth.t, r.truth.poses))}
+    return with_scans(halves, with_odometry(halves, replace(r, **first)))
+
+
+def jittered(sigma: float, t: np.ndarray, rows: np.ndarray):
+    return np.sort(t + np.random.default_rng(0).normal(0.0, sigma, len(t)).clip(-0.04, 0.04)), rows
+
+
+def noisy_headings(t: np.ndarray, poses: np.ndarray):
+    poses[:, 2] += np.cumsum(np.random.default_rng(1).normal(0.0, np.radians(0.3), len(t)))
+    return t, poses
+
+
+def carried(metres: float, r: Recording) -> Recording:
+    """Set the odometry on while the robot stands: it was picked up and put down farther along its way."""
+    return disturbances.kidnap(r, MIDDLE, metres)
+
+
+def every_stream(change, r: Recording) -> Recording:
+    truth = Trajectory(*change(r.truth.t, r.truth.poses))
+    return with_scans(change, with_odometry(change, replace(r, truth=truth)))
+
+
+def seeded(name: str, value: Any) -> Change:
+    return partial(disturbances.disturb, what={name: value}, seed=0)
+
+
+def scans(change, *arguments) -> Change:
+    return partial(with_scans, partial(change, *arguments))
+
+
+def odometry(change, *arguments) -> Change:
+    return partial(with_odometry, partial(change, *arguments))
+
+
+def both(first: Change, second: Change) -> Change:
+    return lambda r: second(first(r))
+
+
+GROUPS: dict[str, dict[str, Change]] = {
+    "scanners: noise, range, view, beams": {
+        **{f"noise of {cm} cm": seeded("range_noise", cm / 100) for cm in (2, 5, 10)},
+        **{f"range of {m} m": partial(shorter, m) for m in (3.0, 5.0, 8.0)},
+        "5 cm, 3 m": both(partial(shorter, 3.0), seeded("range_noise", 0.05)),
+        "3 cm, 4 m": both(partial(shorter, 4.0), seeded("range_noise", 0.03)),
+        **{f"{share:.0%} missing": seeded("missing_beams", share) for share in (0.3, 0.6)},
+        **{f"{share:.0%} wild": seeded("random_ranges", share) for share in (0.02, 0.1)},
+        **{f"view of {deg} deg": partial(narrower, deg) for deg in (240.0, 180.0, 120.0)},
+        **{f"{360 // step} beams": partial(coarser, step) for step in (2, 4)},
+    },
+    "rates of scans and odometry": {
+        **{f"scan each {0.1 * step:.1f} s": scans(thinned, step) for step in (2, 5, 10, 20, 30)},
+        **{f"odometry each {0.02 * step:.1f} s": odometry(thinned, step) for step in (5, 10, 25, 50)},
+    },
+    "gaps": {
+        **{f"no scans for {s:.0f} s": scans(gap, s) for s in (3.0, 10.0, 30.0)},
+        **{f"no odometry for {s:.0f} s": odometry(gap, s) for s in (3.0, 10.0, 30.0)},
+        **{f"nothing for {s:.0f} s": partial(every_stream, partial(gap, s)) for s in (10.0, 30.0)},
+        **{f"no returns for {s:.0f} s": seeded("blind", (30.0, 30.0 + s)) for s in (5.0, 20.0)},
+    },
+    "clocks": {
+        **{f"scans {ms} ms late": partial(late_scans, seconds=ms / 1000) for ms in (30, 100, 300, 1000)},
+        "jitter of 10 ms": scans(jittered, 0.01),
+        "a day later": partial(every_stream, day_later),
+        "restarted": restarted,
+    },
+    "mountings": {
+        **{f"turned by {deg} deg": partial(turned, deg) for deg in (3.0, 5.0, 10.0, 20.0, 45.0, 90.0, 180.0)},
+        **{f"{dx:.1f} m ahead": partial(with_lidar, position_b=(0.13 + dx, 0.05, 0.3)) for dx in (0.1, 0.3)},
+        "clockwise": clockwise,
+    },
+    "odometries": {
+        "millimetres": odometry(lambda t, p: (t, p * [1000.0, 1000.0, 1.0])),
+        "all zero": odometry(lambda t, p: (t, 0.0 * p)),
+        **{f"{k} times as far": odometry(moved, k, lambda w: w) for k in (0.5, 0.9, 1.1, 2.0)},
+        "no turns": odometry(moved, 1.0, lambda w: 0.0 * w),
+        "turns the other way": odometry(moved, 1.0, lambda w: -w),
+        "turns in degrees": odometry(moved, 1.0, np.rad2deg),
+        "10 % more turns": odometry(moved, 1.0, lambda w: 1.1 * w),
+        "drift of 0.5 deg/s": odometry(moved, 1.0, lambda w: w + np.radians(0.01)),
+        "noisy headings": odometry(noisy_headings),
+    },
+    "carried off by hand": {f"by {s:.0f} s of way": partial(carried, s) for s in (2.0, 6.0)},
+}
+"""What is done to the drive, by kind and name."""
+HARD = {
+    "hall": {},
+    "people": {"people": 6},
+    "doors": {"doors": 4},
+    "glass": {"glass": 0.1},
+    "bumps": {"bumps": 8},
+    "slip": {"slip": 3},
+    "everything": {"people": 6, "doors": 4, "glass": 0.1, "bumps": 8, "slip": 3},
+}
+
+
+BUILDINGS = "buildings with hazards"
+
+
+def judged(case: Case) -> dict[str, Any]:
+    """Check and run one robot: its largest error (m), and what was said of it."""
+    kind, name = case.get("kind"), case.get("robot")
+    recording = drive(**HARD[name]) if kind == BUILDINGS else GROUPS[kind][name](drive())
+    findings = check_up(recording)
+    told = {
+        "failed": sum(f.ok is False for f in findings),
+        "stopped": int(any(f.remedy for f in findings)),
+    }
+    if any("fast" in f.question and f.remedy for f in findings):
+        return told  # its odometry is so far off that a run would not end
+    result = run_slam(recording, keep_particles=False)
+    error = trajectory_error(result.trajectory, recording.true_path())
+    distrust = result.distrust
+    return told | {
+        "ate_max_m": error.ate_max_m,
+        "doubted": float(in_doubt(distrust, result.trajectory.t).mean()),
+        "to_the_end": int(any(stretch["to"] is None for stretch in distrust)),
+        "reasons": "; ".join(str(stretch["reason"]) for stretch in distrust),
+    }
+
+
+ROBOTS = {BUILDINGS: HARD} | GROUPS
+STUDIES = [
+    Study(
+        "trust_robots",
+        "Robots that are not the author's: what went wrong, and what was said.",
+        tuple(Case(kind, (("kind", kind), ("robot", name))) for kind in ROBOTS for name in ROBOTS[kind]),
+        run=judged,
+    )
+]
