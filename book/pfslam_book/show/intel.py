@@ -40,7 +40,8 @@ def _stored(method: str) -> dict[str, np.ndarray]:
 
 def intel_facts() -> dict[str, float]:
     """Return how many relations the log has, how many can be used here, and how many of these join separate visits."""
-    return {name: values[0] for name, values in read_table("intel").items() if name in FACTS}
+    first = {name: float(values[0]) for name, values in read_table("intel").items() if name in FACTS}
+    return {name: int(value) if value.is_integer() else value for name, value in first.items()}
 
 
 def intel_errors(column: str = "returns_m") -> dict[str, np.ndarray]:
