@@ -37,7 +37,7 @@ def naming(source: object, prefix: str = "") -> Iterator[None]:
 def need(package: str, extra: str) -> None:
     """Raise ``DataError`` that says what to install if a package is not here, which only an extra of ours brings."""
     if importlib.util.find_spec(package) is None:
-        raise DataError("pfslam", "package", f"no {package}", f"the extra: pip install pfslam[{extra}]")
+        raise DataError("pfslam", "package", f"no {package}", f"the extra {extra}, or: pip install {package}")
 
 
 def _short(found: object) -> str:

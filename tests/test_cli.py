@@ -335,7 +335,7 @@ def test_report_without_matplotlib_is_one_line(data, monkeypatch, capsys):
     for name in ["matplotlib", *(name for name in sys.modules if name.startswith("matplotlib."))]:
         monkeypatch.setitem(sys.modules, name, None)
     assert main(["report", "7", "--data", str(data)]) == 2
-    assert "no matplotlib, expected the extra: pip install pfslam[plots]" in capsys.readouterr().err
+    assert "no matplotlib, expected the extra plots, or: pip install matplotlib" in capsys.readouterr().err
 
 
 # ---- bad input: exit code 2, one line, no traceback --------------------------------------------

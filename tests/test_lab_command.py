@@ -73,7 +73,7 @@ def test_the_exit_code_is_that_of_jupyterlab(tmp_path, monkeypatch):
 
 BOOK = SimpleNamespace(submodule_search_locations=["/nowhere/a/pfslam_book"])
 INSTALLED = {
-    "no jupyterlab, expected the extra: pip install pfslam[lab]": find_spec("pfslam_book"),
+    "no jupyterlab, expected the extra lab, or: pip install jupyterlab": find_spec("pfslam_book"),
     "found none, expected notebooks in /nowhere/a/pfslam_book/chapters": BOOK,
     "package: found no pfslam_book": None,
 }

@@ -2,7 +2,7 @@
 
 The book calls ``write_hero`` whenever it is built: ``hero.webp`` is the animation, ``hero-still.webp`` its last
 moment, for readers who want no motion. ``python book/_tools/hero.py book/_static`` writes ``readme.webp``,
-the same moment in small, which the README shows. The run is the refined filter on the built-in building, so the
+the same animation in small, which the README shows. The run is the refined filter on the built-in building, so the
 picture shows what the package does today. Everything is drawn with OpenCV: Matplotlib would take ten times as
 long for the same frames.
 """
@@ -253,7 +253,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python book/_tools/hero.py", description=main.__doc__)
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args(arguments).folder
-    _save(folder / SMALL, encode(scaled(hero_frames()[0][0], 720)))
+    pictures, milliseconds = hero_frames()
+    _save(folder / SMALL, encode_animation([scaled(p, 640) for p in pictures], milliseconds, quality=45))
 
 
 if __name__ == "__main__":

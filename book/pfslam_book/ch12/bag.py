@@ -54,7 +54,7 @@ def record_bag(recording: Recording, path: str | Path) -> Path:
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise DataError("record_bag", "package", f"no {error.name}", "pip install pfslam[ros]") from error
+        raise DataError("record_bag", "package", f"no {error.name}", "pip install rosbags") from error
     scans, odometry = recording.scans(), dead_reckoning(recording)
     begin = scans.t[0] + 10.0
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
