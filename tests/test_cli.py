@@ -225,6 +225,15 @@ def test_a_bad_file_of_settings_is_one_line(data, tmp_path, capsys, content, nam
     assert complaint.count("\n") == 1
 
 
+def test_a_folder_holds_one_run_and_what_is_not_of_a_run(data, tmp_path):
+    line = ["run", "7", "--data", str(data), "--out", str(tmp_path), "--method", "matching"]
+    (tmp_path / "mine.png").write_bytes(b"")
+    assert main([*line, "--loops"]) == 0
+    assert (tmp_path / "map_revised.yaml").exists()
+    assert main(line) == 0
+    assert {*summary_in(tmp_path)["files"], "mine.png"} == {path.name for path in tmp_path.iterdir()}
+
+
 def test_run_with_loops_writes_the_revised_path_and_map_beside_the_others(data, tmp_path):
     line = ["run", "7", "--data", str(data), "--out", str(tmp_path), "--method", "matching", "--loops"]
     assert main(line) == 0

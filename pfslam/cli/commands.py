@@ -49,6 +49,8 @@ from pfslam.study.table import read_table
 
 MOSTLY = 0.5
 """Share of a drive in doubt from which its result is not to be trusted as a whole."""
+RESULTS = (".html", ".pgm", ".png", ".tum", ".txt", ".yaml")
+"""What a run writes beside its summary, by the ends of the names."""
 
 
 def progress_bar(what: str, quiet: bool = False) -> Callable:
@@ -89,7 +91,14 @@ def out_folder(arguments: Namespace, suffix: str = "") -> Path:
 
 
 def write_summary(out: Path, summary: dict[str, Any]) -> str:
-    """Write ``summary.json``, and return it; what is not finite becomes null."""
+    """Write ``summary.json``, and return it; what is not finite becomes null.
+
+    What an earlier run into the same folder wrote, and this one did not, is removed: two runs must not pass for one.
+    """
+    with suppress(OSError, ValueError, LookupError, TypeError):  # no summary, or one of somebody else
+        for name in json.loads((out / "summary.json").read_bytes())["files"]:
+            if name not in summary["files"] and name == Path(name).name and Path(name).suffix in RESULTS:
+                (out / name).unlink(missing_ok=True)
     text = json.dumps(plain(summary), indent=2, allow_nan=False) + "\n"
     write_text(out / "summary.json", text)
     return text
