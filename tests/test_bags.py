@@ -606,7 +606,7 @@ def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
     path = write_bag(tmp_path / "drive", "ros1", [])
     monkeypatch.setitem(sys.modules, "rosbags", None)
     with pytest.raises(
-        DataError, match=r"package: found no rosbags, expected the extra: pip install pfslam\[ros\]"
+        DataError, match=r"package: found no rosbags, expected the extra ros, or: pip install rosbags"
     ):
         pfslam.load(path)
 

@@ -396,14 +396,20 @@ def test_bad_input_is_one_line(line, data, tmp_path, monkeypatch, capsys):
     assert not any(p.is_file() for p in tmp_path.rglob("*"))
 
 
-def test_a_damaged_image_stops_the_run_with_its_name(tmp_path, capsys):
+def test_a_damaged_image_costs_its_pair_and_a_line(tmp_path, capsys):
     save_course(box_recording(), 7, tmp_path, image_every=1)
-    path = tmp_path / "dataRGBD" / "Disparity7" / "disparity7_2.png"
-    path.write_bytes(path.read_bytes()[:-40])
+    paths = sorted((tmp_path / "dataRGBD" / "Disparity7").iterdir())
     line = ["run", "7", "--data", str(tmp_path), "--out", str(tmp_path / "o"), "--particles", "5"]
+    paths[1].write_bytes(paths[1].read_bytes()[:-40])
+    assert main(line) == 0
+    words = f"pairs: an image that cannot be read, first {paths[1].name}"
+    assert f"left out: 1 {words}" in capsys.readouterr().out
+    summary = summary_in(tmp_path / "o")
+    assert (summary["dropped"][words], summary["image_pairs"]) == (1, len(paths) - 1)
+    for path in paths:
+        path.write_bytes(b"")
     assert main(line) == 2
-    assert "disparity7_2.png" in capsys.readouterr().err
-    assert list((tmp_path / "o").iterdir()) == []
+    assert paths[0].name in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="no /proc")

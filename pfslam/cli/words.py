@@ -18,6 +18,7 @@ from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.io.topics import TF, Topic
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
+from pfslam.refined.floor import UNREADABLE
 from pfslam.refined.health import alarms
 from pfslam.run import SlamResult
 from pfslam.texture import FloorTexture
@@ -204,6 +205,8 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
         lines.append("no LiDAR in this data set: dead reckoning only")
     if summary.get("second_look"):
         lines.append("people, glass or noise misled the scans: the run was done again with care")
+    dropped = summary.get("dropped", {}).items()
+    lines += [f"left out: {count} {reason}" for reason, count in dropped if UNREADABLE in reason]
     for check in summary.get("checks_failed", ()):
         lines.append(f"check failed: {check['question']} {check['found']}, expected {check['expected']}")
     if stretches := summary["distrust"]:

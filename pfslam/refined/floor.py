@@ -7,8 +7,9 @@ Frames: o optical (x right, y down, z forward), b body, w world. Angles in radia
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -213,6 +214,9 @@ def _checked(image, source: str, dtype, camera: RgbdModel, channels: tuple[int, 
 
 # The drive.
 
+UNREADABLE = "that cannot be read"
+"""How such images are told from others that are left out."""
+
 
 class PosedPairs(NamedTuple):
     """Image pairs with a pose for each image: indices ``(P,)``, poses ``(P, 3)``; ``dropped`` by reason."""
@@ -267,7 +271,10 @@ def camera_from_floor(
     """
     rays, planes = PixelRays.of(camera, config, CELL), []
     for k in np.unique(indices[np.linspace(0, len(indices) - 1, images).astype(int)]) if len(indices) else ():
-        plane = rays.plane(rays.depths(read_disparity(stream, k, camera)), config)
+        try:
+            plane = rays.plane(rays.depths(read_disparity(stream, k, camera)), config)
+        except DataError:  # who paints counts the images that cannot be read
+            continue
         if np.count_nonzero(plane.inliers) >= max(len(plane.inliers) / 4, 3):
             planes.append((plane.pitch_error, plane.height))
     return camera if len(planes) < 3 else level_camera(camera, *np.median(planes, axis=0).tolist())
@@ -284,8 +291,8 @@ def map_texture(
     """The floor's colours along a drive, from every ``every``-th image pair (``config`` None: ``refined``).
 
     The texture lies on the cells of ``grid``; without one it covers all that the camera can reach from the
-    trajectory. What is left out is counted in ``dropped``. Images are read one pair at a time. Raises
-    ``DataError`` without a camera or for an image of the wrong size.
+    trajectory. What is left out is counted in ``dropped``, a damaged image with its pair. Images are read one pair at
+    a time. Raises ``DataError`` without a camera, or if no image can be read.
     """
     config = TextureConfig.refined() if config is None else config
     if recording.camera is None:
@@ -299,19 +306,45 @@ def map_texture(
     rays = PixelRays.of(model, config, CELL if grid is None else grid.spec.resolution)
     spec = _within_reach(trajectory, rays) if grid is None else grid.spec
     canvas, dropped, painted = np.full(spec.shape, EMPTY), Counter(pairs.dropped), 0
-    for k in (progress or iter)(range(len(pairs.disparity))):
-        disparity = read_disparity(stream, pairs.disparity[k], model)
+    damaged: list[DataError] = []
+    for k, disparity, image in _readable(stream, pairs, model, damaged, progress or iter):
         pixels = floor_pixels(disparity, rays, pairs.pose_disparity[k], pairs.pose_rgb[k], spec, config)
         if pixels is None:
             dropped["pairs: no floor"] += 1
             continue
-        dropped.update(_paint_pixels(canvas, pixels, read_rgb(stream, pairs.rgb[k], model), spec, config))
+        dropped.update(_paint_pixels(canvas, pixels, image, spec, config))
         painted += 1
+    dropped.update(_unreadable(damaged, painted))
     if grid is not None and config.crop:
         unknown = (canvas != EMPTY) & (grid.log_odds == 0)
         canvas[unknown] = EMPTY
         dropped["cells: outside the map"] += int(np.count_nonzero(unknown))
     return FloorTexture(spec, _colours(canvas), canvas != EMPTY, dict(+dropped), painted, model)
+
+
+def _readable(
+    stream: RgbdStream, pairs: PosedPairs, camera: RgbdModel, damaged: list[DataError], progress: Callable
+) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Yield number, disparity and colours of each pair; why one cannot be read goes to ``damaged``."""
+    for k in progress(range(len(pairs.disparity))):
+        try:
+            images = (
+                read_disparity(stream, pairs.disparity[k], camera),
+                read_rgb(stream, pairs.rgb[k], camera),
+            )
+        except DataError as error:
+            damaged.append(error)
+        else:
+            yield k, *images
+
+
+def _unreadable(damaged: list[DataError], painted: int) -> dict[str, int]:
+    """How many pairs could not be read; the first complaint is raised if nothing was painted."""
+    if not damaged:
+        return {}
+    if not painted:
+        raise damaged[0]
+    return {f"pairs: an image {UNREADABLE}, first {Path(damaged[0].source).name}": len(damaged)}
 
 
 def _colours(canvas: np.ndarray) -> np.ndarray:
