@@ -81,7 +81,7 @@ PIXELS = """figure => {
     const [r, g, b] = style.getPropertyValue('--lab-' + name).trim().match(/\\w\\w/g).map(x => parseInt(x, 16));
     return (r << 16) | (g << 8) | b;
   };
-  const theme = new Set(['paper', 'free', 'wall', 'ink', 'estimate', 'particles', 'highlight'].map(rgb));
+  const theme = new Set(['paper', 'free', 'sheet', 'wall', 'ink', 'estimate', 'particles', 'highlight'].map(rgb));
   return [...figure.querySelectorAll('canvas')].filter(c => c.offsetHeight && c.width).map(canvas => {
     const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data, counts = new Map();
     for (let i = 0; i < data.length; i += 4) {

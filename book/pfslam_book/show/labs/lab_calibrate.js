@@ -237,7 +237,7 @@
     const {context, width, height} = chart, {n, headings, moment} = state, size = width < 500 ? 12 : 14;
     const most = Math.max(...headings.map(Math.abs)), top = [5, 10, 15, 20, 30, 40, 60, 90, 150, 200, 300, 400, 500].find(level => level >= most) || 1000;
     const x = k => (k / n) * width, y = degrees => (0.5 - 0.46 * degrees / top) * height;
-    chart.clear(colours.free);
+    chart.clear(colours.sheet);
     context.fillStyle = colours.paper;
     state.turns.forEach((turning, k) => { if (turning) context.fillRect(x(k), 0, width / n + 0.5, height); });
     const line = (points, colour, wide) => {

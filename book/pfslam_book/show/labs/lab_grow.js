@@ -236,7 +236,7 @@
       context.stroke();
       context.setLineDash([]);
     };
-    chart.clear(colours.free);
+    chart.clear(colours.sheet);
     line([[left, y(0)], [width, y(0)]], colours.muted, 1);
     for (const level of [clamp, -clamp]) line([[left, y(level)], [width, y(level)]], colours.highlight, 1.5, [5, 4]);
     const steps = [[x(0), y(0)]];

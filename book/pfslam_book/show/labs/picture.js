@@ -124,7 +124,7 @@
         state,
         draw() {
           const {panels} = state.seen, places = rooms(sheet, picture, panels.length);
-          sheet.clear(stage.colours.free);
+          sheet.clear(stage.colours.sheet);
           panels.forEach((panel, k) => paint(sheet, stage.colours, panel, places[k]));
         },
         describe: () => state.seen.words,

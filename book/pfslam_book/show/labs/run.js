@@ -357,7 +357,7 @@
     const middle = height / 2 - 8, foot = 20, many = particles > 1, top = many ? middle + 6 : 4;
     Object.assign(chart, {left: 8, right: 8});
     const x = when => chart.left + ((width - chart.left - chart.right) * when) / (t[last] || 1);
-    chart.clear(colours.free);
+    chart.clear(colours.sheet);
     context.globalAlpha = 0.45;
     context.fillStyle = colours.highlight;
     for (const {from, to} of run.distrust) context.fillRect(x(from), 0, Math.max(3, x(to ?? t[last]) - x(from)), height - foot);
@@ -383,7 +383,7 @@
     context.moveTo(x(t[at]), 0);
     context.lineTo(x(t[at]), height - foot);
     context.stroke();
-    const write = (words, px, py, align = "left") => draw.text(chart, words, px, py, colours.ink, {size: 12, align, halo: colours.free});
+    const write = (words, px, py, align = "left") => draw.text(chart, words, px, py, colours.ink, {size: 12, align, halo: colours.sheet});
     if (many) write(`effective particles, of ${particles}`, 12, middle - 4);
     write(`moved by scans in 2 s: at most ${(100 * Math.max(...departure)).toFixed(0)} cm`, 12, top + 12);
     write("0:00", 8, height - 5);

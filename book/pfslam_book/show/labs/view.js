@@ -160,7 +160,7 @@
     readColours() {
       const style = getComputedStyle(this.figure);
       this.colours = {};
-      for (const name of ["paper", "ink", "free", "wall", "truth", "odometry", "estimate", "particles", "hits", "highlight",
+      for (const name of ["paper", "ink", "free", "sheet", "wall", "truth", "odometry", "estimate", "particles", "hits", "highlight",
                           "clear", "muted"]) {
         this.colours[name] = style.getPropertyValue(`--lab-${name}`).trim();
       }
