@@ -86,7 +86,11 @@ def open_page(context, address: str, base: str) -> Visit:
             seen.strangers.append(request.url)
 
     page.on("request", on_request)
-    page.on("requestfailed", lambda r: seen.complaints.append(f"failed: {r.url}"))
+    # A picture that is exchanged for its other theme while it loads is given up by the page itself.
+    page.on(
+        "requestfailed",
+        lambda r: None if r.failure == "net::ERR_ABORTED" else seen.complaints.append(f"failed: {r.url}"),
+    )
     page.on("response", lambda r: r.status >= 400 and seen.complaints.append(f"{r.status}: {r.url}"))
     page.on("pageerror", lambda error: seen.complaints.append(f"script error: {error}"))
     page.on("console", lambda m: m.type == "error" and seen.complaints.append(f"console: {m.text}"))
