@@ -253,7 +253,7 @@ def test_a_bad_file_is_one_clear_line(text, tmp_path, capsys):
 
 def test_without_joblib_it_says_what_to_install(box, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "joblib", None)
-    with pytest.raises(DataError, match=r"pip install pfslam\[study\]"):
+    with pytest.raises(DataError, match=r"pip install joblib"):
         run_study(box_study(box, 1), tmp_path)
 
 
