@@ -173,7 +173,8 @@ def _add_lab(add) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
-    0 if all is well, 1 if ``check`` found something; after one line, 2 for bad input, 130 for Ctrl-C, 1 for a fault.
+    0 if all is well, 1 if ``check`` found something or ``locate`` did not find the robot, 4 if most of a run is in
+    doubt; after one line, 2 for bad input, 3 for data that would spoil a run, 130 for Ctrl-C, 1 for a fault.
     """
     _make_streams_safe()
     try:
