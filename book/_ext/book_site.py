@@ -30,6 +30,7 @@ import copies
 import plain
 from hero import write_hero
 from pfslam_book.show import lab
+from pfslam_book.show.pictures import APART as APART_MARK
 
 MATHJAX_PACKAGE = "sphinx-mathjax-offline"
 MATHJAX_SCRIPT = "tex-svg-full.js"  # one file, fonts and extensions inside: works from file:// too
@@ -107,20 +108,20 @@ def clean_page(page: str) -> str:
     return MODULE_LIST.sub(one_list, page)
 
 
-NIGHT = re.compile(r"data:image/webp;night=1;base64,([A-Za-z0-9+/=]+)")
+APART = re.compile(re.escape(APART_MARK) + r"([A-Za-z0-9+/=]+)")
 
 
-def set_nights_apart(page: str, site: Path, depth: int) -> str:
-    """One built page whose figures for the dark theme are files, so that only who reads in the dark fetches them."""
+def set_pictures_apart(page: str, site: Path, depth: int) -> str:
+    """One built page whose figures for the dark theme, and under sliders, are files that are fetched when wanted."""
 
     def as_file(found: re.Match) -> str:
         data = base64.b64decode(found[1])
-        name = f"_static/night/{hashlib.sha256(data).hexdigest()[:16]}.webp"
+        name = f"_static/figures/{hashlib.sha256(data).hexdigest()[:16]}.webp"
         (site / name).write_bytes(data)
         return "../" * depth + name
 
-    (site / "_static" / "night").mkdir(parents=True, exist_ok=True)
-    return NIGHT.sub(as_file, page)
+    (site / "_static" / "figures").mkdir(parents=True, exist_ok=True)
+    return APART.sub(as_file, page)
 
 
 def one_list(found: re.Match) -> str:
@@ -139,7 +140,7 @@ def finish_site(app, error) -> None:
     site = Path(app.outdir)
     for path in site.rglob("*.html"):
         page = clean_page(path.read_text(encoding="utf-8"))
-        page = set_nights_apart(page, site, len(path.relative_to(site).parts) - 1)
+        page = set_pictures_apart(page, site, len(path.relative_to(site).parts) - 1)
         path.write_text(page, encoding="utf-8", newline="\n")
     for dead in (site / "_static").glob("*thebe*"):
         dead.unlink()

@@ -4,6 +4,7 @@
   var data = JSON.parse(root.querySelector('script[type="application/json"]').textContent);
   var image = root.querySelector("img"), status = root.querySelector('[role="status"]');
   var button = root.querySelector("button"), timer = null;
+  data.frames = data.frames.map(function (address) { return address || image.src; });  // the first is on the page
   var calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
 
   // A control is {at, set, last}: the stop where it stands, a way to move it, and its last stop.
@@ -51,11 +52,12 @@
   var player = controls[data.play];
 
   function dark() { return document.documentElement.dataset.theme === "dark" && data.nights[0]; }
-  function fetch_nights() {  // files of their own, fetched before the pictures move
-    if (dark()) data.nights.forEach(function (address) { new Image().src = address; });
+  function fetch_frames() {  // files of their own, fetched before the pictures move
+    (dark() ? data.nights : data.frames).forEach(function (address) { new Image().src = address; });
   }
-  root.addEventListener("pointerenter", fetch_nights, {once: true});
-  root.addEventListener("focusin", fetch_nights, {once: true});
+  ["pointerenter", "focusin", "touchstart"].forEach(function (near) {
+    root.addEventListener(near, fetch_frames, {once: true, passive: true});
+  });
   function show() {
     var state = data.states[controls.map(function (control) { return control.at; }).join()];
     image.dataset.day = data.frames[state[0]];

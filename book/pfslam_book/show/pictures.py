@@ -18,7 +18,8 @@ MODES = ("live", "static", "text")
 CSS_DPI = 100  # CSS pixels per inch of figure
 RASTER = 2  # raster pixels per CSS pixel, for sharp print and dense screens
 WEBP_QUALITY = 80
-NIGHT_MARK = "night=1"
+# The site makes a file of each address with this mark (`book_site.py`), which is fetched when it is wanted.
+APART = "data:image/webp;apart=1;base64,"
 FRAME_QUALITY = 60  # of the pictures under a page's sliders, of which there are many
 # Each row less the row above it: half the bytes of the default, and a search for the best filter takes twice as long.
 # These are cv2.IMWRITE_PNG_FILTER and ..._UP; OpenCV before 4.12 has no such names, and passes the numbers over.
@@ -66,16 +67,18 @@ def data_uri(image: np.ndarray, quality: int = WEBP_QUALITY) -> str:
     return "data:image/webp;base64," + base64.b64encode(encode(image, quality)).decode("ascii")
 
 
-def night_uri(drawing: Figure | np.ndarray, quality: int = WEBP_QUALITY) -> str:
-    """The address of the picture for the dark theme of a figure that `to_rgb` has drawn; "" for a photograph.
+def frame_uri(image: np.ndarray) -> str:
+    """The address of one of many pictures under a slider."""
+    return APART + base64.b64encode(encode(image, FRAME_QUALITY)).decode("ascii")
 
-    The site makes a file of each address with this mark (`book_site.py`), which only a dark page asks for.
-    """
+
+def night_uri(drawing: Figure | np.ndarray, quality: int = WEBP_QUALITY) -> str:
+    """The address of the picture for the dark theme of a figure that `to_rgb` has drawn; "" for a photograph."""
     if not isinstance(drawing, Figure):
         return ""
     data = io.BytesIO()  # Pillow can be told to hurry: half of OpenCV's time for a twelfth more bytes
     Image.fromarray(draw_at_night(drawing)).save(data, "WEBP", quality=quality, method=2)
-    return f"data:image/webp;{NIGHT_MARK};base64," + base64.b64encode(data.getvalue()).decode("ascii")
+    return APART + base64.b64encode(data.getvalue()).decode("ascii")
 
 
 def quick_uri(image: np.ndarray) -> str:
