@@ -34,6 +34,7 @@ from pfslam.io.files import atomic_write, check_writable, write_png, write_text
 from pfslam.io.formats import read_known_map, write_covariances, write_map, write_texture, write_tum
 from pfslam.io.loading import Log
 from pfslam.io.recordings import save
+from pfslam.io.selection import select
 from pfslam.io.topics import read_topics
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
@@ -69,15 +70,18 @@ def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
 
 
 def load_dataset(arguments: Namespace) -> Recording:
-    """Load the data set that the command line names."""
+    """Load the data set that the command line names, or the part of it that is wanted."""
     bar = progress_bar("loading", getattr(arguments, "quiet", False))
-    return load(arguments.dataset, arguments.data, bag=bag_options(arguments), progress=bar)
+    whole = load(arguments.dataset, arguments.data, bag=bag_options(arguments), progress=bar)
+    span = {"start": arguments.start, "until": arguments.until}
+    return select(whole, **span, limits=arguments.range, masks=arguments.mask)
 
 
 def bag_options(arguments: Namespace) -> BagOptions:
     """Collect what the command line says about a bag."""
     place = None if arguments.lidar_at is None else tuple(arguments.lidar_at)
-    return BagOptions(**{name: getattr(arguments, name) for name in TOPICS}, lidar_at=place)
+    topics = {name: getattr(arguments, name) for name in TOPICS}
+    return BagOptions(**topics, odom_frame=arguments.odom_frame, lidar_at=place)
 
 
 def given(arguments: Namespace, *names: str) -> dict[str, Any]:

@@ -116,10 +116,23 @@ def _dataset() -> Parser:
     parser.add_argument("dataset", metavar="DATASET", help=what)
     folder = "folder of numbered sets (default $PFSLAM_DATA or data)"
     parser.add_argument("--data", type=Path, metavar="DIR", help=folder)
+    parts = parser.add_argument_group("for a part of the drive")
+    parts.add_argument("--from", dest="start", type=number, metavar="S", help="seconds after the first scan")
+    parts.add_argument("--until", type=number, metavar="S", help="seconds after the first scan")
+    limits = "least and largest range (m) to believe (default: as the LiDAR says)"
+    parts.add_argument("--range", type=number, nargs=2, metavar=("MIN", "MAX"), help=limits)
+    mask = "leave out beams that see the robot itself: a sector in degrees, as in `info`; may be given several times"
+    parts.add_argument(
+        "--mask", type=number, nargs=2, action="append", default=[], metavar=("LOW", "HIGH"), help=mask
+    )
     bags = parser.add_argument_group("for ROS bags", "Topics are found by their type if they are not named.")
     for name, kind in TOPICS.items():
         bags.add_argument(f"--{name}", metavar="TOPIC", help=f"the topic of {kind} to use")
     place = "place of the LiDAR in the robot's frame, m and rad (default: from /tf_static)"
+    frame = (
+        "take the odometry from /tf, in this frame, such as odom_combined (default: from Odometry messages)"
+    )
+    bags.add_argument("--odom-frame", metavar="FRAME", help=frame)
     bags.add_argument("--lidar-at", type=number, nargs=3, metavar=("X", "Y", "YAW"), help=place)
     return parser
 

@@ -52,13 +52,17 @@ COUNTED = {*OTHERS, *(kind for kind, _ in USES.values())}
 
 @dataclass(frozen=True)
 class BagOptions:
-    """What a bag does not say by itself: the topics to use, by name, and the LiDAR's place ``(x, y, yaw)`` m, rad."""
+    """What a bag does not say by itself: the topics to use, by name, and the LiDAR's place ``(x, y, yaw)`` m, rad.
+
+    With ``odom_frame`` the odometry is read from /tf, and is that of a robot in this frame.
+    """
 
     scan: str | None = None
     odom: str | None = None
     imu: str | None = None
     rgb: str | None = None
     depth: str | None = None
+    odom_frame: str | None = None
     lidar_at: tuple[float, float, float] | None = None
 
 
@@ -79,7 +83,7 @@ def load_bag(
     # Taken out where they are used, so that an hour of them is not held twice.
     read = {use: _ordered(log, topics.pop(name)) for use, name in chosen.items() if use != "info"}
     frames = _read_frames(log, [topics.pop(name) for name in trees])
-    odometry, base = _odometry(log, read.pop("odom", None), frames)
+    odometry, base = _odometry(log, read.pop("odom", None), frames, options.odom_frame)
     imu = _imu(log, read.pop("imu"), frames, base) if "imu" in read else None
     odometry, notes = with_better_headings(odometry, imu)
     log.notes += notes
@@ -102,6 +106,8 @@ def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) ->
     chosen = {}
     for use, (kind, usual) in USES.items():
         named = getattr(options, use)
+        if use == "odom" and options.odom_frame:
+            continue
         found = [topic.name for topic in topics.values() if topic.kind == kind and len(topic.t)]
         if named:
             fit = [name for name in found if name.lstrip("/") == named.lstrip("/")]
@@ -181,7 +187,7 @@ def _find_place(frames: Frames, base: str, frame: str) -> np.ndarray | None:
     return chain_transforms(fixed, base, frame)
 
 
-def _odometry(log: Log, topic: Topic | None, frames: Frames) -> tuple[Trajectory, str]:
+def _odometry(log: Log, topic: Topic | None, frames: Frames, asked: str | None) -> tuple[Trajectory, str]:
     """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames."""
     if topic is not None:
         usual = "base_footprint" if any("base_footprint" in pair for pair in frames) else "base_link"
@@ -190,9 +196,13 @@ def _odometry(log: Log, topic: Topic | None, frames: Frames) -> tuple[Trajectory
     else:
         # Frames of a robot's own name are known by their last part, as in robot1/odom.
         pairs = [pair for pair in frames if pair[0].rpartition("/")[2].startswith("odom")]
+        if asked:
+            pairs = [pair for pair in frames if pair[0].strip("/") == asked.strip("/")]
         if not pairs:
             moving = [f"{a} -> {b} on /tf" for (a, b), (said, _) in frames.items() if len(said.t) > 1]
-            expected = "nav_msgs/Odometry, or odom -> base_link on /tf"
+            expected = (
+                f"{asked} -> base_link on /tf" if asked else "nav_msgs/Odometry, or odom -> base_link on /tf"
+            )
             raise DataError(log.path, "odometry", ", ".join(moving) or "none", expected)
         parent, base = pair = min(pairs, key=lambda pair: ("base" not in pair[1], pair))
         log.notes.append(f"odometry is read from /tf: {parent} -> {base}")

@@ -1,0 +1,105 @@
+"""The part of a drive that is to be used: a span of time, limits of the ranges, and beams that see the robot itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from pfslam.errors import DataError
+from pfslam.recording import Recording, RgbdStream
+from pfslam.settings import changed
+
+
+def select(
+    recording: Recording,
+    *,
+    start: float | None = None,
+    until: float | None = None,
+    limits: Sequence[float] | None = None,
+    masks: Sequence[Sequence[float]] = (),
+) -> Recording:
+    """Return a recording of what is wanted; scans and ranges that are left out are counted in its ``dropped``.
+
+    ``start`` and ``until`` are seconds after the first reading of the LiDAR (without one, of the odometry), ``limits``
+    the least and the largest range (m) that are believed, and ``masks`` sectors (degrees in the LiDAR's frame, counted
+    counter-clockwise from the first angle to the second) whose beams are not. Raises ``DataError`` where nothing would
+    be left.
+    """
+    if start is not None or until is not None:
+        recording = _within(recording, start or 0.0, np.inf if until is None else until)
+    if limits is not None:
+        least, most = limits
+        lidar = changed(
+            recording.robot.lidar, {"range_min": least, "range_max": most}, recording.name, "--range "
+        )
+        recording = replace(recording, robot=replace(recording.robot, lidar=lidar))
+    return _masked(recording, masks) if masks else recording
+
+
+def _within(recording: Recording, start: float, until: float) -> Recording:
+    """Keep what was measured from ``start`` to ``until`` (s), and the motion up to the readings on either side."""
+    parts = {name: getattr(recording, name) for name in ("encoders", "imu", "odometry", "lidar", "truth")}
+    parts = {name: part for name, part in parts.items() if part is not None}
+    clock = parts.get("lidar") or parts.get("odometry") or parts["encoders"]
+    begin, end = clock.t[0] + start, clock.t[0] + until
+    inside = int(np.count_nonzero((clock.t >= begin) & (clock.t <= end)))
+    if inside < 2 or not start < until:
+        lasts = clock.t[-1] - clock.t[0]
+        raise DataError(
+            recording.name, "--from, --until", f"{start:g} to {until:g} s", f"a span of 0 to {lasts:.3f} s"
+        )
+    left_out = {"scans before --from or after --until": len(clock.t) - inside} if "lidar" in parts else {}
+    kept = {name: _cut(part, begin, end, around=name != "lidar") for name, part in parts.items()}
+    camera = recording.camera and _images_within(recording.camera, begin, end)
+    return replace(recording, **kept, camera=camera, dropped=_with(recording.dropped, left_out))
+
+
+def _cut(stream: Any, begin: float, end: float, around: bool) -> Any:
+    """Cut a stream to the readings between two times, and with ``around`` to the last before and the first after."""
+    first, last = np.searchsorted(stream.t, begin), np.searchsorted(stream.t, end, side="right")
+    if around:
+        first = max(np.searchsorted(stream.t, begin, side="right") - 1, 0)
+        last = np.searchsorted(stream.t, end) + 1
+    return replace(
+        stream, **{field.name: getattr(stream, field.name)[first:last] for field in fields(stream)}
+    )
+
+
+def _images_within(camera: RgbdStream, begin: float, end: float) -> RgbdStream | None:
+    """Cut both streams of images to a span; where one has no image in it, nothing is left."""
+    kept = {}
+    for kind in ("disparity", "rgb"):
+        t, index = getattr(camera, f"{kind}_t"), getattr(camera, f"{kind}_index")
+        first, last = np.searchsorted(t, begin), np.searchsorted(t, end, side="right")
+        kept[f"{kind}_t"] = t[first:last]
+        kept[f"{kind}_index"] = index[(index >= first) & (index < last)] - first
+        kept[f"read_{kind}"] = partial(_read_from, getattr(camera, f"read_{kind}"), first)
+    return RgbdStream(**kept) if all(len(kept[key]) for key in ("disparity_t", "rgb_t")) else None
+
+
+def _read_from(read: Callable[[int], np.ndarray], first: int, k: int) -> np.ndarray:
+    return read(first + int(k))
+
+
+def _masked(recording: Recording, masks: Sequence[Sequence[float]]) -> Recording:
+    """Set the ranges of masked beams to NaN, which no filter takes for a measurement."""
+    scans, angles = recording.scans(), np.degrees(recording.robot.lidar.angles)
+    masked = np.zeros(len(angles), dtype=bool)
+    for low, high in masks:
+        if not (abs(low) <= 360.0 and abs(high) <= 360.0):
+            raise DataError(recording.name, "--mask", f"{low:g} to {high:g}", "degrees, at most one turn")
+        masked |= (angles - low) % 360.0 <= ((high - low) % 360.0 or 360.0)
+    if not masked.any() or masked.all():
+        ends = f"some of the beams from {angles[0]:.1f} to {angles[-1]:.1f} deg"
+        raise DataError(recording.name, "--mask", f"{masked.sum()} beams", ends)
+    left_out = {f"ranges of the {masked.sum()} beams under --mask": int(masked.sum()) * len(scans.t)}
+    lidar = replace(scans, ranges=np.where(masked, np.float32(np.nan), scans.ranges))
+    return replace(recording, lidar=lidar, dropped=_with(recording.dropped, left_out))
+
+
+def _with(dropped: dict[str, int], more: dict[str, int]) -> dict[str, int]:
+    return dropped | {reason: count for reason, count in more.items() if count}
