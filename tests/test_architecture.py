@@ -177,10 +177,10 @@ def lines_of_code(path):
 @pytest.mark.parametrize(
     ("pattern", "most"),
     [
-        ("**/*.py", 8440),
+        ("**/*.py", 8540),
         ("*.py", 1900),
         ("beyond/loops/*.py", 260),
-        ("io/bags.py", 250),
+        ("io/bags.py", 255),
         ("io/topics.py", 110),
     ],
 )

@@ -200,9 +200,7 @@ def _odometry(log: Log, topic: Topic | None, frames: Frames, asked: str | None) 
             pairs = [pair for pair in frames if pair[0].strip("/") == asked.strip("/")]
         if not pairs:
             moving = [f"{a} -> {b} on /tf" for (a, b), (said, _) in frames.items() if len(said.t) > 1]
-            expected = (
-                f"{asked} -> base_link on /tf" if asked else "nav_msgs/Odometry, or odom -> base_link on /tf"
-            )
+            expected = f"{asked or 'nav_msgs/Odometry, or odom'} -> base_link on /tf"
             raise DataError(log.path, "odometry", ", ".join(moving) or "none", expected)
         parent, base = pair = min(pairs, key=lambda pair: ("base" not in pair[1], pair))
         log.notes.append(f"odometry is read from /tf: {parent} -> {base}")

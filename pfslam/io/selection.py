@@ -60,13 +60,12 @@ def _within(recording: Recording, start: float, until: float) -> Recording:
 
 def _cut(stream: Any, begin: float, end: float, around: bool) -> Any:
     """Cut a stream to the readings between two times, and with ``around`` to the last before and the first after."""
-    first, last = np.searchsorted(stream.t, begin), np.searchsorted(stream.t, end, side="right")
+    t = stream.t
     if around:
-        first = max(np.searchsorted(stream.t, begin, side="right") - 1, 0)
-        last = np.searchsorted(stream.t, end) + 1
-    return replace(
-        stream, **{field.name: getattr(stream, field.name)[first:last] for field in fields(stream)}
-    )
+        begin = t[max(int(np.searchsorted(t, begin, side="right")) - 1, 0)]
+        end = t[min(int(np.searchsorted(t, end)), len(t) - 1)]
+    kept = (t >= begin) & (t <= end)
+    return replace(stream, **{field.name: getattr(stream, field.name)[kept] for field in fields(stream)})
 
 
 def _images_within(camera: RgbdStream, begin: float, end: float) -> RgbdStream | None:
@@ -74,7 +73,7 @@ def _images_within(camera: RgbdStream, begin: float, end: float) -> RgbdStream |
     kept = {}
     for kind in ("disparity", "rgb"):
         t, index = getattr(camera, f"{kind}_t"), getattr(camera, f"{kind}_index")
-        first, last = np.searchsorted(t, begin), np.searchsorted(t, end, side="right")
+        first, last = int(np.searchsorted(t, begin)), int(np.searchsorted(t, end, side="right"))
         kept[f"{kind}_t"] = t[first:last]
         kept[f"{kind}_index"] = index[(index >= first) & (index < last)] - first
         kept[f"read_{kind}"] = partial(_read_from, getattr(camera, f"read_{kind}"), first)
