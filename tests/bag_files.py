@@ -11,8 +11,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from pfslam.motion import dead_reckoning
 
 FORMATS = ("ros1", "sqlite3", "mcap", "mcap file")
-COMPRESSED = ("zstd files", "zstd messages")
-"""As recorders compress on request: folders of sqlite3."""
+COMPRESSED = ("zstd files", "zstd messages", "mcap, zstd chunks")
+"""As recorders compress on request: the first two are folders of sqlite3."""
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 UPSIDE_DOWN = (1.0, 0.0, 0.0, 0.0)
 """Half a turn about x, as a quaternion x, y, z, w."""
@@ -118,8 +118,8 @@ def write_bag(path, form, rows):
         plugin = StoragePlugin.MCAP if "mcap" in form else StoragePlugin.SQLITE3
         writer, store = rosbag2.Writer(path, version=9, storage_plugin=plugin), store_of(False)
         if form in COMPRESSED:
-            mode = CompressionMode.FILE if form == "zstd files" else CompressionMode.MESSAGE
-            writer.set_compression(mode, CompressionFormat.ZSTD)
+            modes = CompressionMode.FILE, CompressionMode.MESSAGE, CompressionMode.STORAGE
+            writer.set_compression(modes[COMPRESSED.index(form)], CompressionFormat.ZSTD)
         serialize = store.serialize_cdr
     with writer:
         known = {}

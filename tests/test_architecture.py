@@ -177,11 +177,11 @@ def lines_of_code(path):
 @pytest.mark.parametrize(
     ("pattern", "most"),
     [
-        ("**/*.py", 8540),
+        ("**/*.py", 8545),
         ("*.py", 1900),
         ("beyond/loops/*.py", 260),
         ("io/bags.py", 255),
-        ("io/topics.py", 110),
+        ("io/topics.py", 120),
     ],
 )
 def test_what_is_to_be_read_stays_small(pattern, most):

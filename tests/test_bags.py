@@ -1,6 +1,7 @@
 """ROS bags, written by the library in every format: what is read equals the direct route, and oddities are named."""
 
 import json
+import struct
 import subprocess
 import sys
 import tracemalloc
@@ -22,6 +23,7 @@ from bag_files import (
 )
 from box_recording import START, box_recording, room_ranges
 from rosbags import rosbag1
+from rosbags.rosbag2.storage_mcap import zstd
 
 import pfslam
 from pfslam.__main__ import main
@@ -87,6 +89,17 @@ def test_the_sweep_is_stamped_at_its_first_beam(tmp_path):
     found = loaded(tmp_path, rows_of(BOX, sweep=0.09))
     assert found.robot.lidar.sweep == pytest.approx(0.09, rel=1e-6)
     np.testing.assert_allclose(found.lidar.t, BOX.lidar.t, rtol=0, atol=1e-6)
+
+
+def test_a_chunk_that_unpacks_to_gigabytes_is_refused(tmp_path):
+    """Of a chunk, no more is unpacked than it says it holds."""
+    path = write_bag(tmp_path / "drive", "mcap, zstd chunks", rows_of(BOX)) / "drive.mcap"
+    before, kind, after = path.read_bytes().partition(b"zstd")  # then the size of what is packed, and that
+    (packed,) = struct.unpack("<Q", after[:8])
+    bomb = (zstd.compress(bytes(2**30)) * 9)[:packed]
+    path.write_bytes(before + kind + after[:8] + bomb + after[8 + packed :])
+    with pytest.raises(DataError, match="Chunk size mismatch"):
+        pfslam.load(path.parent)
 
 
 @pytest.mark.parametrize("base", ["base_link", "base_footprint"])
