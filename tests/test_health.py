@@ -152,6 +152,15 @@ def test_an_odometry_that_stands_still_is_named():
     assert found["from"] <= 11 / 8
 
 
+def test_noise_that_moves_a_robot_at_rest_to_and_fro_is_no_odometry_that_stands_still():
+    """Scans with noise of some centimetres moved one by a metre in all, and it was called that."""
+    jitter = np.random.default_rng(0).normal(0.0, 0.01, (400, 2))
+    poses = np.column_stack([np.cumsum(jitter, axis=0), np.zeros(400)])
+    at_rest = [replace(i, estimate=p) for i, p in zip(steady(departure=jitter), poses, strict=True)]
+    assert np.hypot(*jitter.T).sum() > 4.0
+    assert distrust(at_rest) == []
+
+
 def test_scans_far_apart_are_not_judged_by_what_odometry_says_between_them():
     """A log with a scan every three seconds: its odometry may drift 0.3 m between two."""
     sparse = [replace(info, t=3.0 * info.t * 8) for info in steady(**pulled(0.3, 0.1))]

@@ -160,9 +160,13 @@ def _steps(infos: Sequence[Step]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _still(infos: Sequence[Step]) -> Iterator[Distrust]:
-    """Find the time at which scans have moved the estimate a metre, and the odometry hardly anything."""
+    """Find the time at which scans have moved the estimate a metre, and the odometry hardly anything.
+
+    Scans count by where they led: those with noise go to and fro.
+    """
     step, departure = _steps(infos)
-    by_odometry, by_scans = (np.cumsum(np.hypot(*part.T)) for part in (step - departure, departure))
+    by_odometry = np.cumsum(np.hypot(*(step - departure).T))
+    by_scans = np.hypot(*np.cumsum(departure, axis=0).T)
     found = by_scans > STILL_METRES
     if found.any() and by_odometry[k := int(np.argmax(found))] < STILL_SHARE * by_scans[k]:
         yield {"from": float(infos[k].t), "to": None, "reason": "the odometry stands still while scans move"}
