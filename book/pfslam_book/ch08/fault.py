@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from pfslam.grid import OccupancyGrid
 from pfslam.poses import Trajectory
 from pfslam_book.show.artists import COLOURS, draw_map, draw_path, sheet
-from pfslam_book.show.tables import Shown
 from pfslam_book.show.widgets import Explorer, Slider
 
 Pair = tuple[Any, Any]
@@ -144,11 +143,3 @@ def explorer(faults: dict[str, Fault], family: str) -> Explorer:
         alt=lambda fault, state: faults[fault].alt(state),
         title=f"Faults of the {family}, each healthy and broken",
     )
-
-
-def numbers_table(faults: dict[str, Fault], family: str) -> Shown:
-    """Return the faults of a family: what is wrong, its number in both states, what helps."""
-    some = [fault for fault in faults.values() if fault.family == family]
-    head = ("fault", "what is wrong", "its number", *STATES, "what helps")
-    rows = [(f.name, f.what, f.number, *(f.value(state) for state in STATES), f.remedy) for f in some]
-    return Shown(head, rows, left=(1, 2, 5))
