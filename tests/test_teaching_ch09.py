@@ -23,6 +23,7 @@ def test_the_reports_drift_is_cured_by_gentle_clearing_and_by_no_other_change():
         assert np.median(errors[other]) > 0.9 * np.median(errors["report"])
     scoring = ch09.lattice_medians()
     assert scoring["exact"] < scoring["lattice"]
+    assert scoring["low"] < scoring["exact"] - scoring["lattice"] < scoring["high"] < 0
 
 
 def test_every_rung_changes_one_setting_or_one_idea_and_the_last_is_the_refined_filter():
