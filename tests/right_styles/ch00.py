@@ -152,7 +152,6 @@ STYLES = {
         points_masked_at_the_end,
         points_of_opencv,
         lambda *a: np.round(points_complex(*a), 4),
-        lambda *a: list(map(tuple, points_complex(*a))),
     ],
     "check_nearest_within": [
         nearest_in_a_loop,
@@ -169,7 +168,6 @@ STYLES = {
         world_homogeneous,
         world_of_opencv,
         lambda pose, p: np.float32(world_complex(np.float32(pose), np.float32(p))),
-        lambda pose, p: np.einsum("ij,mj->mi", rotation(pose[2]), p) + pose[None, :2],
     ],
     "check_distance_at": [
         distance_in_a_loop,
@@ -177,6 +175,5 @@ STYLES = {
         distance_from_a_first_zero,
         distance_by_own_interpolation,
         distance_complex,
-        lambda *a: np.round(distance_by_matrix(*a), 5),
     ],
 }

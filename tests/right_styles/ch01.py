@@ -21,11 +21,6 @@ def length_in_a_loop(counts, metres_per_count):
     return total / 4 * metres_per_count
 
 
-def length_complex(counts, metres_per_count):
-    sides = counts[:, 1::2].sum() + 1j * counts[:, ::2].sum()
-    return (sides.real + sides.imag) / 4 * metres_per_count
-
-
 def bias_in_a_loop(t, yaw_rate, speed):
     kept = [w for s, w, v in zip(t, yaw_rate, speed, strict=True) if v < 0.01 and s - t[0] > 2.5]
     return sum(kept) / len(kept)
@@ -38,15 +33,6 @@ def bias_of_the_last_rest(t, yaw_rate, speed):
 
 def bias_with_statistics(t, yaw_rate, speed):
     return statistics.fmean(w for s, w, v in zip(t, yaw_rate, speed, strict=True) if v == 0 and s > t[0] + 3)
-
-
-def bias_complex(t, yaw_rate, speed):
-    z = (yaw_rate * 1j)[(speed < 1e-3) & (t >= t[0] + 3)]
-    return z.mean().imag
-
-
-def bias_of_a_masked_array(t, yaw_rate, speed):
-    return np.ma.masked_where((speed > 0) | (t < t[0] + 2.5), yaw_rate).mean()
 
 
 def arc_complex(pose, v, omega, dt):
@@ -122,15 +108,12 @@ STYLES = {
         lambda c, m: np.float32(np.float32(c).mean() * len(c) * np.float32(m)),
         lambda c, m: [round(float(c.sum() / 4 * m), 5)],
         lambda c, m: np.cumsum(c.mean(axis=1) * m)[-1],
-        length_complex,
         lambda c, m: np.full((1, len(c)), m) @ c @ np.full((4, 1), 0.25),
     ],
     "check_gyro_bias": [
         bias_in_a_loop,
         bias_of_the_last_rest,
         bias_with_statistics,
-        bias_complex,
-        bias_of_a_masked_array,
         lambda t, w, v: np.median(w[(v == 0) & (t > t[0] + 4)]),
         lambda t, w, v: np.float32(w)[(v == 0) & (t > t[0] + 8)].mean(),
     ],

@@ -2,7 +2,6 @@
 
 import math
 from fractions import Fraction
-from functools import reduce
 
 import numpy as np
 
@@ -34,11 +33,6 @@ def cells_in_float32(points, origin, resolution):
     return np.floor(cells)[:, [1, 0]]
 
 
-def cells_by_complex_numbers(points, origin, resolution):
-    z = ((points @ [1, 1j]) - complex(*origin)) / resolution
-    return [[math.floor(p.imag), math.floor(p.real)] for p in z]
-
-
 def cells_of_the_package(points, origin, resolution):
     return GridSpec(tuple(origin), resolution, (3, 3)).world_to_cell(points)[:, ::-1]
 
@@ -67,12 +61,6 @@ def story_in_array(story, clamp):
     for step in steps.astype(np.float32):
         level = np.minimum(np.maximum(level + step, -clamp), clamp)
     return np.float32(1) / (1 + np.exp(-level))
-
-
-def story_by_reduce(story, clamp):
-    steps = map({"hit": LOG_4, "free": -LOG_4, "none": 0.0}.__getitem__, story)
-    level = reduce(lambda level, step: sorted((-clamp, level + step, clamp))[1], steps, 0.0)
-    return (1 + math.tanh(level / 2)) / 2
 
 
 def story_in_fractions(story, clamp):
@@ -110,16 +98,6 @@ def crossed_all_at_once(start, ends):
     share = np.arange(n.max())[:, None] / np.maximum(n, 1)
     cells = np.floor(start + share[..., None] * way + 0.5)
     return cells[np.arange(n.max())[:, None] < n].astype(np.int16)
-
-
-def crossed_by_complex_numbers(start, ends):
-    cells = []
-    for z in (ends - start) @ [1, 1j]:
-        n = max(abs(z.real), abs(z.imag))
-        cells += [
-            [round(p.real) + start[0], round(p.imag) + start[1]] for p in (k * z / n for k in range(int(n)))
-        ]
-    return cells
 
 
 def crossed_each_once(start, ends):
@@ -163,25 +141,6 @@ def write_by_repeated_index(log_odds, hits, free, hit_step, free_step, clamp):
     return np.clip(np.float32(log_odds) + change, -clamp, clamp)
 
 
-def write_by_flat_index(log_odds, hits, free, hit_step, free_step, clamp):
-    columns = log_odds.shape[1]
-    struck, crossed = (np.unique(cells @ [columns, 1]) for cells in (hits, free))
-    new = log_odds.ravel().copy()
-    new[struck] += hit_step
-    new[np.setdiff1d(crossed, struck)] -= free_step
-    return new.clip(-clamp, clamp).reshape(log_odds.shape)
-
-
-def write_by_complex_cells(log_odds, hits, free, hit_step, free_step, clamp):
-    iy, ix = np.indices(log_odds.shape)
-    struck, crossed = (np.isin(iy + 1j * ix, cells @ [1, 1j]) for cells in (hits, free))
-    return np.clip(log_odds + np.select([struck, crossed], [hit_step, -free_step]), -clamp, clamp)
-
-
-def write_in_float32(log_odds, hits, free, hit_step, free_step, clamp):
-    return np.float32(write_by_masks(np.float32(log_odds), hits, free, hit_step, free_step, clamp))
-
-
 def meaning_by_rules(reading, range_min, range_max):
     if range_min <= reading < range_max:
         return "hit"
@@ -193,34 +152,12 @@ def meaning_by_numpy(reading, range_min, range_max):
     return str(np.select([reading >= range_max, reading >= range_min], ["free", "hit"], "nothing"))
 
 
-def meaning_by_bisection(reading, range_min, range_max):
-    if math.isnan(reading):
-        return "nothing"
-    return ["nothing", "hit", "free"][(reading >= range_min) + (reading >= range_max)]
-
-
-def meaning_by_match(reading, range_min, range_max):
-    match reading:
-        case r if r >= range_max:
-            return "free"
-        case r if r >= range_min:
-            return "hit"
-        case _:
-            return "nothing"
-
-
-def meaning_by_replacing(reading, range_min, range_max):
-    reading = float(np.nan_to_num(reading, nan=-1.0, posinf=1e9, neginf=-1.0))
-    return "free" if reading >= range_max else "hit" if reading >= range_min else "nothing"
-
-
 STYLES = {
     "check_cell_of": [
         cells_in_a_loop,
         cells_by_division,
         cells_by_edges,
         cells_in_float32,
-        cells_by_complex_numbers,
         cells_of_the_package,
         lambda *a: tuple(map(list, cells_in_a_loop(*a))),
     ],
@@ -228,7 +165,6 @@ STYLES = {
         story_by_odds,
         story_by_bayes,
         story_in_array,
-        story_by_reduce,
         story_in_fractions,
         story_by_accumulating,
     ],
@@ -236,7 +172,6 @@ STYLES = {
         crossed_in_a_loop,
         crossed_by_linspace,
         crossed_all_at_once,
-        crossed_by_complex_numbers,
         crossed_each_once,
         crossed_by_bresenham,
         trace_rays,
@@ -245,17 +180,11 @@ STYLES = {
         write_by_sets,
         write_by_masks,
         write_by_repeated_index,
-        write_by_flat_index,
-        write_by_complex_cells,
-        write_in_float32,
         lambda *a: np.round(write_by_masks(*a), 4),
     ],
     "check_meaning": [
         meaning_by_rules,
         meaning_by_numpy,
-        meaning_by_bisection,
-        meaning_by_match,
-        meaning_by_replacing,
         lambda *a: np.str_(meaning_by_rules(*a)),
     ],
 }

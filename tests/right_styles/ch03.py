@@ -38,12 +38,6 @@ def move_float32(poses, v, omega, dt, sigma_v, sigma_omega, rng):
     return motion_model(poses, (v + noise[:, 0]), (omega + noise[:, 1]), dt).astype(np.float32)
 
 
-def move_complex(poses, v, omega, dt, sigma_v, sigma_omega, rng):
-    a, b = rng.normal([[v], [omega]], [[sigma_v], [sigma_omega]], (2, len(poses)))
-    z = poses[:, 0] + 1j * poses[:, 1] + dt * a * np.exp(1j * poses[:, 2])
-    return np.stack([z.real, z.imag, poses[:, 2] + dt * b], axis=1)
-
-
 def move_by_matrices(poses, v, omega, dt, sigma_v, sigma_omega, rng):
     moved = deque()
     for x, y, theta in poses:
@@ -76,17 +70,6 @@ def move_by_the_package(poses, v, omega, dt, sigma_v, sigma_omega, rng):
 def seeded(move):
     """As the data has it: a seed in the place of the generator."""
     return lambda *arguments: move(*arguments[:-1], np.random.default_rng(arguments[-1]))
-
-
-def track_by_fourier(belief, looks, step):
-    kernel = np.zeros(len(belief))
-    for cells, chance in step.items():
-        kernel[cells % len(belief)] += chance
-    for k, look in enumerate(looks):
-        if k:
-            belief = np.fft.ifft(np.fft.fft(belief) * np.fft.fft(kernel))
-        belief = belief * look / (belief @ look)
-    return belief.real
 
 
 def track_by_logarithms(belief, looks, step):
@@ -130,7 +113,6 @@ def track_by_matrix(belief, looks, step):
 MOVES = [
     move_in_a_loop,
     move_float32,
-    move_complex,
     move_by_matrices,
     move_by_the_standard_library,
     move_with_a_covariance,
@@ -139,12 +121,10 @@ MOVES = [
 
 STYLES = {
     "check_track": [
-        track_by_fourier,
         track_by_logarithms,
         track_in_fractions,
         track_in_loops,
         track_by_matrix,
-        lambda b, looks, s: np.round(track_by_matrix(b, looks, s), 5),
     ],
     "moved": [seeded(move) for move in MOVES],
     "check_heading_spread": [
@@ -154,7 +134,6 @@ STYLES = {
         lambda s, rate, t: np.float32(s * 180 / np.pi) * np.sqrt(t / rate),
         lambda s, rate, t: np.array([57.3 * s * (t / rate) ** 0.5]),
         lambda s, rate, t: math.degrees(s * math.sqrt(t / rate)),
-        lambda s, rate, t: abs(1j * s * 180 / np.pi) * (t / rate) ** 0.5,
         lambda s, rate, t: deque([math.degrees(s) * math.hypot((t / rate) ** 0.5)]),
     ],
 }

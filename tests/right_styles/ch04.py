@@ -35,25 +35,6 @@ def choose_in_a_loop(scores, steps):
     return best
 
 
-def count_in_histogram(points, occupied, origin, resolution):
-    edges = [low + resolution * np.arange(n + 1) for low, n in zip(origin, occupied.shape[::-1], strict=True)]
-    inside = np.all(points < [edge[-1] for edge in edges], axis=1)  # NumPy's last bin has both its edges
-    return int(np.histogram2d(*points[inside].T, bins=edges)[0].T[occupied].sum())
-
-
-def count_by_padding(points, occupied, origin, resolution):
-    walls = np.pad(occupied, 1)
-    columns, rows = np.clip(
-        np.floor((points - origin) / resolution) + 1, 0, np.array(walls.shape[::-1]) - 1
-    ).T
-    return walls[rows.astype(int), columns.astype(int)].tolist().count(True)
-
-
-def count_in_sets(points, occupied, origin, resolution):
-    walls = set(map(tuple, np.argwhere(occupied)))
-    return sum(tuple(cell) in walls for cell in np.floor_divide(points - origin, resolution)[:, ::-1])
-
-
 def choose_by_lexsort(scores, steps):
     return np.lexsort([(steps**2).sum(axis=1), -scores])[0]
 
@@ -104,18 +85,12 @@ STYLES = {
         count_float32,
         count_complex,
         lambda p, m, o, r: map_correlation(m, GridSpec(o, r, m.shape), p),
-        count_in_histogram,
-        count_by_padding,
-        count_in_sets,
     ],
     "check_choose": [
         choose_in_a_loop,
         choose_by_lexsort,
-        lambda s, d: choose_by_lexsort(np.float32(s), np.float32(d)),
-        lambda s, d: np.argmin(np.where(s < s.max(), 99, np.abs(d @ [1, 1j, 0]) ** 2 + d[:, 2] ** 2)),
         lambda s, d: np.float32(choose_in_a_loop(s, d)),
         lambda s, d: np.array([choose_in_a_loop(s, d)]),
-        lambda s, d: min(range(len(s)), key=lambda k: (-s[k], (d[k] ** 2).sum())),
     ],
     "check_transform_test": [
         works_by_complex_numbers,

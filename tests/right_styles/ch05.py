@@ -30,11 +30,6 @@ def update_in_fractions(weights, likelihood):
     return deque(float(p / sum(products)) for p in products) if any(products) else deque(weights.tolist())
 
 
-def update_complex(weights, likelihood):
-    products = weights * (likelihood + 0j)
-    return (products / products.sum()).real if weights @ likelihood else weights
-
-
 def multinomial(poses, weights, rng):
     return poses[rng.choice(len(weights), len(weights), p=weights)], np.full(len(poses), 1 / len(poses))
 
@@ -127,8 +122,6 @@ STYLES = {
         lambda w, c: tuple(np.round(update_by_logarithms(w, c), 5)),
         lambda w, c: np.float32(update_by_logarithms(w, c)),
         update_in_fractions,
-        update_complex,
-        lambda w, c: np.multiply(w, c) / np.dot(w, c) if np.dot(w, c) else w.copy(),
     ],
     "resampled": [seen(style) for style in RESAMPLED],
     "check_mean_pose": [

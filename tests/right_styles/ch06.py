@@ -52,12 +52,6 @@ def body_by_package(points_o, position_b, pitch):
     return to_world(points_o, np.zeros(3), camera)
 
 
-def body_complex(points_o, position_b, pitch):
-    x, y, z = points_o.T
-    side = (z - 1j * y) * np.exp(-1j * pitch)  # ahead and up as one number
-    return np.column_stack([side.real, -x, side.imag]) + position_b
-
-
 def ring_by_triangle(height, ahead, pitch, rows, centre_v, focal):
     t, b = np.tan(pitch), (rows - 0.5 - centre_v) / focal
     return [ahead + height * (1 - t * b) / (t + b)]
@@ -77,13 +71,10 @@ STYLES = {
         line_by_least_squares,
         lambda x, u: np.float32(line_by_sums(x, u)),
         lambda x, u: tuple(np.round(line_by_sums(x, u), 2)),
-        lambda x, u: np.polynomial.Polynomial.fit(x, u, 1).convert().coef[::-1],
-        lambda x, u: np.cov(x, u)[0] @ [[0, 0], [1, -x.mean()]] / x.var(ddof=1) + [0, u.mean()],
     ],
     "check_to_body": [
         body_in_a_loop,
         body_by_package,
-        body_complex,
         lambda p, t, a: np.float32(body_in_a_loop(p, t, a)),
         lambda p, t, a: np.round(body_in_a_loop(p, t, a), 4),
         lambda p, t, a: [tuple(row) for row in body_in_a_loop(p, t, a)],

@@ -17,7 +17,6 @@ SUB_CELL = [
     lambda a, b, c: round((a - c) / (2 * (a - 2 * b + c)), 4),
     lambda a, b, c: np.array([(a - c) / (2 * (a - 2 * b + c))]),
     lambda a, b, c: -((c - a) / 2) / ((c - b) - (b - a)),
-    lambda a, b, c: np.roots(np.polyder(np.polyfit([-1, 0, 1], [a, b, c], 2)))[0],
 ]
 
 
@@ -25,12 +24,6 @@ def by_lstsq(arms, position, centres, normals):
     residual = np.einsum("ij,ij->i", normals, arms + position - centres)
     turning = normals[:, 1] * arms[:, 0] - normals[:, 0] * arms[:, 1]
     return np.linalg.lstsq(np.column_stack([normals, turning]), -residual, rcond=None)[0]
-
-
-def by_complex_lines(arms, position, centres, normals):
-    a, d, n = (v @ [1, 1j] for v in (arms, arms + position - centres, normals))
-    columns = np.column_stack([n.real, n.imag, (n.conj() * 1j * a).real])
-    return np.linalg.lstsq(columns, -(n.conj() * d).real, rcond=None)[0]
 
 
 def by_sums(arms, position, centres, normals):
@@ -44,16 +37,11 @@ def by_sums(arms, position, centres, normals):
 
 LINE_STEP = [
     by_lstsq,
-    by_complex_lines,
     by_sums,
     lambda *case: by_sums(*case).tolist(),
     lambda *case: tuple(by_lstsq(*case)),
     lambda *case: by_lstsq(*case).astype(np.float32),
     lambda *case: np.round(by_lstsq(*case), 6),
-    lambda a, p, c, n: (
-        -np.linalg.pinv(np.column_stack([n, n[:, 1] * a[:, 0] - n[:, 0] * a[:, 1]]))
-        @ ((a + p - c) * n).sum(axis=1)
-    ),
 ]
 
 
@@ -67,12 +55,6 @@ def one_by_one(log_li, log_p):
         high, low = max(total, a + b), min(total, a + b)
         total = high + math.log1p(math.exp(low - high))
     return total
-
-
-def with_scipy(log_li, log_p):
-    from scipy.special import logsumexp
-
-    return logsumexp(log_li + log_p)
 
 
 def draw(maps, ancestors, hits):
@@ -100,10 +82,8 @@ STYLES = {
     "check_log_weight": [
         summed,
         one_by_one,
-        with_scipy,
         lambda a, b: np.float32(summed(a, b)),
         lambda a, b: [summed(a, b)],
-        lambda a, b: a.max() + np.log(np.exp(a - a.max()) @ np.exp(b)),
     ],
     "check_draw_all": [
         draw,

@@ -15,13 +15,6 @@ def error(a, b, z):
     return e
 
 
-def by_matrix(a, b, z):
-    e = np.zeros(3)
-    e[:2] = rotation_matrix(yaw=a[2])[:2, :2].T @ (b - a)[:2] - z[:2]
-    e[2] = (b[2] - a[2] - z[2] + np.pi) % (2 * np.pi) - np.pi
-    return e
-
-
 def by_complex(a, b, z):
     d = complex(b[0] - a[0], b[1] - a[1]) * cmath.exp(-1j * a[2]) - complex(z[0], z[1])
     return [d.real, d.imag, cmath.phase(cmath.exp(1j * (b[2] - a[2] - z[2])))]
@@ -57,7 +50,6 @@ def by_differences(pose, landmark):
 STYLES = {
     "check_edge_error": [
         error,
-        by_matrix,
         by_complex,
         by_polar,
         lambda a, b, z: tuple(error(a, b, z)),
@@ -66,9 +58,6 @@ STYLES = {
     "check_landmark_jacobian": [by_blocks, by_rows, by_differences],
     "check_robust_weight": [
         robust_weights,
-        lambda c, k: (1.0 + c / k**2) ** -2.0,
         lambda c, k: [(k * k / (k * k + x)) ** 2 for x in c],
-        lambda c, k: k**4 / (k**2 + c) ** 2,
-        lambda c, k: np.exp(-2.0 * np.log1p(c / k**2)),
     ],
 }
