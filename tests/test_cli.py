@@ -142,16 +142,6 @@ def test_the_same_seed_gives_the_same_files(results, data, tmp_path):
         assert path.name == "summary.json" or first == second
 
 
-def test_options_reach_the_filter(data, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    options = "--out o --method report --particles 5 --every 10 --seed 3 --no-texture"
-    assert main(["run", "7", "--data", str(data), *options.split()]) == 0
-    summary = summary_in(tmp_path / "o")
-    assert (summary["config"]["particles"], summary["config"]["every"], summary["seed"]) == (5, 10, 3)
-    assert summary["config"]["noise"]["kind"] == "ControlNoise"
-    assert sorted(p.name for p in (tmp_path / "o").iterdir()) == sorted([*CONTRACT_FILES, *PICTURES])
-
-
 @pytest.mark.parametrize("method", ["refined", "report", "matching", "per-particle"])
 def test_a_run_is_repeated_from_its_own_summary(data, tmp_path, method):
     line = ["run", "7", "--data", str(data), "--every", "10", "--no-texture"]
@@ -164,6 +154,10 @@ def test_a_run_is_repeated_from_its_own_summary(data, tmp_path, method):
     first, second = (summary_in(tmp_path / name) for name in ("first", "again"))
     assert first["config"]["search"]["sharpness"] == 30.0
     assert first["config"]["tilt"] is False
+    assert (first["method"], first["seed"], first["config"]["every"]) == (method, 3, 10)
+    assert first["config"]["particles"] == (1 if method == "matching" else 4)
+    assert (first["config"]["noise"]["kind"] == "ControlNoise") == (method == "report")
+    assert not (tmp_path / "first" / "texture.png").exists()
     for name in ("config", "method", "seed", "slam"):
         assert first[name] == second[name]
     for name in ("trajectory.tum", "map.pgm"):
@@ -225,25 +219,22 @@ def test_a_bad_file_of_settings_is_one_line(data, tmp_path, capsys, content, nam
     assert complaint.count("\n") == 1
 
 
-def test_a_folder_holds_one_run_and_what_is_not_of_a_run(data, tmp_path):
+def test_a_run_with_loops_writes_the_revised_beside_the_rest_and_one_without_clears_it_away(data, tmp_path):
     line = ["run", "7", "--data", str(data), "--out", str(tmp_path), "--method", "matching"]
     (tmp_path / "mine.png").write_bytes(b"")
     assert main([*line, "--loops"]) == 0
-    assert (tmp_path / "map_revised.yaml").exists()
-    assert main(line) == 0
-    assert {*summary_in(tmp_path)["files"], "mine.png"} == {path.name for path in tmp_path.iterdir()}
-
-
-def test_run_with_loops_writes_the_revised_path_and_map_beside_the_others(data, tmp_path):
-    line = ["run", "7", "--data", str(data), "--out", str(tmp_path), "--method", "matching", "--loops"]
-    assert main(line) == 0
     summary = summary_in(tmp_path)
     new = {"trajectory_revised.tum", "map_revised.pgm", "map_revised.yaml", "map_revised.png"}
-    assert new <= set(summary["files"]) == {path.name for path in tmp_path.iterdir()}
+    assert new <= set(summary["files"])
+    assert {*summary["files"], "mine.png"} == {path.name for path in tmp_path.iterdir()}
     assert summary["loops"].keys() == {"key_scans", "candidates", "accepted", "largest_move_m"}
     path, revised = read_tum(tmp_path / "trajectory.tum"), read_tum(tmp_path / "trajectory_revised.tum")
     moved = np.hypot(*(path.poses - revised.poses)[:, :2].T).max()
     assert moved == pytest.approx(summary["loops"]["largest_move_m"], abs=1e-5)
+    assert main(line) == 0
+    plain = summary_in(tmp_path)["files"]
+    assert new.isdisjoint(plain)
+    assert {*plain, "mine.png"} == {path.name for path in tmp_path.iterdir()}
 
 
 def test_poses_that_the_truth_does_not_cover_are_counted(tmp_path):
