@@ -376,12 +376,7 @@ def text(old, new):
     ("change", "words"),
     [
         (text("image: room.pgm", "image: none.pgm"), "none.pgm"),
-        (text("resolution: 0.05", "resolution: 0"), "room.yaml: resolution: found 0"),
-        (text("resolution: 0.05", "size: 0.05"), "a key named resolution"),
-        (text(", 0.0]", ", 0.5]"), "rotated by 0.5"),
         (text("negate: 0", "negate: maybe"), "negate: found 'maybe'"),
-        (text("negate: 0", "negate: 2"), "room.yaml: negate: found 2, expected 0 or 1"),
-        (text("free_thresh: 0.196", "free_thresh: 0.9"), "free_thresh, occupied_thresh"),
         (image(lambda pixels: pixels.replace(b"\xfe", b"\xcd")), "no free cell"),
         (image(lambda pixels: pixels.replace(b"\x00", b"\xcd")), "occupied cell"),
         (lambda folder: (folder / "room.yaml").unlink(), "room.yaml"),
