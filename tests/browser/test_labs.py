@@ -1114,10 +1114,6 @@ def follow(page, asked: str) -> None:
     page.wait_for_function(READY)
 
 
-def test_every_laboratory_has_a_link():
-    assert sorted(SET) == LABS
-
-
 @pytest.mark.parametrize("name", LABS)
 def test_a_link_brings_back_what_was_set(open_lab, name):
     (settings, said), page = SET[name], open_lab(name, **CALM)
