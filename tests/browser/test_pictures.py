@@ -1,6 +1,7 @@
 """The pictures with a slider: the page computes what the package computes, under mouse, finger and key."""
 
 import re
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -105,6 +106,24 @@ def blur(shift: float, seen: dict) -> str:
     return f"Scans with stamps moved by {shift:.2f} s: the walls need {seen['count']} cells."
 
 
+def lever(ahead: float, seen: dict) -> str:
+    scans, path, drawn = hall().scans(), dead_reckoning(hall()), hall().robot.lidar.position_b[0]
+
+    def cells(place: float) -> int:
+        lidar = replace(hall().robot.lidar, position_b=(place, 0.0, 0.5))
+        turn = range(3382, 3542, 8)  # the half turn that the chapter finds
+        points = [transform_points(path.at(scans.t[i]), scan_points(scans.ranges[i], lidar)) for i in turn]
+        return len(np.unique(np.floor(np.concatenate(points) / 0.02), axis=0))
+
+    places = np.arange(-0.3, 0.41, 0.02)
+    counts = [cells(place) for place in places]
+    np.testing.assert_allclose(seen["counts"], counts, atol=3)  # a page has a millionth of a metre
+    assert seen["count"] == pytest.approx(cells(ahead), abs=3)
+    return f"""Left: cells hit against the place of the LiDAR, least at {places[np.argmin(counts)]:.2f} m; the drawing
+    says {drawn:.2f} m. Right: the walls of one turn with the LiDAR {ahead:.2f} m ahead of the centre, in
+    {seen["count"]} cells."""
+
+
 CASES = [
     ("scrub", {"time": "62"}, lambda seen: ch00.describe_scrub(hall(), 62.0)),
     ("scrub", {"time": "14"}, lambda seen: ch00.describe_scrub(hall(), 14.0)),
@@ -128,6 +147,8 @@ CASES = [
     ("dot", {"wall-at": "6.35"}, lambda seen: dot(6.35, seen)),
     ("blur", {"clock-offset": "0"}, lambda seen: blur(0.0, seen)),
     ("blur", {"clock-offset": "-0.17"}, lambda seen: blur(-0.17, seen)),
+    ("lever", {}, lambda seen: lever(-0.2, seen)),
+    ("lever", {"lidar-ahead-of-the-centre-by": "0.16"}, lambda seen: lever(0.16, seen)),
 ]
 SEEN = f"""settings => {{
   const {{stage, state}} = {LAB}, plain = value => ArrayBuffer.isView(value) ? Array.from(value) : value;
