@@ -29,6 +29,7 @@ import api_pages
 import copies
 import plain
 from hero import write_hero
+from icons import cut_icons
 from pfslam_book.show import lab
 from pfslam_book.show.pictures import APART as APART_MARK
 
@@ -146,6 +147,7 @@ def finish_site(app, error) -> None:
         dead.unlink()
     for dead in (site / "_static" / "vendor" / "fontawesome").rglob("*.js*"):
         dead.unlink()
+    cut_icons(site)
     target = site / "_static" / "mathjax"
     target.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(mathjax_file(), target / MATHJAX_SCRIPT)

@@ -1,15 +1,14 @@
-/* In the dark theme each figure is the one on dark paper, in the same colours; on paper it is the light one again. */
+/* In the dark theme each figure is the one on dark paper, in the same colours. On paper the whole page is light again. */
 (function () {
   "use strict";
   const root = document.documentElement;
   const figures = Array.from(document.querySelectorAll('img[data-night]:not([data-night=""])'));
-  let printing = false;
+  let theme = null; // while the page is printed, the one before
 
   function choose() {
-    const dark = root.dataset.theme === "dark" && !printing;
+    const dark = root.dataset.theme === "dark";
     for (const image of figures) {
       image.dataset.day ??= image.src;
-      image.loading = dark ? "lazy" : "eager"; // only a dark figure is a file, asked for when it comes into view
       const wanted = dark ? image.dataset.night : image.dataset.day;
       if (image.getAttribute("src") !== wanted) image.src = wanted;
     }
@@ -17,6 +16,11 @@
 
   choose();
   new MutationObserver(choose).observe(root, {attributes: true, attributeFilter: ["data-theme"]});
-  window.addEventListener("beforeprint", () => { printing = true; choose(); });
-  window.addEventListener("afterprint", () => { printing = false; choose(); });
+  function print(on) {
+    if (on) theme = root.dataset.theme;
+    root.dataset.theme = on ? "light" : theme;
+    choose();
+  }
+  window.addEventListener("beforeprint", () => print(true));
+  window.addEventListener("afterprint", () => print(false));
 })();

@@ -20,6 +20,9 @@ FORMULAS_WITH_SCROLL_BARS = """() => [...document.querySelectorAll('article :is(
 CODE_CUT_OFF = """() => [...document.querySelectorAll('article pre')]
   .filter(e => e.scrollWidth > e.clientWidth + 1).map(e => e.textContent.trim().slice(0, 60))"""
 
+LOADED = """() => ['navigation', 'resource'].flatMap(kind => performance.getEntriesByType(kind))
+  .map(entry => [entry.name, entry.decodedBodySize])"""
+BY_DAY = "all => all.map(image => image.src === new URL(image.dataset.day, document.baseURI).href)"
 # Of each figure with a picture for the dark: how light its corner is, of 255, and the colours of a thousandth of it.
 FIGURES = """async () => {
   const all = [];
@@ -219,11 +222,26 @@ def test_in_the_dark_figures_are_dark_in_the_colours_of_the_code_and_on_paper_li
     assert len(near & shown) >= 2, near & shown  # 08 and 12 have few figures that are not computed
     for event, ends in (("beforeprint", True), ("afterprint", False)):
         page.evaluate("event => window.dispatchEvent(new Event(event))", event)
-        sources = page.locator("img[data-night]").evaluate_all("all => all.map(image => image.src)")
-        assert {source.startswith("data:") for source in sources} == {ends}
+        sources = page.locator("img[data-night]").evaluate_all(BY_DAY)
+        assert set(sources) == {ends}
+        assert (page.locator("html").get_attribute("data-theme") == "light") == ends
     page.evaluate("() => { document.documentElement.dataset.theme = 'light'; }")
     page.wait_for_timeout(100)
     assert min(figure["corner"] for figure in page.evaluate(FIGURES)) > 240
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_a_page_is_light_to_load(visit, page_name, theme):
+    """Before anybody scrolls or touches: at most 1 MB beside the script of the equations, a chapter 4 MB with it."""
+    page = visit(page_name, width=390, color_scheme=theme).page
+    page.wait_for_load_state("networkidle")
+    loaded = dict(page.evaluate(LOADED))
+    weight = sum(loaded.values())
+    if not page_name.startswith("notebooks/"):
+        weight -= sum(size for name, size in loaded.items() if "/mathjax/" in name)
+    assert weight < (4e6 if page_name.startswith("notebooks/") else 1e6), sorted(
+        loaded.items(), key=lambda x: -x[1]
+    )[:5]
 
 
 def test_a_chapter_can_be_downloaded_as_a_notebook(visit, chapter_page):

@@ -4,7 +4,6 @@
   var data = JSON.parse(root.querySelector('script[type="application/json"]').textContent);
   var image = root.querySelector("img"), status = root.querySelector('[role="status"]');
   var button = root.querySelector("button"), timer = null;
-  data.frames = data.frames.map(function (address) { return address || image.src; });  // the first is on the page
   var calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
 
   // A control is {at, set, last}: the stop where it stands, a way to move it, and its last stop.

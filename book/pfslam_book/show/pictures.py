@@ -18,7 +18,7 @@ MODES = ("live", "static", "text")
 CSS_DPI = 100  # CSS pixels per inch of figure
 RASTER = 2  # raster pixels per CSS pixel, for sharp print and dense screens
 WEBP_QUALITY = 80
-# The site makes a file of each address with this mark (`book_site.py`), which is fetched when it is wanted.
+# The site makes a file of each address with this mark (`book_site.py`), which is fetched when it comes near.
 APART = "data:image/webp;apart=1;base64,"
 FRAME_QUALITY = 60  # of the pictures under a page's sliders, of which there are many
 # Each row less the row above it: half the bytes of the default, and a search for the best filter takes twice as long.
@@ -62,14 +62,9 @@ def _encoded(image: np.ndarray, kind: str, options: list[int]) -> bytes:
     return data.tobytes()
 
 
-def data_uri(image: np.ndarray, quality: int = WEBP_QUALITY) -> str:
-    """An image as a `data:` address, so that a page needs no second file."""
-    return "data:image/webp;base64," + base64.b64encode(encode(image, quality)).decode("ascii")
-
-
-def frame_uri(image: np.ndarray) -> str:
-    """The address of one of many pictures under a slider."""
-    return APART + base64.b64encode(encode(image, FRAME_QUALITY)).decode("ascii")
+def data_uri(image: np.ndarray, quality: int = WEBP_QUALITY, head: str = "data:image/webp;base64,") -> str:
+    """An image as a `data:` address, so that a notebook needs no second file."""
+    return head + base64.b64encode(encode(image, quality)).decode("ascii")
 
 
 def night_uri(drawing: Figure | np.ndarray, quality: int = WEBP_QUALITY) -> str:
@@ -90,9 +85,10 @@ def image_tag(uri: str, alt: str, shape: tuple[int, ...], night: str = "") -> st
     """An `<img>` of the right size on the page, which gives way on a narrow screen; `night.js` knows the other one."""
     height, width = shape[0] // RASTER, shape[1] // RASTER
     style = "max-width:100%;height:auto"
+    late = ' loading="lazy"' if uri.startswith(APART) else ""
     other = f' data-night="{night}"' if night else ""
     return (
-        f'<img class="pfslam-picture" src="{uri}" alt="{html.escape(alt)}" '
+        f'<img class="pfslam-picture"{late} src="{uri}" alt="{html.escape(alt)}" '
         f'width="{width}" height="{height}" style="{style}"{other}>'
     )
 
@@ -108,7 +104,7 @@ class Picture:
         if not alt.strip():
             raise ValueError("a picture needs an alt text that says what it shows")
         self.image, self.alt = to_rgb(drawing), " ".join(alt.split())
-        self.night = night_uri(drawing) if output_mode() == "static" else ""
+        self.night = night_uri(drawing) if output_mode() == "static" else None
 
     def __repr__(self) -> str:
         return f"[picture: {self.alt}]"
@@ -116,5 +112,6 @@ class Picture:
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict[str, str]:
         bundle = {"text/plain": repr(self)}
         if output_mode() != "text":
-            bundle["text/html"] = image_tag(data_uri(self.image), self.alt, self.image.shape, self.night)
+            uri = data_uri(self.image) if self.night is None else data_uri(self.image, head=APART)
+            bundle["text/html"] = image_tag(uri, self.alt, self.image.shape, self.night or "")
         return bundle

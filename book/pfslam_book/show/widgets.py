@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from .pictures import FRAME_QUALITY, data_uri, frame_uri, image_tag, night_uri, output_mode, quick_uri, to_rgb
+from .pictures import APART, FRAME_QUALITY, data_uri, image_tag, night_uri, output_mode, quick_uri, to_rgb
 
 MAX_FRAMES = 60  # about 1 MB on the page
 TRACK = 1000  # places on the track of a slider whose stops are not evenly spaced
@@ -263,13 +263,15 @@ def page_fragment(explorer: Explorer) -> str:
     """
     identifier = _identifier(explorer)
     pictures = explorer.frames()
-    uris = {state: (frame_uri(image), night) for state, (image, night) in pictures.items()}
+    uris = {
+        state: (data_uri(image, FRAME_QUALITY, APART), night) for state, (image, night) in pictures.items()
+    }
     alts = {state: explorer.alt(**explorer.values(state)) for state in pictures}
     start = explorer.start
     rows = "\n".join(_row(f"{identifier}-{k}", c) for k, c in enumerate(explorer.controls))
     title = html.escape(explorer.title)
     return f"""<figure class="pfslam-explorer" id="{identifier}">
-{image_tag(data_uri(pictures[start][0], FRAME_QUALITY), alts[start], pictures[start][0].shape, uris[start][1])}
+{image_tag(uris[start][0], alts[start], pictures[start][0].shape, uris[start][1])}
 <div class="pfslam-controls">
 {rows}
 {_buttons(explorer)}</div>
@@ -335,7 +337,7 @@ def _data(explorer: Explorer, uris: dict, alts: dict) -> dict:
         "places": [c.places for c in explorer.controls],
         "states": {",".join(map(str, s)): [frames.index(uris[s]), texts.index(alts[s])] for s in uris},
         "alts": texts,
-        "frames": ["" if (day, night) == uris[explorer.start] else day for day, night in frames],
+        "frames": [day for day, _ in frames],
         "nights": [night for _, night in frames],
     }
 
