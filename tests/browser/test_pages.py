@@ -219,7 +219,7 @@ def test_in_the_dark_figures_are_dark_in_the_colours_of_the_code_and_on_paper_li
     assert max(figure["corner"] for figure in figures) < 40
     near = {",".join(str(int(colour[i : i + 2], 16) >> 4) for i in (1, 3, 5)) for colour in NIGHT.values()}
     shown = {colour for figure in figures for colour in figure["colours"]}
-    assert len(near & shown) >= 2, near & shown  # 08 and 12 have few figures that are not computed
+    assert len(near & shown) >= (2 if len(figures) > 2 else 1), near & shown  # most of those of 12 are computed
     for event, ends in (("beforeprint", True), ("afterprint", False)):
         page.evaluate("event => window.dispatchEvent(new Event(event))", event)
         sources = page.locator("img[data-night]").evaluate_all(BY_DAY)
