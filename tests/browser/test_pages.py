@@ -219,7 +219,9 @@ def test_in_the_dark_figures_are_dark_in_the_colours_of_the_code_and_on_paper_li
     assert max(figure["corner"] for figure in figures) < 40
     near = {",".join(str(int(colour[i : i + 2], 16) >> 4) for i in (1, 3, 5)) for colour in NIGHT.values()}
     shown = {colour for figure in figures for colour in figure["colours"]}
-    assert len(near & shown) >= (2 if len(figures) > 2 else 1), near & shown  # most of those of 12 are computed
+    assert len(near & shown) >= (2 if len(figures) > 2 else 1), (
+        near & shown
+    )  # most of those of 12 are computed
     for event, ends in (("beforeprint", True), ("afterprint", False)):
         page.evaluate("event => window.dispatchEvent(new Event(event))", event)
         sources = page.locator("img[data-night]").evaluate_all(BY_DAY)
@@ -232,13 +234,13 @@ def test_in_the_dark_figures_are_dark_in_the_colours_of_the_code_and_on_paper_li
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_a_page_is_light_to_load(visit, page_name, theme):
-    """Before anybody scrolls or touches: at most 1 MB beside the script of the equations, a chapter 4 MB with it."""
+    """Before anybody scrolls or touches: a chapter at most 4 MB, others 1 MB beside equations and search index."""
     page = visit(page_name, width=390, color_scheme=theme).page
     page.wait_for_load_state("networkidle")
     loaded = dict(page.evaluate(LOADED))
     weight = sum(loaded.values())
     if not page_name.startswith("notebooks/"):
-        weight -= sum(size for name, size in loaded.items() if "/mathjax/" in name)
+        weight -= sum(size for name, size in loaded.items() if re.search("/mathjax/|/search.*js", name))
     assert weight < (4e6 if page_name.startswith("notebooks/") else 1e6), sorted(
         loaded.items(), key=lambda x: -x[1]
     )[:5]
