@@ -57,6 +57,7 @@ def test_every_slider_changes_its_picture_and_no_other_by_key(explorers):
     for explorer in explorers:
         name, before = explorer.locator("figcaption").text_content(), picture(explorer)
         others = [picture(other) for other in explorers if other is not explorer]
+        explorer.scroll_into_view_if_needed()  # its picture is fetched when it comes near
         assert explorer.locator("img").evaluate("i => i.decode().then(() => i.naturalWidth)") >= 300
         for slider in explorer.locator("input[type=range]").all():
             start = at(slider)
