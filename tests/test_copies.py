@@ -15,6 +15,7 @@ from copies import (
     SOLUTION,
     exercises,
     expressions,
+    found_cells,
     full_copy,
     main,
     number,
@@ -110,17 +111,27 @@ def test_a_student_copy_lacks_the_solutions_and_nothing_else(path):
     notebook = read(path)
     kept = {cell["id"]: cell for cell in student(notebook)["cells"]}
     assert exercises(student(notebook), SOLUTION) == {}
-    solutions = {cell["id"] for cell in solution_cells(notebook)}
+    answers = {cell["id"] for cell in [*solution_cells(notebook), *found_cells(notebook)]}
     for cell in full(notebook)["cells"]:
         if cell["id"] not in kept:
-            assert cell["id"] in solutions or source(cell).strip().startswith(POINTER)
-        elif OPEN.search(source(cell)):  # its answer is kept from students, and asked of them
-            assert source(kept[cell["id"]]) == source(cell)[: source(cell).rindex("<details>")].strip()
-            assert kept[f"{cell['id']}-answer"]["metadata"]["nbgrader"]["grade"]
+            assert cell["id"] in answers or source(cell).strip().startswith(POINTER)
         elif POINTER not in source(cell):
             assert source(kept[cell["id"]]) == source(cell)
     names = [c["metadata"]["nbgrader"]["grade_id"] for c in kept.values() if "nbgrader" in c["metadata"]]
     assert len(set(names)) == len(names) > 2 * len(exercises(notebook))
+
+
+@each_chapter
+def test_what_was_found_for_an_open_question_is_kept_from_students_and_asked_of_them(path):
+    notebook = read(path)
+    kept = {cell["id"]: cell for cell in student(notebook)["cells"]}
+    asked = [cell["id"] for cell in notebook["cells"] if OPEN.search(source(cell))]
+    assert len(asked) == 1
+    assert kept[f"{asked[0]}-answer"]["metadata"]["nbgrader"]["grade"]
+    *looked, answer = found_cells(notebook)
+    assert answer["cell_type"] == "markdown"
+    assert len(looked) <= 1
+    assert not {cell["id"] for cell in found_cells(notebook)} & set(kept)
 
 
 @each_chapter
@@ -144,7 +155,8 @@ def test_no_solution_leaks(path):
 @each_chapter
 def test_the_rest_of_the_chapter_does_not_need_the_solutions(path):
     notebook = read(path)
-    hidden = set().union(*map(defined, solution_cells(notebook)))
+    answers = [*solution_cells(notebook), *found_cells(notebook)]
+    hidden = set().union(*map(defined, (cell for cell in answers if cell["cell_type"] == "code")))
     cells = code(student(notebook)["cells"])
     hidden -= set().union(*map(defined, cells))
     for cell in cells:

@@ -7,7 +7,8 @@ of nbgrader, which says nothing to anybody else: a point for each check, and bel
 answer, which a person grades.
 
 An exercise is the code cell with the tag ``exercise-N``, its check the next one, ``check-N``, and its solution the one
-with ``solution-N`` and the hidden code cells that follow it at once.
+with ``solution-N`` and the hidden code cells that follow it at once. The tag ``found`` is for what may be found for an
+open question, and for the cell that found it.
 """
 
 import argparse
@@ -37,8 +38,8 @@ POINTER = "Open the cell below for a solution."
 POINTING = re.compile(re.escape(POINTER) + r"[^\n]*")
 EVAL = re.compile(r"\{eval\}`([^`]+)`")
 OPEN = re.compile(r"\*\*Exercise (\d+)[^*]*(?:explore and explain|open)[^*]*\*\*")
-ANSWER = re.compile(r"<details>.*?</details>", re.DOTALL)
-"""Below an open question: what may be found."""
+FOUND = "found"
+"""The tag of what follows an open question: how we looked, and what may be found."""
 YOUR_ANSWER = "*Your answer: what you tried, what you saw, and why.*"
 
 
@@ -80,7 +81,7 @@ def _plain(cell: dict, numbers, place: Place) -> dict:
 
 def student_copy(notebook: dict, numbers: Iterable[str], place: Place) -> dict:
     """The same without solutions and the lines that point at them; stubs and checks stay."""
-    hidden = {cell["id"] for cell in solution_cells(notebook)}
+    hidden = {cell["id"] for cell in [*solution_cells(notebook), *found_cells(notebook)]}
     cells = [
         graded
         for cell in full_copy(notebook, numbers, place)["cells"]
@@ -94,14 +95,13 @@ def student_copy(notebook: dict, numbers: Iterable[str], place: Place) -> dict:
 
 
 def _graded(cell: dict) -> Iterator[dict]:
-    """The cell as nbgrader knows it; an open question without its answer, and with a cell for the student's."""
+    """The cell as nbgrader knows it; an open question with a cell for the student's answer."""
     if n := number(cell, EXERCISE):
         yield _marked(cell, f"exercise-{n}", solution=True)
     elif n := number(cell, CHECK):
         yield _marked(cell, f"check-{n}", grade=True, locked=True)
     elif cell["cell_type"] == "markdown" and (question := OPEN.search(source(cell))):
-        before, asked = source(cell)[: question.start()], source(cell)[question.start() :]
-        yield {**cell, "source": (before + ANSWER.sub("", asked)).strip()}
+        yield cell
         answer = {**cell, "id": f"{cell['id']}-answer", "metadata": {}, "source": YOUR_ANSWER}
         yield _marked(answer, f"open-{question[1]}", grade=True, solution=True)
     else:
@@ -123,6 +123,11 @@ def solution_cells(notebook: dict) -> list[dict]:
         if inside:
             found.append(cell)
     return found
+
+
+def found_cells(notebook: dict) -> list[dict]:
+    """How we looked at an open question, and what was found, in order."""
+    return [cell for cell in notebook["cells"] if FOUND in cell["metadata"].get("tags", [])]
 
 
 def _without_pointer(cell: dict) -> dict:

@@ -6,6 +6,7 @@ from pfslam_book.ch05.whole import check_filter
 from pfslam_book.ch05.your_filter import (
     Settings,
     drive,
+    few_particles,
     moments,
     my_filter,
     step,
@@ -17,5 +18,5 @@ from pfslam_book.show.source import show_source
 from pfslam_book.show.tables import Shown
 
 __all__ = ["Settings", "Shown", "check_filter", "check_mean_pose", "check_resample"]
-__all__ += ["check_update", "drive", "drive_lab", "keep", "map_along", "maps_lab", "moments"]
+__all__ += ["check_update", "drive", "drive_lab", "few_particles", "keep", "map_along", "maps_lab", "moments"]
 __all__ += ["my_filter", "show_source", "step", "stored_errors"]

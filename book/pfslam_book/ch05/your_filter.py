@@ -240,3 +240,8 @@ def stored_errors(*, whole: bool) -> dict[str, np.ndarray]:
     """The stored errors (m, RMS) of the filter, printed and harmed, on the whole drive or on its first 65 s."""
     table = read_table("ch05_your_filter")
     return errors_by_label(select(table, seconds=max(table["seconds"]) if whole else 65))
+
+
+def few_particles() -> dict[str, float]:
+    """The largest stored error (m, RMS) of five seeds on the first 65 s, by ``every/particles``."""
+    return {k: float(v.max()) for k, v in errors_by_label(read_table("ch05_few_particles")).items()}
