@@ -66,8 +66,9 @@ def compare(target: Place, source: Place, pose: np.ndarray, rho: float = RHO) ->
     """Compare ``source`` at ``pose (3,)`` with the lines of ``target``.
 
     The cost is sum w r^2 / 2 sigma^2 with r = n^T (R q + t - p) and w = exp(-r^2 / 2 rho^2). Returns its gradient
-    ``(3,)``, its information ``(3, 3)``, sum w J^T J / sigma^2, which along a bare corridor is none, and the share of
-    the points that the lines explain, sum w / M.
+    ``(3,)``, its information ``(3, 3)``, sum w J^T J / sigma^2, and the share of the points that the lines explain,
+    sum w / M. Along a bare corridor exact normals leave no information. Those of scans have noise, which feigns
+    some: on the bare side of the simulated ring it says 2 to 3 cm of matches that wheels 6 % off put 8 to 27 cm off.
     """
     moved, factor = source.seen_from(pose), INDEPENDENT / SIGMA**2
     features = np.hstack([moved.points, TURN * moved.normals])
