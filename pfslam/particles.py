@@ -201,13 +201,17 @@ def _pick(weights: np.ndarray, positions: np.ndarray) -> np.ndarray:
     return np.minimum(np.searchsorted(edges / edges[-1], positions, side="right"), last)
 
 
-def systematic_resample(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw ancestors ``(N,)``: one random offset, then N equal strides through the cumulative weights.
+def systematic_resample(weights: np.ndarray, rng: np.random.Generator, n: int | None = None) -> np.ndarray:
+    """Draw ancestors ``(n,)``: one random offset, then n equal strides through the cumulative weights.
+
+    ``n=None`` draws as many as there are weights.
 
     >>> systematic_resample([0.6, 0.25, 0.15], np.random.default_rng(0)).tolist()
     [0, 0, 2]
+    >>> systematic_resample([0.6, 0.25, 0.15], np.random.default_rng(0), 5).tolist()
+    [0, 0, 0, 1, 2]
     """
-    weights, n = _checked(weights), len(weights)
+    weights, n = _checked(weights), len(weights) if n is None else n
     return _pick(weights, (np.arange(n) + rng.random()) / n)
 
 

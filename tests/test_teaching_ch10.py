@@ -1,5 +1,6 @@
 """Chapter 10: what its helpers compute, and the localiser that stands on its page, against values known beforehand."""
 
+import ast
 import math
 
 import numpy as np
@@ -12,16 +13,23 @@ from pfslam.beyond.localization import LocalizationConfig, enough, kld_bound, li
 from pfslam.events import Drive
 from pfslam.poses import between
 
+OWN = [f"localiser-{part}" for part in ("weigh", "bound", "resample", "alarm")]
+
 
 def localiser() -> dict:
     """The names of the chapter's localiser, from the very cells that the reader sees."""
     names: dict = {}
-    for tag in (
-        "setup",
-        *(f"localiser-{part}" for part in ("move", "weigh", "bound", "resample", "whole", "alarm")),
-    ):
+    for tag in ("setup", "localiser-move", *OWN, "localiser-whole"):
         run(source("10", tag), names)
     return names
+
+
+def test_field_weights_bound_and_injection_are_some_thirty_lines():
+    statements = ast.unparse(ast.parse("\n".join(source("10", tag) for tag in OWN)))
+    lines = [
+        line for line in statements.splitlines() if line and not line.strip().startswith(("'", '"', "print"))
+    ]
+    assert len(lines) <= 35
 
 
 def test_the_building_without_its_door_is_its_own_twin():
@@ -67,11 +75,13 @@ def test_the_localiser_of_the_page_has_the_field_and_the_bound_of_the_package():
     bins = np.array([2, 10, 100, 1000])
     np.testing.assert_allclose([own["bound"](k) for k in bins], kld_bound(bins), rtol=1e-3)
     heap = np.random.default_rng(0).normal(0.0, [0.5, 0.5, 0.1], (10_000, 3))
-    weights = np.full(10_000, 1e-4)
-    number = own["enough"](heap, weights, 0.0, grid, np.random.default_rng(0), least=10)
-    assert 10 < enough(heap, least=10) <= number < 10_000
-    counted = np.bincount(own["draw"](np.array([0.6, 0.25, 0.15]), 20, np.random.default_rng(1)))
-    assert counted.tolist() == [12, 5, 3]
+    weights, founder = np.full(10_000, 1e-4), np.arange(10_000)
+    kept, family = own["resample"](heap, weights, founder, 0.0, grid, np.random.default_rng(0), least=10)
+    assert 10 < enough(heap, least=10) <= len(kept) < 10_000
+    np.testing.assert_array_equal(kept, heap[family])
+    assert np.ptp(np.diff(family)) == 1  # a comb: every few
+    _, family = own["resample"](heap, weights, founder, 0.4, grid, np.random.default_rng(0), least=10)
+    assert (family < 0).mean() == pytest.approx(0.4, abs=0.02)
 
 
 @pytest.mark.slow

@@ -18,7 +18,14 @@ import numpy as np
 from pfslam.errors import DataError
 from pfslam.events import Drive, ScanEvent
 from pfslam.grid import OccupancyGrid
-from pfslam.particles import MAX_PARTICLES, MotionNoise, Particles, _pick, effective_sample_size, reweight
+from pfslam.particles import (
+    MAX_PARTICLES,
+    MotionNoise,
+    Particles,
+    effective_sample_size,
+    reweight,
+    systematic_resample,
+)
 from pfslam.poses import Trajectory, average_pose, compose, transform_points, wrap_angle
 from pfslam.recording import Recording
 from pfslam.settings import Range, Settings
@@ -93,8 +100,7 @@ def kld_bound(bins, epsilon: float = EPSILON, delta: float = DELTA):
     1347
     """
     k = np.maximum(np.asarray(bins, dtype=float) - 1.0, 1.0)
-    z = NormalDist().inv_cdf(1.0 - delta)
-    a = 2.0 / (9.0 * k)
+    z, a = NormalDist().inv_cdf(1.0 - delta), 2.0 / (9.0 * k)
     return np.where(np.asarray(bins) > 1, k / (2.0 * epsilon) * (1.0 - a + np.sqrt(a) * z) ** 3, 1.0)[()]
 
 
@@ -147,25 +153,25 @@ class KnownMap:
         """
         points = points_b[:: max(len(points_b) // BEAMS, 1)]
         parts = np.array_split(poses, -(-len(poses) // AT_ONCE))
-        mean = np.concatenate([self._at(transform_points(part, points)).mean(axis=1) for part in parts])
-        cells = self.grid.spec.world_to_cell(poses[:, :2])
-        stands = self.grid.spec.contains(cells)
-        stands[stands] = self.grid.free[cells[stands, 1], cells[stands, 0]]
+        mean = np.concatenate([self._fits(transform_points(part, points)).mean(axis=1) for part in parts])
+        stands = self._at(poses[:, :2], self.grid.free, outside=False)
         return self.config.effective_beams * np.where(stands, mean, np.log(self.config.random))
 
     def explained(self, pose: np.ndarray, points_b: np.ndarray) -> float:
         """Return the share of a scan's end points ``(M, 2)`` that lie near a wall of the map, from a pose ``(3,)``."""
         near = np.exp(-0.5 * (EXPLAINED_METRES / self.config.sigma) ** 2)
         least = np.log(self.config.random + (1.0 - self.config.random) * near)
-        return float((self._at(transform_points(pose, points_b)) >= least - 1e-6).mean())
+        return float((self._fits(transform_points(pose, points_b)) >= least - 1e-6).mean())
 
-    def _at(self, points_w: np.ndarray) -> np.ndarray:
+    def _fits(self, points_w: np.ndarray) -> np.ndarray:
         """Look up the field at points ``(..., 2)``; outside the map nothing explains them."""
+        return self._at(points_w, self.field, outside=np.log(self.config.random))
+
+    def _at(self, points_w: np.ndarray, layer: np.ndarray, outside) -> np.ndarray:
         cells = self.grid.spec.world_to_cell(points_w)
         inside = self.grid.spec.contains(cells)
-        values = np.full(inside.shape, np.log(self.config.random))
-        ix, iy = cells[inside].T
-        values[inside] = self.field[iy, ix]
+        values = np.full(inside.shape, outside)
+        values[inside] = layer[tuple(cells[inside].T[::-1])]
         return values
 
 
@@ -221,8 +227,7 @@ def localization_step(
     pose, near = densest(particles)
     explained = known.explained(pose, event.points_b)
     info = LocalizationInfo(event.t, pose, near, particles, len(particles), True, fit, share, explained)
-    n_eff = effective_sample_size(particles.weights)
-    if share or n_eff <= RESAMPLE_BELOW * len(particles):
+    if share or effective_sample_size(particles.weights) <= RESAMPLE_BELOW * len(particles):
         particles = resample_adaptively(particles, share, known.grid, config, rng)
     return LocalizationState(particles, slow, fast, np.zeros(3)), info
 
@@ -240,8 +245,7 @@ def resample_adaptively(
     particles: Particles, share: float, grid: OccupancyGrid, config: LocalizationConfig, rng
 ) -> Particles:
     """Resample as many particles as Fox's bound asks for; a ``share`` of them is spread over the whole map."""
-    trial = rng.permutation(_drawn(particles, share, config.particles, grid, rng))
-    n = enough(trial, config.least)
+    n = enough(rng.permutation(_drawn(particles, share, config.particles, grid, rng)), config.least)
     return Particles(_drawn(particles, share, n, grid, rng), np.zeros(n))
 
 
@@ -256,7 +260,7 @@ def enough(poses: np.ndarray, least: int) -> int:
 def _drawn(particles: Particles, share: float, n: int, grid: OccupancyGrid, rng) -> np.ndarray:
     """Draw ``n`` poses: a share from the whole map, the others by weight, systematically."""
     fresh = int(rng.binomial(n, share))
-    kept = _pick(particles.weights, (np.arange(n - fresh) + rng.random()) / max(n - fresh, 1))
+    kept = systematic_resample(particles.weights, rng, n - fresh)
     return np.concatenate([particles.poses[kept], spread(grid, fresh, rng)])
 
 
@@ -331,12 +335,10 @@ def locate(
     rng = np.random.default_rng(0) if rng is None else rng
     drive = Drive.of(recording, config.every)
     known = KnownMap.of(grid, config)
-    if start is None:
-        start = Particles(spread(grid, config.first, rng), np.zeros(config.first))
+    start = start or Particles(spread(grid, config.first, rng), np.zeros(config.first))
     state, infos = LocalizationState(start), []
     for event in progress(drive.events(), total=len(drive)) if progress else drive.events():
         state, info = localization_step(state, event, known, rng)
         infos.append(info if keep_particles else replace(info, particles=None))
     t, poses = zip(*((info.t, info.estimate) for info in infos), strict=True)
-    trajectory = Trajectory(np.array(t), np.array(poses))
-    return LocalizationResult(trajectory, tuple(infos), config, drive.dropped)
+    return LocalizationResult(Trajectory(np.array(t), np.array(poses)), tuple(infos), config, drive.dropped)

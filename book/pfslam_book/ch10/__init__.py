@@ -2,13 +2,21 @@
 
 from pfslam.beyond.localization import enough, kld_bound, localization_step, locate
 from pfslam.cli.figures import map_along
-from pfslam_book.ch10.building import distances, kidnapped, match_along, part, shares, two_halves
+from pfslam_book.ch10.building import after_moves, distances, kidnapped, match_along, part, shares, two_halves
 from pfslam_book.ch10.pictures import lost_lab, search_explorer
 from pfslam_book.exercises.ch10 import check_inject, check_particles_needed
 from pfslam_book.show.source import show_source
 from pfslam_book.show.tables import Shown, read_table, select
 
-__all__ = ["Shown", "check_inject", "check_particles_needed", "distances", "enough", "kidnapped"]
+__all__ = [
+    "Shown",
+    "after_moves",
+    "check_inject",
+    "check_particles_needed",
+    "distances",
+    "enough",
+    "kidnapped",
+]
 __all__ += [
     "kld_bound",
     "localization_step",

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
+from pfslam.beyond.localization import STEP_METRES, STEP_RADIANS
+from pfslam.events import ScanEvent
 from pfslam.grid import OccupancyGrid
 from pfslam.map import Map
 from pfslam.motion import dead_reckoning
@@ -136,6 +139,16 @@ def kidnapped(recording: Recording, begin: float, end: float) -> Recording:
         lidar=LidarScans(scan_t, ranges),
         truth=Trajectory(true_t, true_poses),
     )
+
+
+def after_moves(events: Iterable[ScanEvent]) -> Iterator[ScanEvent]:
+    """Yield the first scan, and then each that comes after 10 cm or 0.1 rad, with the motion since the one before."""
+    motion, first = np.zeros(3), True
+    for event in events:
+        motion = compose(motion, event.motion)
+        if first or np.hypot(*motion[:2]) >= STEP_METRES or abs(motion[2]) >= STEP_RADIANS:
+            yield replace(event, motion=motion)
+            motion, first = np.zeros(3), False
 
 
 def match_along(grid: OccupancyGrid, recording: Recording, start: np.ndarray) -> Trajectory:
