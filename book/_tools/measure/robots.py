@@ -16,9 +16,9 @@ import numpy as np
 from pfslam_book.show.faults import clockwise, late_scans
 
 from pfslam.evaluation.checkup import check_up
-from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.evaluation.trajectory import aligned_at_first, trajectory_error
 from pfslam.motion import dead_reckoning
-from pfslam.poses import Trajectory, between, compose, invert
+from pfslam.poses import Trajectory, between, compose, invert, transform_points
 from pfslam.recording import LidarScans, Recording
 from pfslam.refined.health import in_doubt
 from pfslam.run import run_slam
@@ -223,8 +223,16 @@ HARD = {
 BUILDINGS = "buildings with hazards"
 
 
+def bent(estimate: Trajectory, truth: Trajectory) -> float:
+    """Return the largest error (m) that is left when the whole path is laid on the true one, by a turn and a shift."""
+    xy, true_xy = (poses[:, :2] - poses[:, :2].mean(axis=0) for poses in aligned_at_first(estimate, truth))
+    (c_x, s_x), (s_y, c_y) = xy.T @ true_xy
+    turn = np.arctan2(s_x - s_y, c_x + c_y)  # the turn that makes the sum of squares least
+    return float(np.hypot(*(transform_points([0.0, 0.0, turn], xy) - true_xy).T).max())
+
+
 def judged(case: Case) -> dict[str, Any]:
-    """Check and run one robot: its largest error (m), and what was said of it."""
+    """Check and run one robot: its largest error (m), what a turn of the whole leaves of it, and what was said."""
     kind, name = case.get("kind"), case.get("robot")
     recording = drive(**HARD[name]) if kind == BUILDINGS else GROUPS[kind][name](drive())
     findings = check_up(recording)
@@ -239,6 +247,7 @@ def judged(case: Case) -> dict[str, Any]:
     distrust = result.distrust
     return told | {
         "ate_max_m": error.ate_max_m,
+        "bent_max_m": bent(result.trajectory, recording.true_path()),
         "doubted": float(in_doubt(distrust, result.trajectory.t).mean()),
         "to_the_end": int(any(stretch["to"] is None for stretch in distrust)),
         "reasons": "; ".join(str(stretch["reason"]) for stretch in distrust),

@@ -210,6 +210,7 @@ def robots() -> list[tuple[str, ...]]:
         "right, but stopped or in doubt to the end",
         f"off by more than {OFF} m",
         "of these, without a word",
+        "of these, off when the whole path is laid on the truth",
     )
     lines = [head]
     for kind in (*labels_of(table), None):
@@ -217,7 +218,8 @@ def robots() -> list[tuple[str, ...]]:
         told = (of["failed"] + of["stopped"] > 0) | (of["doubted"] > 0)
         right, off = of["ate_max_m"] <= RIGHT, ~(of["ate_max_m"] <= OFF)  # one that could not be run is off
         alarmed = (of["to_the_end"] > 0) | (of["stopped"] > 0)
-        counts = (right & ~told, right & alarmed, off, off & ~told)
+        silent = off & ~told
+        counts = (right & ~told, right & alarmed, off, silent, silent & ~(of["bent_max_m"] <= OFF))
         lines.append((kind or "all", str(len(off)), *(str(int(some.sum())) for some in counts)))
     return lines
 
