@@ -274,8 +274,7 @@ def convert_command(arguments: Namespace) -> None:
 def report_command(arguments: Namespace) -> None:
     """Draw the report's figures as PNG files."""
     need("matplotlib", "plots")
-    out, count = out_folder(arguments), 0
-    recording = load_dataset(arguments)
+    out, recording, count = out_folder(arguments), load_dataset(arguments), 0
     check_writable(out)
     for name, figure in report_figures(recording, progress=progress_bar("figures")):
         with atomic_write(out / f"{name}.png") as file:
