@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from argparse import Namespace
@@ -288,6 +289,8 @@ def study_command(arguments: Namespace) -> int:
     """Make the runs of a study that are missing, and its table."""
     study = read_study(arguments.file)
     out = arguments.out or Path("out") / study.name
+    # Ctrl-C may meet joblib while it frees a semaphore; its tracker then warns of one that is already free.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     path = run_study(study, out, jobs=arguments.jobs, progress=progress_bar("runs"))
     errors = read_table(path)["error"]
     failed = int(np.count_nonzero(errors != ""))
