@@ -29,6 +29,7 @@ from pfslam.particles import (
 )
 from pfslam.poses import average_pose, compose, transform_points
 from pfslam.refined.covariance import predicted_covariance
+from pfslam.refined.filling import filled
 from pfslam.refined.lines import LineConfig
 from pfslam.refined.outliers import NOISY, OutlierConfig
 from pfslam.refined.search.matching import Match, SearchConfig
@@ -47,6 +48,8 @@ def slam_step(
     prior = belief.predict(event, config, rng)
     if len(event.points_b) < config.min_beams:
         return belief.coast(event, prior)
+    # A coarse scanner sees dots: the wall between two of them is filled in.
+    event = filled(event, config.beam_spacing)
     # Eq. 6, 8, 9: the scan is scored at every perturbation of every particle, which moves to its best one.
     scan = belief.map.inliers(event, prior.pose, config.min_beams)
     match = belief.map.match(scan, prior, config.search, rng)
@@ -133,6 +136,7 @@ def begin(
     The report's filter predicts its first scan like any other and draws it from its best particle.
     """
     seen = len(event.points_b) >= config.min_beams
+    event = filled(event, config.beam_spacing)
     if seen and config.predict_before_first_scan:
         particles, _ = config.noise.predict(belief.particles, event, rng)
         pose = estimate_pose(particles, config.estimate)
@@ -260,6 +264,8 @@ class SlamConfig(Settings):
     draw_metres: Annotated[float, Range(0.0, inf)] = 0.0
     draw_radians: Annotated[float, Range(0.0, inf)] = 0.0
     """The scan is drawn into the map after moving or turning by at least so much since the last one; inf: never."""
+    beam_spacing: Annotated[float, Range(0.0, inf)] = 0.0
+    """Where neighbouring beams are more than this (rad) apart, the wall between them is filled in; 0: nowhere."""
     min_beams: Annotated[int, Range(1, 10**6)] = 10
     """Scans with fewer valid beams are predicted through, not matched, and counted."""
 
@@ -301,6 +307,7 @@ class SlamConfig(Settings):
             resample_below=0.5,
             draw_metres=0.05,
             draw_radians=0.025,
+            beam_spacing=0.02,
         )
 
     @classmethod

@@ -25,7 +25,7 @@ from pfslam.cli.figures import picture_of_search, report_figures
 from pfslam.cli.lab import lab_command as lab_command
 from pfslam.cli.page import Clouds, Ran, write_pictures
 from pfslam.cli.parser import DOUBTED, FAULT, HAZARDS, SPOILED, TOPICS
-from pfslam.cli.wishes import wishes
+from pfslam.cli.wishes import given, wishes
 from pfslam.errors import DataError, need
 from pfslam.evaluation.checkup import Finding, check_up
 from pfslam.io.bags import BagOptions, choose_topics, is_bag
@@ -83,11 +83,6 @@ def bag_options(arguments: Namespace) -> BagOptions:
     place = None if arguments.lidar_at is None else tuple(arguments.lidar_at)
     topics = {name: getattr(arguments, name) for name in TOPICS}
     return BagOptions(**topics, odom_frame=arguments.odom_frame, lidar_at=place)
-
-
-def given(arguments: Namespace, *names: str) -> dict[str, Any]:
-    """Return the options that were given, by name."""
-    return {name: value for name in names if (value := getattr(arguments, name)) is not None}
 
 
 def out_folder(arguments: Namespace, suffix: str = "") -> Path:

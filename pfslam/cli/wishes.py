@@ -34,9 +34,12 @@ def wishes(arguments: Namespace) -> tuple[str, int, SlamConfig]:
         if not found:
             raise DataError("run", "--set", repr(text), "NAME=VALUE, such as search.sharpness=30")
         config = changed(config, {name.strip(): meant(value.strip())}, "run", "--set ")
-    asked = {name: getattr(arguments, name) for name in ("particles", "every")}
-    asked = {name: value for name, value in asked.items() if value is not None}
-    return method, seed, changed(config, asked, "run", "--")
+    return method, seed, changed(config, given(arguments, "particles", "every"), "run", "--")
+
+
+def given(arguments: Namespace, *names: str) -> dict[str, Any]:
+    """Return the options that were given, by name."""
+    return {name: value for name in names if (value := getattr(arguments, name)) is not None}
 
 
 def read_settings(path: Path) -> dict[str, Any]:

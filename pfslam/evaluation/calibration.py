@@ -62,7 +62,6 @@ class Calibration:
     gyro_scale: float
     gyro_scale_error: float
     turned_radians: float
-    matched_seconds: float
     wheel_scale: float
     wheel_scale_error: float
     straight_metres: float
@@ -73,7 +72,7 @@ def calibrate(recording: Recording, result: SlamResult | None = None) -> Calibra
     at_rest = gyro_bias(recording)
     own = recording.robot.imu.gyro_bias
     if result is None:
-        return Calibration(*at_rest, own, np.inf, 1.0, np.inf, 0.0, 0.0, 1.0, np.inf, 0.0)
+        return Calibration(*at_rest, own, np.inf, 1.0, np.inf, 0.0, 1.0, np.inf, 0.0)
     odometry, matched, seconds = matched_motion(recording, result)
     way, turn = odometry[:, 0], odometry[:, 2]
     straight = (np.abs(turn) < STRAIGHT) & (np.abs(way) > DROVE)
@@ -85,7 +84,7 @@ def calibrate(recording: Recording, result: SlamResult | None = None) -> Calibra
         shown = recording.robot.imu.gyro_scale * gyro[0]
         drift = (own - drift[0] / shown, drift[1] / shown)
     metres = float(np.abs(way[straight]).sum())
-    return Calibration(*at_rest, *drift, *gyro, turned, float(seconds.sum()), *wheels, metres)
+    return Calibration(*at_rest, *drift, *gyro, turned, *wheels, metres)
 
 
 def apply_calibration(recording: Recording, calibration: Calibration) -> Recording:

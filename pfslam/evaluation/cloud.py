@@ -32,16 +32,14 @@ class CloudConsistency:
     ``nees (K,)`` is the normalised estimation error squared: the squared Mahalanobis distance of the truth from each
     cloud (infinite if the cloud is certain and wrong), 2 or 3 on average if the clouds are consistent. ``inside`` maps
     each probability of ``CLAIMS`` to the share of clouds whose ellipsoid holds the truth. ``claimed_m`` and
-    ``actual_m``, ``claimed_deg`` and ``actual_deg`` are root mean squares of the clouds' spread and of the truth's
-    distance from their means; ``certain`` counts clouds without spread in some direction.
+    ``actual_m`` are root mean squares of the clouds' spread and of the truth's distance from their means; ``certain``
+    counts clouds without spread in some direction.
     """
 
     nees: np.ndarray
     inside: dict[float, float]
     claimed_m: float
     actual_m: float
-    claimed_deg: float
-    actual_deg: float
     certain: int
 
 
@@ -99,8 +97,6 @@ def _consistency(infos: list[Step], moments: list[tuple], truth: Trajectory, dof
         inside={share: float(np.mean(nees <= chdtri(dof, 1.0 - share))) for share in CLAIMS},
         claimed_m=rms(np.sqrt(variance[:, 0] + variance[:, 1])),
         actual_m=rms(np.hypot(error[:, 0], error[:, 1])),
-        claimed_deg=float(np.rad2deg(rms(np.sqrt(variance[:, 2])))),
-        actual_deg=float(np.rad2deg(rms(error[:, 2]))),
         certain=int(np.count_nonzero(np.isinf(nees))),
     )
 
