@@ -213,7 +213,7 @@ def paused(steps, seconds, metres):
 def test_a_silence_in_which_the_robot_went_no_farther_than_usual_is_no_reason_for_doubt(
     seconds, metres, doubted
 ):
-    """It goes 0.1 m from scan to scan: a recorder that pauses while it stands, or until the next 0.1 m, loses nothing."""
+    """It goes 0.1 m from scan to scan: a recorder that pauses while it stands, or for as long, loses nothing."""
     assert [d["to"] for d in distrust(paused(steady(), seconds, metres))] == [190 / 8 + seconds] * doubted
 
 
