@@ -102,6 +102,39 @@ def turned(recording, degrees):
     return replace(recording, robot=replace(recording.robot, lidar=lidar))
 
 
+def by_the_metre(pause, metres, what="poses"):
+    """A log of a pose and a scan each second and metre, one of which comes ``pause`` s and ``metres`` m late."""
+    t, x = np.arange(60.0), np.arange(60.0)
+    t[30:] += pause - 1.0
+    x[30:] += metres - 1.0
+    box = box_recording(images=0)
+    odometry = Trajectory(t, np.column_stack([x, np.zeros((60, 2))]))
+    lidar = LidarScans(t, np.repeat(box.lidar.ranges[:1], 60, axis=0))
+    if what == "increments":
+        counts = np.full((60, 4), 400, dtype=np.int16)
+        turning, gravity = np.zeros((60, 3)), np.tile([0.0, 0.0, 1.0], (60, 1))
+        return replace(box, encoders=Encoders(t, counts), imu=Imu(t, turning, gravity), lidar=lidar)
+    return Recording("log", box.robot, odometry=odometry, lidar=lidar)
+
+
+@pytest.mark.parametrize(
+    ("log", "ok", "found"),
+    [
+        (by_the_metre(2.5, 9.0), True, "2.50 s (odometry)"),
+        (by_the_metre(40.0, 0.0), True, "40.00 s (odometry), no farther than usual"),
+        (by_the_metre(40.0, 1.9), True, "40.00 s (odometry), no farther than usual"),
+        (by_the_metre(40.0, 2.1), False, "40.00 s (odometry)"),
+        (by_the_metre(4000.0, 0.0), False, "4000.00 s (odometry)"),
+        (by_the_metre(40.0, 0.0, "increments"), False, "40.00 s (lidar)"),
+    ],
+)
+def test_a_pause_in_which_a_log_of_poses_went_no_farther_than_usual_lost_nothing(log, ok, found):
+    """A pause of three times the usual counts, unless poses say that no way was lost. Increments cannot say it."""
+    finding = {f.question: f for f in check_up(log)}["How long is the longest gap?"]
+    assert (finding.ok, finding.found, finding.expected) == (ok, found, "below 3.0 s")
+    assert bool(finding.remedy) == ("4000" in found)
+
+
 @pytest.mark.parametrize("degrees", [-135, -20, 0, 90, 180])
 def test_a_lidar_that_is_mounted_otherwise_is_told_by_how_much(drive, degrees):
     """What is stated is too much by so many degrees, so the LiDAR is mounted at as many less."""

@@ -187,17 +187,34 @@ def test_a_blind_stretch_lasts_from_the_last_scan_to_the_next(blind, stretches, 
 
 @pytest.mark.parametrize(("fallen", "ends"), [(0, [270 / 8]), (3, [270 / 8]), (5, [270 / 8, None])])
 def test_after_a_silence_the_first_scans_may_fit_badly_and_take_back_what_odometry_drifted(fallen, ends):
-    """Ten seconds without scans: three that fit badly are no sign, five tell of a robot that was carried off."""
+    """Ten seconds and 2 m without scans: three that fit badly are no sign, five tell that it was carried off."""
     scores, changes = ordinary(400), pulled(0.0, 0.0)
     scores[190 : 190 + fallen] = 0.3
     changes["departure"][190], changes["unexplained"][190:192] = 0.5, 0.3
-    steps = [
-        replace(step, t=step.t + 10.0 * (k >= 190)) for k, step in enumerate(steady(score=scores, **changes))
-    ]
-    found = distrust(steps)
+    found = distrust(paused(steady(score=scores, **changes), 10.0, 2.0))
     assert [d["to"] for d in found] == ends
     assert found[0]["from"] == 189 / 8
-    assert "odometry alone" in found[0]["reason"]
+    assert found[0]["reason"] == "no scan was recorded for 10.1 s: odometry alone"
+
+
+def paused(steps, seconds, metres):
+    """Let so many seconds and metres more pass before the 190th step."""
+    there = [k >= 190 for k in range(len(steps))]
+    return [
+        replace(step, t=step.t + seconds * late, estimate=step.estimate + [metres * late, 0.0, 0.0])
+        for step, late in zip(steps, there, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "metres", "doubted"),
+    [(10.0, -0.1, False), (10.0, 0.0, False), (10.0, 0.09, False), (10.0, 0.11, True), (3600.0, 0.0, True)],
+)
+def test_a_silence_in_which_the_robot_went_no_farther_than_usual_is_no_reason_for_doubt(
+    seconds, metres, doubted
+):
+    """It goes 0.1 m from scan to scan: a recorder that pauses while it stands, or for as long, loses nothing."""
+    assert [d["to"] for d in distrust(paused(steady(), seconds, metres))] == [190 / 8 + seconds] * doubted
 
 
 def test_ten_metres_of_bare_corridor_are_in_doubt_and_nine_are_not():

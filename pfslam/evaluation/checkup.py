@@ -18,6 +18,7 @@ from pfslam.io.headings import LEAST_SECONDS, compare_turns
 from pfslam.motion import Controls, controls, dead_reckoning
 from pfslam.poses import between, transform_points
 from pfslam.recording import LidarScans, Recording, image_pairs
+from pfslam.refined.health import LONGEST_PAUSE, farther_than_usual
 from pfslam.sensors import scan_points
 
 FASTEST = 10.0
@@ -28,8 +29,6 @@ SAME_TURN = 1e-3
 """Two instruments never agree to this (rad) in every second: one of them was taken for the other."""
 LONGEST_GAP = 0.5
 """Seconds without a reading that a filter should not have to bridge."""
-LONGEST_PAUSE = 3600.0
-"""Seconds without a reading after which a clock was set, or the robot was switched off and moved."""
 OFTEN = 0.01
 """Share of impossible speeds from which they are no single reading that went wrong."""
 SCAN_STEP = 0.1
@@ -94,18 +93,32 @@ def check_overlap(recording: Recording) -> Finding:
 
 
 def check_gaps(recording: Recording) -> Finding:
-    """Check the longest time without a reading of encoders, gyro or LiDAR."""
-    stamps = {name: np.diff(t) for name, t in _stamps(recording).items()}
-    usual = max((float(np.median(gaps)) for gaps in stamps.values() if len(gaps)), default=0.0)
+    """Check the longest time without a reading of encoders, gyro or LiDAR.
+
+    A pause that lost nothing is no fault: logs that keep a scan a metre pause wherever the robot does.
+    """
+    stamps = _stamps(recording)
+    usual = max((float(np.median(np.diff(t))) for t in stamps.values() if len(t) > 1), default=0.0)
     limit = max(LONGEST_GAP, 3.0 * usual)
-    longest, name = max(
-        (float(gaps.max(initial=0.0)), name) for name, gaps in stamps.items() if name != "camera"
-    )
-    found = f"{longest:.2f} s ({name})"
-    remedy = (
-        "did the clock jump? run the parts before and after it one by one" if longest > LONGEST_PAUSE else ""
-    )
-    return Finding("How long is the longest gap?", longest <= limit, found, f"below {limit:.1f} s", remedy)
+    stamps.pop("camera", None)
+    longest, name = max((float(np.diff(t).max(initial=0.0)), name) for name, t in stamps.items())
+    ok = max(float(_lost(recording, t).max(initial=0.0)) for t in stamps.values()) <= limit
+    found = f"{longest:.2f} s ({name})" + (", no farther than usual" if ok and longest > limit else "")
+    jumped = longest > LONGEST_PAUSE
+    remedy = "did the clock jump? run the parts before and after it one by one" if jumped else ""
+    return Finding("How long is the longest gap?", ok, found, f"below {limit:.1f} s", remedy)
+
+
+def _lost(recording: Recording, t: np.ndarray) -> np.ndarray:
+    """Return the gaps (s) between stamps across which something may be lost.
+
+    Increments that are missing tell nothing. Where the odometry has poses, they tell how far the robot moved meanwhile.
+    """
+    gaps = np.diff(t)
+    if recording.odometry is None:
+        return gaps
+    poses = recording.odometry.at(np.clip(t, *recording.odometry.t[[0, -1]]))
+    return gaps[farther_than_usual(poses) | (gaps > LONGEST_PAUSE)]
 
 
 def check_speed(recording: Recording) -> Finding:
@@ -200,12 +213,9 @@ def check_kept(recording: Recording) -> Finding:
     said = (f"{count} {reason}" for reason, count in recording.dropped.items())
     others = [line for line in said if "PointCloud2" in line or "MultiEcho" in line]
     if recording.lidar is None:
-        remedy = (
-            "make LaserScan messages of them, as pointcloud_to_laserscan and laser_proc do" if others else ""
-        )
-        return answer(
-            False if others else None, "; ".join(others) or "no LiDAR", "LaserScan messages", remedy
-        )
+        remedy = "make LaserScan messages of them, as pointcloud_to_laserscan and laser_proc do"
+        ok, remedy, found = (False, remedy, "; ".join(others)) if others else (None, "", "no LiDAR")
+        return answer(ok, found, "LaserScan messages", remedy)
     kept, lost = len(recording.lidar.t), recording.dropped.get("scans with the stamp of another", 0)
     remedy = "record again with stamps that tell one message from the next" if lost > 2 * kept else ""
     return answer(not remedy, f"{kept} kept, {lost} doubles", "most kept", remedy)
@@ -357,9 +367,8 @@ def _scenes(recording: Recording) -> Iterator[tuple[np.ndarray, np.ndarray, comp
     first = np.flatnonzero(second < len(way))
     motion = between(poses[first], poses[second := second[first]])
     metres = np.hypot(*motion[:, :2].T)
-    good = np.flatnonzero(
-        (metres > 0.5 * STRIDE) & (metres < 2.0 * STRIDE) & (np.abs(motion[:, 2]) < NEARLY_STRAIGHT)
-    )
+    straight = np.abs(motion[:, 2]) < NEARLY_STRAIGHT
+    good = np.flatnonzero((metres > 0.5 * STRIDE) & (metres < 2.0 * STRIDE) & straight)
     place = np.array(lidar.position_b[:2])
     for k in good[np.unique(np.linspace(0, len(good) - 1, MOST_STRIDES).astype(int))] if len(good) else ():
         before, after = (scan_points(scans.ranges[covered[i]], lidar) - place for i in (first[k], second[k]))
@@ -387,11 +396,6 @@ def _apart(before: np.ndarray, after: np.ndarray, way: complex, turns: np.ndarra
 
 def _stamps(recording: Recording) -> dict[str, np.ndarray]:
     """Collect the stamps of every stream that is there."""
-    streams = {
-        "encoders": recording.encoders,
-        "gyro": recording.imu,
-        "odometry": recording.odometry,
-        "lidar": recording.lidar,
-    }
-    found = {name: stream.t for name, stream in streams.items() if stream is not None}
+    names = {"encoders": "encoders", "imu": "gyro", "odometry": "odometry", "lidar": "lidar"}
+    found = {name: part.t for key, name in names.items() if (part := getattr(recording, key)) is not None}
     return found if recording.camera is None else found | {"camera": recording.camera.rgb_t}

@@ -20,6 +20,7 @@ from typing import TypedDict
 
 import numpy as np
 
+from pfslam.poses import between
 from pfslam.slam import Step
 
 LEAST_PAST = 50
@@ -35,6 +36,8 @@ them: two of three did, without an alarm.
 """
 BLIND_SECONDS = 2.0
 """For so long odometry alone is good to some centimetres."""
+LONGEST_PAUSE = 3600.0
+"""Seconds without a reading after which a clock was set, or the robot was switched off and moved."""
 SETTLING = 3
 """After a silence the first scans take back what odometry has drifted; carried off, a robot fits badly for longer."""
 ONE_ALARM = 5.0
@@ -119,6 +122,8 @@ SCALE_OFF = 0.05
 """An odometry whose scale is off by more is a matter of its own: such departures say nothing about the scans."""
 STILL_SHARE, STILL_METRES = 0.1, 1.0
 """An odometry that moves the estimate by less than this share of what scans do, over so many metres, stands still."""
+BELIEVED = "that could be believed"
+"""What kind of scan was missing, where some came and their matches lay beyond the gate."""
 ALONG_METRES = 10.0
 """So far along a corridor whose walls do not show the way, an error of the wheels of 2 % has grown to 0.2 m."""
 ALONG_WITHIN = 20.0
@@ -186,11 +191,8 @@ def _dragged(
     t = np.array([info.t for info in matched])
     step, departure = _steps(matched)
     far = np.hypot(*step.T) > 0.02
-    scale = (
-        np.median((departure * step)[far].sum(axis=1) / np.square(step[far]).sum(axis=1))
-        if far.any()
-        else 0.0
-    )
+    shares = (departure * step)[far].sum(axis=1) / np.square(step[far]).sum(axis=1)
+    scale = np.median(shares) if far.any() else 0.0
     departure = departure - scale * step if abs(scale) > SCALE_OFF else departure
     departure = np.where(_settling(matched)[:, None], 0.0, departure)
     sums = np.zeros((len(t) + 1, 3))
@@ -202,30 +204,39 @@ def _dragged(
     found = (metres > least_metres) & (unexplained > least_share) & (scans >= DRAGGED_SCANS)
     if found.any():
         k = int(np.argmax(found))
-        dragged = (
-            f"scans moved the estimate {metres[k]:.2f} m from its odometry within {DRAGGED_WITHIN:.0f} s"
-        )
+        dragged = f"scans moved the estimate {metres[k]:.2f} m from its odometry"
         why = f"while {100 * unexplained[k]:.0f} % of the beams met what the map does not have"
-        yield {"from": float(t[k]), "to": None, "reason": f"{dragged}, {why}"}
+        reason = f"{dragged} within {DRAGGED_WITHIN:.0f} s, {why}"
+        yield {"from": float(t[k]), "to": None, "reason": reason}
+
+
+def farther_than_usual(poses: np.ndarray) -> np.ndarray:
+    """Which of the steps ``(K - 1,)`` between poses ``(K, 3)`` are more than twice the median one.
+
+    A radian counts as a metre. What a robot that stood, or went its usual metre, did not record is not missing.
+    """
+    steps = np.linalg.norm(between(poses[:-1], poses[1:]), axis=1)
+    return steps > 2.0 * np.median(steps) if len(steps) else steps > 0.0
 
 
 def _blind(infos: Sequence[Step]) -> Iterator[Distrust]:
     """Find the times without a scan to go by, from the last one that was matched to the next."""
-    since, blind, rejected = infos[0].t if infos else 0.0, False, False
-    for info in infos:
+    since, missing = infos[0].t if infos else 0.0, ""
+    poses = np.array([info.estimate for info in [*infos[:1], *infos]]).reshape(-1, 3)
+    silence, far = _silence(infos), farther_than_usual(poses)
+    for info, moved in zip(infos, far, strict=True):
         if not (info.matched or info.drawn):
-            blind, rejected = True, rejected or info.rejected
+            missing = BELIEVED if info.rejected or missing == BELIEVED else "with enough beams"
             continue
-        if info.t - since > (BLIND_SECONDS if blind else _silence(infos)):
-            yield _blindness(since, info.t, float(info.t), rejected)
-        since, blind, rejected = info.t, False, False
-    if blind and infos[-1].t - since > BLIND_SECONDS:
-        yield _blindness(since, infos[-1].t, None, rejected)
+        if info.t - since > (BLIND_SECONDS if missing else silence if moved else max(silence, LONGEST_PAUSE)):
+            yield _blindness(since, info.t, float(info.t), missing or "was recorded")
+        since, missing = info.t, ""
+    if missing and infos[-1].t - since > BLIND_SECONDS:
+        yield _blindness(since, infos[-1].t, None, missing)
 
 
-def _blindness(begin: float, end: float, to: float | None, rejected: bool) -> Distrust:
-    missing = "no scan that could be believed" if rejected else "no scan with enough beams"
-    reason = f"{missing} for {end - begin:.1f} s: odometry alone"
+def _blindness(begin: float, end: float, to: float | None, missing: str) -> Distrust:
+    reason = f"no scan {missing} for {end - begin:.1f} s: odometry alone"
     return {"from": float(begin), "to": to, "reason": reason}
 
 
@@ -240,7 +251,6 @@ def _along(infos: Sequence[Step]) -> Iterator[Distrust]:
     since = np.searchsorted(driven, driven - ALONG_WITHIN)
     found = along - along[since] > ALONG_METRES
     if found.any():
-        reason = (
-            f"{ALONG_METRES:.0f} m driven where no wall shows the way along: the wheels alone tell how far"
-        )
+        driven_so = f"{ALONG_METRES:.0f} m driven where no wall shows the way along"
+        reason = f"{driven_so}: the wheels alone tell how far"
         yield {"from": float(infos[int(np.argmax(found))].t), "to": None, "reason": reason}

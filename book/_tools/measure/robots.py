@@ -223,12 +223,20 @@ HARD = {
 BUILDINGS = "buildings with hazards"
 
 
+def laid_on(path: Trajectory, other: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+    """Lay a whole path on another by a turn and a shift; return the poses ``(K, 3)`` of both at the path's times."""
+    poses, others = aligned_at_first(path, other)
+    place = others[:, :2].mean(axis=0)
+    xy, other_xy = poses[:, :2] - poses[:, :2].mean(axis=0), others[:, :2] - place
+    (c_x, s_x), (s_y, c_y) = xy.T @ other_xy
+    turn = np.arctan2(s_x - s_y, c_x + c_y)  # the turn that makes the sum of squares least
+    return np.column_stack([transform_points([*place, turn], xy), poses[:, 2] + turn]), others
+
+
 def bent(estimate: Trajectory, truth: Trajectory) -> float:
     """Return the largest error (m) that is left when the whole path is laid on the true one, by a turn and a shift."""
-    xy, true_xy = (poses[:, :2] - poses[:, :2].mean(axis=0) for poses in aligned_at_first(estimate, truth))
-    (c_x, s_x), (s_y, c_y) = xy.T @ true_xy
-    turn = np.arctan2(s_x - s_y, c_x + c_y)  # the turn that makes the sum of squares least
-    return float(np.hypot(*(transform_points([0.0, 0.0, turn], xy) - true_xy).T).max())
+    poses, true_poses = laid_on(estimate, truth)
+    return float(np.hypot(*(poses - true_poses)[:, :2].T).max())
 
 
 def judged(case: Case) -> dict[str, Any]:

@@ -20,6 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
+from pfslam_book.show.logs import FIRST
 from pfslam_book.show.pictures import encode, to_rgb
 from pfslam_book.show.style import COLOURS, INK, STYLE, metric_axes, new_figure
 from pfslam_book.show.tables import ERROR, errors_by_label, labels_of, read_table, select, stored_studies
@@ -27,6 +28,7 @@ from scipy.stats import chi2
 
 import pfslam
 from measure import cases
+from pfslam.cli.parser import SPOILED
 from pfslam.evaluation.trajectory import aligned_at_first, trajectory_error
 from pfslam.io.datasets import data_folder
 from pfslam.io.files import atomic_write, write_csv, write_text
@@ -40,6 +42,7 @@ from pfslam.simulator import Hazards, simulate
 from pfslam.slam import SlamConfig
 from pfslam.study import Case, Study
 from pfslam.study.run import OFF
+from pfslam.study.table import Table
 
 BOOK = Path(__file__).resolve().parents[2]
 RIGHT = 0.05
@@ -201,7 +204,7 @@ def consistency() -> list[tuple[str, ...]]:
 
 
 def robots() -> list[tuple[str, ...]]:
-    """One line for each kind of robot: how many were right or off, and of how many that was said or not."""
+    """One line for each kind of robot and one for public logs: how many were right or off, and what was said."""
     table = read_table("trust_robots")
     head = (
         "robots",
@@ -212,16 +215,27 @@ def robots() -> list[tuple[str, ...]]:
         "of these, without a word",
         "of these, off when the whole path is laid on the truth",
     )
-    lines = [head]
-    for kind in (*labels_of(table), None):
-        of = table if kind is None else select(table, label=kind)
-        told = (of["failed"] + of["stopped"] > 0) | (of["doubted"] > 0)
-        right, off = of["ate_max_m"] <= RIGHT, ~(of["ate_max_m"] <= OFF)  # one that could not be run is off
-        alarmed = (of["to_the_end"] > 0) | (of["stopped"] > 0)
-        silent = off & ~told
-        counts = (right & ~told, right & alarmed, off, silent, silent & ~(of["bent_max_m"] <= OFF))
-        lines.append((kind or "all", str(len(off)), *(str(int(some.sum())) for some in counts)))
-    return lines
+    counts = {kind: _counts(select(table, label=kind), RIGHT) for kind in labels_of(table)}
+    counts[f"public logs (right: to {OFF} m)"] = _counts(public_logs(), OFF)
+    counts["all"] = np.sum([*counts.values()], axis=0)
+    return [head, *((kind, *map(str, found)) for kind, found in counts.items())]
+
+
+def _counts(of: Table, metres: float) -> np.ndarray:
+    """Count the runs of a table as the columns of ``robots`` say; to be right they end within so many metres."""
+    told = (of["failed"] + of["stopped"] > 0) | (of["doubted"] > 0)
+    right, off = of["ate_max_m"] <= metres, ~(of["ate_max_m"] <= OFF)  # one that could not be run is off
+    alarmed = (of["to_the_end"] > 0) | (of["stopped"] > 0)
+    silent = off & ~told
+    some = (right & ~told, right & alarmed, off, silent, silent & ~(of["bent_max_m"] <= OFF))
+    return np.array([len(off), *map(np.count_nonzero, some)])
+
+
+def public_logs() -> Table:
+    """Return the runs of the study ``logs`` with the columns of ``trust_robots``; a path is always laid on another."""
+    runs = select(read_table("logs"), method=FIRST)
+    off = {"ate_max_m": runs["max_m"], "bent_max_m": runs["max_m"]}
+    return runs | off | {"stopped": (runs["exit"] == SPOILED).astype(float)}
 
 
 def ellipses() -> Figure:

@@ -1,0 +1,92 @@
+"""The page of real buildings: what is stored belongs to its study, and how paths and maps were prepared is right."""
+
+import sys
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from pfslam_book.show import logs
+
+from pfslam.grid import GridSpec, OccupancyGrid
+from pfslam.poses import Trajectory, compose
+from pfslam.recording import LidarScans, Recording
+from pfslam.sensors import LidarModel, RobotModel
+
+sys.path.append(str(ROOT / "book" / "_tools"))
+from measure.logs import COARSE, LOGS, SPARSE, by_the_metre, coarse, off
+from measure.robots import laid_on
+
+MOST_BYTES = 100_000
+
+
+def wavy(count=50):
+    s = np.arange(float(count))
+    return Trajectory(s, np.column_stack([s, 3.0 * np.sin(s / 5), 0.1 * s]))
+
+
+def test_every_run_that_came_to_an_end_has_its_map():
+    ended = set(logs.logs_runs()["label"])
+    with np.load(logs.KEPT, allow_pickle=False) as file:
+        assert {name.rpartition(", ")[0] for name in file.files} == ended
+    assert ended | set(logs.logs_runs(stopped=True)["label"]) == set(LOGS)
+    assert logs.KEPT.stat().st_size <= MOST_BYTES
+
+
+def test_the_tables_and_the_picture_name_each_building_with_its_numbers():
+    told = logs.logs_picture().alt
+    for (name, _, _, mean, *_), metres in zip(
+        logs.logs_table().rows, logs.logs_runs()["mean_m"], strict=True
+    ):
+        assert mean == f"{metres:.2f}"
+        assert f"{name} {mean} m" in told
+    assert {row[0] for row in logs.stopped_table().rows} == set(LOGS) - {
+        row[0] for row in logs.logs_table().rows
+    }
+    assert all(len(row) == 2 + len(logs.TRIALS) for row in logs.trials_table().rows)
+    assert logs.logs_runs(SPARSE)["label"].tolist() == ["Freiburg 079"]
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.0, -3.0])
+def test_a_path_that_was_only_moved_as_a_whole_lies_on_the_other(turn):
+    path = wavy()
+    moved = Trajectory(path.t, compose([40.0, -7.0, turn], path.poses))
+    metres, radians = off(moved, path)
+    np.testing.assert_allclose(metres, 0.0, atol=1e-12)
+    np.testing.assert_allclose(radians, 0.0, atol=1e-12)
+
+
+def test_what_is_left_is_the_least_that_a_turn_and_a_shift_can_leave():
+    """Half of the path is bent by 0.2 rad; no other turn or shift, tried by hand, leaves a smaller sum of squares."""
+    path = wavy()
+    poses = path.poses.copy()
+    poses[25:] = compose(
+        poses[25], compose([0.0, 0.0, 0.2], compose([-25.0, -poses[25, 1], 0.0], poses[25:]))
+    )
+    laid, others = laid_on(Trajectory(path.t, poses), path)
+    left = np.square(laid - others)[:, :2].sum()
+    for change in (
+        [0.05, 0.0, 0.0],
+        [-0.05, 0.0, 0.0],
+        [0.0, 0.05, 0.0],
+        [0.0, 0.0, 0.01],
+        [0.0, 0.0, -0.01],
+    ):
+        assert np.square(compose(change, laid) - others)[:, :2].sum() > left
+
+
+def test_a_wall_outweighs_free_floor_in_a_coarser_map():
+    signs = np.zeros((4 * COARSE, 3 * COARSE))
+    signs[COARSE : 3 * COARSE, COARSE:] = -2.0
+    signs[COARSE, COARSE] = 3.0  # one wall in the first of the four blocks that have been seen
+    found, corner = coarse(OccupancyGrid(GridSpec((-1.0, 2.0), 0.05, signs.shape), signs))
+    assert found.tolist() == [[1, -1], [-1, -1]]
+    assert corner == pytest.approx([-1.0 + 0.05 * COARSE, 2.0 + 0.05 * COARSE, 0.05 * COARSE])
+
+
+def test_a_scan_a_metre_is_kept():
+    t = np.arange(9.0)
+    path = Trajectory(t, np.column_stack([np.minimum(0.4 * t, 2.4), np.zeros(9), np.zeros(9)]))
+    lidar = LidarScans(t, np.ones((9, 1), dtype=np.float32))
+    log = Recording("log", RobotModel(lidar=LidarModel(beams=1)), odometry=path, lidar=lidar)
+    thin = by_the_metre(log)
+    assert thin.scans().t.tolist() == thin.odometry.t.tolist() == [0.0, 3.0, 6.0]
