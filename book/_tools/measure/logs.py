@@ -100,8 +100,9 @@ def run(building: str, method: str) -> SlamResult:
 
 
 def off(published: Trajectory, path: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far a path is from the published one, in metres and radians, when one is laid on the other."""
-    poses, others = laid_on(published, path)
+    """Return how far a path is from the published one (m, rad), laid on it, at the scans that both have."""
+    both = np.isin(published.t, path.t)
+    poses, others = laid_on(Trajectory(published.t[both], published.poses[both]), path)
     return np.hypot(*(poses - others)[:, :2].T), np.abs(wrap_angle(poses[:, 2] - others[:, 2]))
 
 
@@ -115,6 +116,7 @@ def judged(case: Case) -> dict[str, Any]:
         "scans": len(scans.t) + log.dropped.get(SHARED, 0),
         "kept": len(scans.t),
         "failed": sum(finding.ok is False for finding in findings),
+        "scatter_m": log.range_scatter(),
         "complaints": "; ".join(f"{f.question} {f.found}" for f in findings if f.ok is False),
     }
     if any(finding.remedy for finding in findings):
@@ -128,6 +130,7 @@ def judged(case: Case) -> dict[str, Any]:
         "mean_m": metres.mean(),
         "max_m": metres.max(),
         "heading_deg": np.rad2deg(rms(radians)),
+        "second_look": int(bool(result.config.outliers)),
         "doubted": doubted,
         "to_the_end": int(any(stretch["to"] is None for stretch in result.distrust)),
         "reasons": "; ".join(str(stretch["reason"]) for stretch in result.distrust),
