@@ -13,7 +13,7 @@ from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import LidarModel, RobotModel
 
 sys.path.append(str(ROOT / "book" / "_tools"))
-from measure.logs import COARSE, LOGS, SPARSE, by_the_metre, coarse, off
+from measure.logs import LOGS, MARGIN, MOST_CELLS, SPARSE, by_the_metre, coarse, off
 from measure.robots import laid_on
 
 MOST_BYTES = 100_000
@@ -74,13 +74,19 @@ def test_what_is_left_is_the_least_that_a_turn_and_a_shift_can_leave():
         assert np.square(compose(change, laid) - others)[:, :2].sum() > left
 
 
-def test_a_wall_outweighs_free_floor_in_a_coarser_map():
-    signs = np.zeros((4 * COARSE, 3 * COARSE))
-    signs[COARSE : 3 * COARSE, COARSE:] = -2.0
-    signs[COARSE, COARSE] = 3.0  # one wall in the first of the four blocks that have been seen
-    found, corner = coarse(OccupancyGrid(GridSpec((-1.0, 2.0), 0.05, signs.shape), signs))
-    assert found.tolist() == [[1, -1], [-1, -1]]
-    assert corner == pytest.approx([-1.0 + 0.05 * COARSE, 2.0 + 0.05 * COARSE, 0.05 * COARSE])
+def test_a_wall_outweighs_free_floor_in_a_coarser_map_about_the_path():
+    """Cells of 0.1 m: free floor from x = 1 m on, one wall in it, and a path of which the map shows 8 m about."""
+    signs = np.zeros((8 * MOST_CELLS, 30))
+    signs[:, 10:] = -2.0
+    signs[803, 15] = 3.0
+    path = np.array([[1.5, 80.0], [1.5, 20.0]])
+    found, corner = coarse(OccupancyGrid(GridSpec((0.0, 0.0), 0.1, signs.shape), signs), path)
+    first = 20.0 - MARGIN
+    assert corner == pytest.approx([1.0, first, 0.4])  # 76 m are 761 cells, and four of them one
+    assert found.shape == (191, 5)
+    y, x = np.argwhere(found == 1)[0]
+    assert (y, x, np.count_nonzero(found == 1)) == (int((80.35 - first) / 0.4), 1, 1)
+    assert np.count_nonzero(found == -1) == found.size - 1
 
 
 def test_a_scan_a_metre_is_kept():

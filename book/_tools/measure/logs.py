@@ -63,8 +63,8 @@ METHODS = {
 METRE = 1.0
 """Way (m), and turn (rad), from scan to scan of most of these logs."""
 SHARED = "scans with the stamp of another"
-COARSE, MOST_POSES = 6, 250
-"""Cells of a map along one of the stored map, and poses of a stored path."""
+MARGIN, MOST_CELLS, MOST_POSES = 8.0, 240, 250
+"""How far (m) about its path a map is stored, with how many cells along it, and poses along the path."""
 
 
 @lru_cache(maxsize=1)
@@ -150,23 +150,29 @@ STUDIES = [
 ]
 
 
-def coarse(grid: OccupancyGrid) -> tuple[np.ndarray, np.ndarray]:
-    """Return the signs of a map in larger cells, where a wall outweighs free floor, and their corner (x, y, size)."""
-    known = np.argwhere(grid.log_odds != 0)
-    low, high = known.min(axis=0), known.max(axis=0) + 1
+def coarse(grid: OccupancyGrid, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the signs of a map about a path ``(K, 2)`` in larger cells, and their corner (x, y, size).
+
+    A wall outweighs free floor. Beams that left through a window end at the margin.
+    """
+    known, driven = np.argwhere(grid.log_odds != 0), grid.spec.world_to_cell(path)[:, ::-1]
+    margin = round(MARGIN / grid.spec.resolution)
+    low = np.maximum(known.min(axis=0), driven.min(axis=0) - margin)
+    high = np.minimum(known.max(axis=0), driven.max(axis=0) + margin) + 1
+    size = -(-int((high - low).max()) // MOST_CELLS)
     signs = np.sign(grid.log_odds[low[0] : high[0], low[1] : high[1]]).astype(np.int8)
-    signs = np.pad(signs, [(0, -size % COARSE) for size in signs.shape])
-    blocks = signs.reshape(signs.shape[0] // COARSE, COARSE, -1, COARSE)
+    signs = np.pad(signs, [(0, -length % size) for length in signs.shape])
+    blocks = signs.reshape(signs.shape[0] // size, size, -1, size)
     wall, free = (blocks == 1).any(axis=(1, 3)), (blocks == -1).any(axis=(1, 3))
     corner = np.array(grid.spec.origin) + grid.spec.resolution * low[::-1]
     return np.where(wall, 1, -free.astype(int)).astype(np.int8), np.array(
-        [*corner, grid.spec.resolution * COARSE]
+        [*corner, grid.spec.resolution * size]
     )
 
 
 def kept(result: SlamResult, published: Trajectory) -> dict[str, np.ndarray]:
     """Return what is stored of a run: its map, and places (cm) along its path and along the published one."""
-    signs, corner = coarse(result.grid)
+    signs, corner = coarse(result.grid, result.trajectory.poses[:, :2])
     paths = [poses[:: len(poses) // MOST_POSES + 1, :2] for poses in laid_on(published, result.trajectory)]
     places = [(100 * (path - corner[:2])).round().astype(np.int16) for path in paths]
     return {"map": signs, "corner": corner, "published": places[0], "path": places[1]}
