@@ -106,8 +106,7 @@ def run_slam(
     result = _one_run(recording, config, rng, progress, keep_particles)
     robust = config.robust(recording.range_scatter())
     if second_look and robust != config and needs_second_look(recording, result):
-        second = _one_run(recording, robust, rng, progress, keep_particles)
-        return better_look(recording, result, second)
+        return better_look(recording, result, _one_run(recording, robust, rng, progress, keep_particles))
     return result
 
 
@@ -121,8 +120,7 @@ def better_look(recording: Recording, first: SlamResult, second: SlamResult) -> 
 
     Among noisy ranges a first look may be far off and suspect nothing.
     """
-    noisy = recording.range_scatter() > NOISY
-    return second if noisy else min(second, first, key=scans_in_doubt)
+    return second if recording.range_scatter() > NOISY else min(second, first, key=scans_in_doubt)
 
 
 def scans_in_doubt(result: SlamResult) -> int:

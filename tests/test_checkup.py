@@ -14,7 +14,7 @@ from pfslam.__main__ import main
 from pfslam.evaluation.checkup import check_scene, check_up, scan_turn_fit, scene_fit
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, LidarScans, Recording
-from pfslam.study.disturbances import first_seconds, missing_beams, start_time
+from pfslam.study.disturbances import first_seconds, missing_beams, range_noise, start_time
 
 HEALTHY = "none"
 
@@ -45,6 +45,7 @@ FAULTS = {
     "scans 150 ms late": lambda r: late_scans(r, 0.15),
     "gyro silent for 3 s": lambda r: silent_gyro(r, 30.0, 33.0),
     "60 % of beams lost": lambda r: missing_beams(r, 0.6, np.random.default_rng(0)),
+    "noise of 5 cm": lambda r: range_noise(r, 0.05, np.random.default_rng(0)),
 }
 
 
@@ -85,6 +86,7 @@ EXPECTED = {
     "scans 150 ms late": {"Do scans and gyro share a clock?"},
     "gyro silent for 3 s": {"How long is the longest gap?"},
     "60 % of beams lost": {"How many beams return?"},
+    "noise of 5 cm": {"How far do ranges scatter?"},
 }
 
 
@@ -240,7 +242,7 @@ def test_the_shortest_recordings_are_answered(poses, scans):
     odometry = Trajectory(box.truth.t[:poses], box.truth.poses[:poses])
     findings = check_up(Recording("short", box.robot, odometry=odometry, lidar=lidar))
     found = {f.question: (f.ok, f.found) for f in findings}
-    assert len(found) == 11
+    assert len(found) == 12
     assert found["Do wheels and gyro turn the same way?"] == (None, "no gyro")
     assert found["What does the gyro show at rest?"] == (None, "no gyro")
 

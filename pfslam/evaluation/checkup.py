@@ -19,6 +19,7 @@ from pfslam.motion import Controls, controls, dead_reckoning
 from pfslam.poses import between, transform_points
 from pfslam.recording import LidarScans, Recording, image_pairs
 from pfslam.refined.health import LONGEST_PAUSE, farther_than_usual
+from pfslam.refined.outliers import NOISY
 from pfslam.sensors import scan_points
 
 FASTEST = 10.0
@@ -79,6 +80,7 @@ def check_up(recording: Recording) -> list[Finding]:
         check_track(recording),
         check_kept(recording),
         check_beams(recording),
+        check_scatter(recording),
         *check_scans(recording),
         check_scene(recording),
         check_images(recording),
@@ -184,6 +186,15 @@ def check_beams(recording: Recording) -> Finding:
     ok = bool(valid.mean() >= 0.5 and (valid < 0.1).mean() < 0.01)
     found = f"{100 * valid.mean():.0f} %, {np.count_nonzero(valid < 0.1)} empty scans"
     return answer(ok, found, "half or more")
+
+
+def check_scatter(recording: Recording) -> Finding:
+    """Check that the ranges of neighbouring beams on a wall agree: noise smears walls, and bends the heading."""
+    answer, expected = partial(Finding, "How far do ranges scatter?"), f"{100 * NOISY:.1f} cm or less"
+    if recording.lidar is None:
+        return answer(None, "no LiDAR", expected)
+    scatter = recording.range_scatter()
+    return answer(scatter <= NOISY, f"{100 * scatter:.1f} cm", expected)
 
 
 def check_scans(recording: Recording) -> list[Finding]:

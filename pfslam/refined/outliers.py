@@ -26,7 +26,7 @@ from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, free_cells
 from pfslam.poses import wrap_angle
 from pfslam.settings import Range, Settings
 
-NOISY = 0.04
+NOISY = 0.035
 """Ranges that scatter by more than this (m) smear a wall over several cells; common scanners are good to 1 or 2 cm."""
 MOST_UNEXPLAINED = 0.1
 """Greatest share of unexplained beams that a match beyond the gate may leave."""
