@@ -178,11 +178,11 @@ def lines_of_code(path):
 @pytest.mark.parametrize(
     ("pattern", "most"),
     [
-        ("**/*.py", 8582),
-        ("*.py", 1900),
+        ("**/*.py", 8599),
+        ("*.py", 1899),
         ("beyond/loops/*.py", 260),
-        ("io/bags.py", 255),
-        ("io/topics.py", 120),
+        ("io/bags.py", 261),
+        ("io/topics.py", 132),
     ],
 )
 def test_what_is_to_be_read_stays_small(pattern, most):

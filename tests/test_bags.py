@@ -740,6 +740,26 @@ def test_an_hour_of_an_imu_is_kept_as_numbers_while_it_is_read(tmp_path):
     assert peak < 600 * readings
 
 
+@pytest.mark.slow
+def test_an_hour_of_ranges_is_held_once(tmp_path):
+    """A scan more takes its ranges, 8,648 bytes, and some 200 more; with its ranges held twice it would be 17,000."""
+    fine = replace(LIDAR, beams=2162)
+    scan = NEW.scan(START, np.full(2162, 2.0), fine)
+    place = [row for row in rows_of(BOX) if row[0] in ("/odom", "/tf_static")]
+    peaks = []
+    for scans in (500, 500, 1500):  # the first builds up what the library keeps
+        rows = [("/scan", nanoseconds(START) + 2_000_000 * k, scan) for k in range(scans)]
+        for k, (_, at, _) in enumerate(rows):
+            rows[k] = "/scan", at, NEW.scan(at * 1e-9, scan.ranges, fine)
+        path = write_bag(tmp_path / f"drive{len(peaks)}", "mcap", rows + place)
+        tracemalloc.start()
+        found = pfslam.load(path)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert found.lidar.ranges.shape == (scans, 2162)
+    assert peaks[2] - peaks[1] < 1000 * 1.3 * 8648
+
+
 def test_a_yaw_in_degrees_is_refused_and_named(tmp_path):
     with pytest.raises(DataError, match=r"YAW: found 180, expected radians.*180 degrees are 3\.1416"):
         loaded(tmp_path, rows_of(BOX), lidar_at=(0.05, 0.0, 180.0))

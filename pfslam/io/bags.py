@@ -20,7 +20,7 @@ import numpy as np
 from pfslam.errors import DataError, naming
 from pfslam.io.headings import with_better_headings
 from pfslam.io.loading import GRAVITY_LIMIT, LONGEST_SWEEP, POSE_LIMIT, Log
-from pfslam.io.topics import IMAGE, IMU, INDEX, ODOMETRY, SCAN, TF, Names, Topic, frame_of, read_topics
+from pfslam.io.topics import IMAGE, IMU, INDEX, ODOMETRY, SCAN, TF, Beams, Names, Topic, frame_of, read_topics
 from pfslam.poses import Trajectory, chain_transforms, quaternion_to_rotation, rotation_matrix, transform
 from pfslam.recording import Imu, LidarScans, Recording, RgbdStream
 from pfslam.refined.tilt import upright
@@ -32,7 +32,7 @@ SUFFIXES = (".bag", ".mcap", ".db3", ".active", ".zstd")
 LATE = 1.0
 """Seconds of more delay than usual, from its stamp to the bag, that a message is called late for."""
 MOVED = 0.01
-"""A pair of frames whose transform changes by more than this (m, or in an entry of its rotation) is not fixed."""
+"""A pair of frames that moves or turns by more than this (m, rad) is not fixed."""
 USES = {
     "scan": (SCAN, ("/scan",)),
     "odom": (ODOMETRY, ("/odom",)),
@@ -82,7 +82,7 @@ def load_bag(
     topics = read_topics(path, {*chosen.values(), *trees}, progress=progress)
     # Taken out where they are used, so that an hour of them is not held twice.
     read = {use: _ordered(log, topics.pop(name)) for use, name in chosen.items() if use != "info"}
-    frames = _read_frames(log, [topics.pop(name) for name in trees])
+    frames = _read_frames(log, (topics.pop(name) for name in trees))
     odometry, base = _odometry(log, read.pop("odom", None), frames, options.odom_frame)
     imu = _imu(log, read.pop("imu"), frames, base) if "imu" in read else None
     odometry, notes = with_better_headings(odometry, imu)
@@ -131,9 +131,7 @@ def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) ->
     return chosen
 
 
-Poses = tuple[Topic, np.ndarray]
-"""Messages, and their transforms ``(K, 4, 4)``."""
-Frames = dict[tuple[str, str], Poses]
+Frames = dict[tuple[str, str], Topic]
 """The tree of frames: what was said of each pair (parent, child)."""
 
 
@@ -158,33 +156,39 @@ def _ordered(log: Log, topic: Topic) -> Topic:
     return topic if np.array_equal(order, np.arange(len(topic.t))) else topic[order]
 
 
-def _transforms(log: Log, topic: Topic) -> Poses:
-    """Keep the messages whose position and quaternion are a pose; with their transforms."""
-    rows = topic.rows
-    length = np.linalg.norm(np.clip(rows[:, 3:], -2.0, 2.0), axis=1)
-    good = (np.abs(rows) < POSE_LIMIT[0]).all(axis=1) & (np.abs(length - 1.0) < 0.01)
-    topic = topic.keep(log, good, "that are no poses", "finite numbers, a quaternion of length 1")
-    R = quaternion_to_rotation(rows[good, 3:] / length[good, None])
-    return topic, transform(R, rows[good, :3])
+def _poses(log: Log, topic: Topic) -> Topic:
+    """Keep the messages whose position and quaternion are a pose, and make the quaternions' length 1."""
+    turns = topic.rows[:, 3:]
+    length = np.linalg.norm(np.clip(turns, -2.0, 2.0), axis=1)
+    good = (np.abs(topic.rows) < POSE_LIMIT[0]).all(axis=1) & (np.abs(length - 1.0) < 0.01)
+    turns[good] /= length[good, None]
+    return topic.keep(log, good, "that are no poses", "finite numbers, a quaternion of length 1")
 
 
 def _read_frames(log: Log, topics: Iterable[Topic]) -> Frames:
     """Collect the transforms of TFMessages, by pair of frames."""
     found: dict[Names, list[Topic]] = {}
     for topic in topics:
-        pairs: dict[Names, list[int]] = {}
-        for k, pair in enumerate(topic.contents):
-            pairs.setdefault(pair, []).append(k)
-        for pair, rows in pairs.items():
-            found.setdefault(pair, []).append(topic[np.array(rows)])
+        which = np.fromiter(map(id, topic.contents), dtype=np.int64, count=len(topic.t))
+        order = np.argsort(which, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(which[order])) + 1):
+            if len(rows):
+                found.setdefault(topic.contents[rows[0]], []).append(topic[rows])
     named = {pair: Topic.joined(f"/tf ({' -> '.join(pair)})", TF, parts) for pair, parts in found.items()}
-    return {pair: _transforms(log, topic) for pair, topic in named.items()}
+    return {pair: _poses(log, topic) for pair, topic in named.items()}
 
 
 def _find_place(frames: Frames, base: str, frame: str) -> np.ndarray | None:
     """Return the transform ``(4, 4)`` of ``frame`` in ``base``, None if no chain of fixed pairs joins them."""
-    fixed = {pair: T[0] for pair, (_, T) in frames.items() if np.abs(T - T[0]).max() <= MOVED}
-    return chain_transforms(fixed, base, frame)
+    fixed = {pair: said.rows[0] for pair, said in frames.items() if _is_fixed(said.rows)}
+    places = {pair: transform(quaternion_to_rotation(row[3:]), row[:3]) for pair, row in fixed.items()}
+    return chain_transforms(places, base, frame)
+
+
+def _is_fixed(rows: np.ndarray) -> bool:
+    """Whether poses ``(K, 7)`` are one; a quaternion and its negative are the same turn."""
+    away, cosine = np.abs(rows[:, :3] - rows[0, :3]), np.abs(rows[:, 3:] @ rows[0, 3:])
+    return bool(away.max() <= MOVED and cosine.min() >= np.cos(0.5 * MOVED))
 
 
 def _odometry(log: Log, topic: Topic | None, frames: Frames, asked: str | None) -> tuple[Trajectory, str]:
@@ -192,20 +196,22 @@ def _odometry(log: Log, topic: Topic | None, frames: Frames, asked: str | None) 
     if topic is not None:
         usual = "base_footprint" if any("base_footprint" in pair for pair in frames) else "base_link"
         base = topic.contents[0].child or usual
-        topic, T = _transforms(log, topic)
+        topic = _poses(log, topic)
     else:
         # Frames of a robot's own name are known by their last part, as in robot1/odom.
         pairs = [pair for pair in frames if pair[0].rpartition("/")[2].startswith("odom")]
         if asked:
             pairs = [pair for pair in frames if pair[0].strip("/") == asked.strip("/")]
         if not pairs:
-            moving = [f"{a} -> {b} on /tf" for (a, b), (said, _) in frames.items() if len(said.t) > 1]
+            moving = [f"{a} -> {b} on /tf" for (a, b), said in frames.items() if len(said.t) > 1]
             expected = f"{asked or 'nav_msgs/Odometry, or odom'} -> base_link on /tf"
             raise DataError(log.path, "odometry", ", ".join(moving) or "none", expected)
         parent, base = pair = min(pairs, key=lambda pair: ("base" not in pair[1], pair))
         log.notes.append(f"odometry is read from /tf: {parent} -> {base}")
-        topic, T = _transforms(log, _ordered(log, frames[pair][0]))
-    return Trajectory(topic.t, np.column_stack([T[:, :2, 3], np.arctan2(T[:, 1, 0], T[:, 0, 0])])), base
+        topic = _ordered(log, frames[pair])
+    x, y, z, w = topic.rows[:, 3:].T
+    heading = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y**2 + z**2))
+    return Trajectory(topic.t, np.column_stack([topic.rows[:, :2], heading])), base
 
 
 def _imu(log: Log, topic: Topic, frames: Frames, base: str) -> Imu | None:
@@ -232,7 +238,7 @@ def _place_of_lidar(log: Log, topic: Topic, frames: Frames, base: str, options: 
             raise DataError(log.path, "--lidar-at, YAW", f"{yaw:g}", expected)
         log.notes.append(f"the LiDAR is taken to be at x {x:g} m, y {y:g} m, yaw {yaw:g} rad, as asked for")
         return transform(rotation_matrix(yaw=yaw), (x, y, LidarModel().position_b[2]))
-    frame = frame_of(topic.contents[0])
+    frame = topic.contents[0].frame
     T = _find_place(frames, base, frame)
     if T is None:
         there = ", ".join(f"{parent} -> {child}" for parent, child in sorted(frames)) or "no frames at all"
@@ -244,15 +250,17 @@ def _place_of_lidar(log: Log, topic: Topic, frames: Frames, base: str, options: 
 
 def _scans(log: Log, topic: Topic, T: np.ndarray) -> tuple[LidarModel, LidarScans]:
     """Describe the LiDAR, at ``T (4, 4)`` on the robot, and arrange its scans counter-clockwise, seen from above."""
-    frame = frame_of(topic.contents[0])
-    topic = topic.keep(log, [frame_of(m) == frame for m in topic.contents], f"of other frames than {frame}")
-    usable = [_has_angles(message) for message in topic.contents]
+    frame = topic.contents[0].frame
+    topic = topic.keep(
+        log, [beams.frame == frame for beams in topic.contents], f"of other frames than {frame}"
+    )
+    usable = [_has_angles(beams) for beams in topic.contents]
     topic = topic.keep(log, usable, "without usable angles", "beams over at most one turn")
     for what, odd in (("not a number", np.isnan), ("infinite", np.isinf), ("zero", partial(np.equal, 0))):
-        number = sum(int(np.count_nonzero(odd(message.ranges))) for message in topic.contents)
+        number = sum(int(np.count_nonzero(odd(ranges))) for ranges in topic.rows)
         log.leave_out(f"ranges on {topic.name} that are {what}", number)
     usual, ranges = _at_usual_angles(log, topic)
-    between = np.median([message.time_increment for message in topic.contents])
+    between = np.median([beams.time_increment for beams in topic.contents])
     sweep, period = (ranges.shape[1] - 1) * float(between), np.median(np.diff(topic.t, append=np.inf))
     if not abs(sweep) <= min(LONGEST_SWEEP, 1.1 * period):
         log.notes.append(f"a sweep of {sweep:g} s on {topic.name} is not used: a scan lasts less")
@@ -266,33 +274,36 @@ def _scans(log: Log, topic: Topic, T: np.ndarray) -> tuple[LidarModel, LidarScan
     return model, LidarScans(topic.t + 0.5 * sweep, np.ascontiguousarray(ranges[:, ::step]))
 
 
-def _has_angles(message: Any) -> bool:
+def _has_angles(beams: Beams) -> bool:
     """Whether a scan has beams at different angles, over at most one turn."""
-    beams, low, step = len(message.ranges), abs(message.angle_min), abs(message.angle_increment)
-    turns = (beams - 1) * step <= 2.0 * np.pi + 0.02 and (step > 0.0 or beams == 1)
-    return bool(1 <= beams <= MAX_BEAMS and low < 7.0 and turns)
+    n, low, step = beams.number, abs(beams.angle_min), abs(beams.angle_increment)
+    turns = (n - 1) * step <= 2.0 * np.pi + 0.02 and (step > 0.0 or n == 1)
+    return bool(1 <= n <= MAX_BEAMS and low < 7.0 and turns)
 
 
-def _ends(message: Any) -> tuple[float, float]:
+def _ends(beams: Beams) -> tuple[float, float]:
     """Return the angles (rad) of the first beam and of the last, as the scanner counts them."""
-    return message.angle_min, message.angle_min + (len(message.ranges) - 1) * message.angle_increment
+    return beams.angle_min, beams.angle_min + (beams.number - 1) * beams.angle_increment
 
 
-def _at_usual_angles(log: Log, topic: Topic) -> tuple[Any, np.ndarray]:
-    """Put all scans at the angles of most, ``(K, beams)``, and return one of those as well.
+def _at_usual_angles(log: Log, topic: Topic) -> tuple[Beams, np.ndarray]:
+    """Put all scans at the angles of most, ``(K, beams)``, and return the beams of one of those as well.
 
     A scanner that spins freely varies its beams from turn to turn.
     """
-    shapes = [(len(message.ranges), *np.round(_ends(message), 4)) for message in topic.contents]
+    shapes = [(beams.number, *np.round(_ends(beams), 4)) for beams in topic.contents]
     shape, alike = Counter(shapes).most_common(1)[0]
     usual = topic.contents[shapes.index(shape)]
-    angles = np.linspace(*_ends(usual), len(usual.ranges))
+    if alike == len(shapes):  # an hour of ranges is not copied
+        return usual, np.stack(list(topic.rows)) if topic.rows.ndim == 1 else topic.rows
+    angles = np.linspace(*_ends(usual), usual.number)
     rows = [
-        m.ranges if s == shape else nearest_ranges(angles, m.angle_min, m.angle_increment, m.ranges)
-        for m, s in zip(topic.contents, shapes, strict=True)
+        ranges if s == shape else nearest_ranges(angles, beams.angle_min, beams.angle_increment, ranges)
+        for ranges, beams, s in zip(topic.rows, topic.contents, shapes, strict=True)
     ]
-    if moved := len(shapes) - alike:
-        log.notes.append(f"scans on {topic.name} put at the angles of most, by nearest beams: {moved}")
+    log.notes.append(
+        f"scans on {topic.name} put at the angles of most, by nearest beams: {len(shapes) - alike}"
+    )
     return usual, np.array(rows, dtype=np.float32)
 
 

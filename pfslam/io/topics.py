@@ -38,6 +38,7 @@ NUMBERS = {
     TF: _numbers("transform.translation xyz", "transform.rotation xyzw"),
 }
 """What is kept of messages that come by the hundred thousand, beside the frames that they name."""
+SWEEP = attrgetter("angle_min", "angle_increment", "time_increment", "range_min", "range_max")
 
 
 class Names(NamedTuple):
@@ -47,12 +48,25 @@ class Names(NamedTuple):
     child: str
 
 
+class Beams(NamedTuple):
+    """What a scan says of its beams: frame, number, angles (rad), time between two (s), and limits of range (m)."""
+
+    frame: str
+    number: int
+    angle_min: float
+    angle_increment: float
+    time_increment: float
+    range_min: float
+    range_max: float
+
+
 @dataclass(frozen=True, eq=False)
 class Topic:
     """The messages of one topic: their stamps and when they reached the bag (s), and what is kept of them.
 
     Of the types in ``NUMBERS`` that is ``rows (K, n)``, and ``Names`` as contents; a TFMessage is one message for each
-    of its pairs of frames.
+    of its pairs of frames. Of scans, ``rows`` are the ranges, ``(K, beams)`` float32, or ``(K,)`` arrays where not all
+    have as many, and the contents are ``Beams``.
     """
 
     name: str
@@ -137,9 +151,9 @@ class _Columns:
 
     def __init__(self, kind: str, with_pixels: bool):
         self.kind, self.with_pixels = kind, with_pixels
-        self.t, self.arrived, self.rows = array("d"), array("d"), array("d")
+        self.t, self.arrived, self.rows = array("d"), array("d"), array("f" if kind == SCAN else "d")
         self.contents: list[Any] = []
-        self.names: dict[Names, Names] = {}
+        self.seen: dict[Any, Any] = {}
 
     def add(self, arrived: float, message: Any) -> None:
         """Keep of a message what will be used."""
@@ -152,10 +166,12 @@ class _Columns:
         if self.kind in NUMBERS:
             self.rows.extend(NUMBERS[self.kind](message))
             names = Names(frame_of(message), getattr(message, "child_frame_id", "").lstrip("/"))
-            return self.names.setdefault(names, names)
+            return self.seen.setdefault(names, names)
         if self.kind == SCAN:
-            message.ranges, message.intensities = message.ranges.copy(), None
-        elif self.kind == IMAGE and not self.with_pixels:
+            self.rows.frombytes(message.ranges.tobytes())
+            beams = Beams(frame_of(message), len(message.ranges), *SWEEP(message))
+            return self.seen.setdefault(beams, beams)
+        if self.kind == IMAGE and not self.with_pixels:
             message.data = None
         return message
 
@@ -163,8 +179,13 @@ class _Columns:
         """Arrange what was kept."""
         contents = np.fromiter(self.contents, dtype=object, count=len(self.contents))
         columns = self.t, self.arrived, self.rows
-        t, arrived, rows = (np.frombuffer(column) if column else np.zeros(0) for column in columns)
-        rows = rows.reshape(len(t), len(rows) // max(len(t), 1))
+        t, arrived, rows = (np.frombuffer(c, c.typecode) if c else np.zeros(0, c.typecode) for c in columns)
+        numbers = [beams.number for beams in self.seen] if self.kind == SCAN else [1]
+        if len(set(numbers)) < 2:
+            rows = rows.reshape(len(t), len(rows) // max(len(t), 1))
+        else:
+            ends = np.cumsum([beams.number for beams in contents])
+            rows = np.fromiter(np.split(rows, ends[:-1]), dtype=object, count=len(t))
         return Topic(name, self.kind, t, arrived, contents, rows)
 
 
