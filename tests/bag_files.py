@@ -13,6 +13,7 @@ from pfslam.motion import dead_reckoning
 FORMATS = ("ros1", "sqlite3", "mcap", "mcap file")
 COMPRESSED = ("zstd files", "zstd messages", "mcap, zstd chunks")
 """As recorders compress on request: the first two are folders of sqlite3."""
+OLD_COMPRESSED = ("ros1, bz2", "ros1, lz4")
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 UPSIDE_DOWN = (1.0, 0.0, 0.0, 0.0)
 """Half a turn about x, as a quaternion x, y, z, w."""
@@ -111,9 +112,11 @@ def nanoseconds(t):
 def write_bag(path, form, rows):
     """Write rows of (topic, arrival in nanoseconds, message), as they arrive, and return the path to read."""
     path = Path(path)
-    if form == "ros1":
+    if form.startswith("ros1"):
         path, store = path.with_suffix(".bag"), store_of(True)
         writer, serialize = rosbag1.Writer(path), store.serialize_ros1
+        if form in OLD_COMPRESSED:
+            writer.set_compression(rosbag1.Writer.CompressionFormat[form[-3:].upper()])
     else:
         plugin = StoragePlugin.MCAP if "mcap" in form else StoragePlugin.SQLITE3
         writer, store = rosbag2.Writer(path, version=9, storage_plugin=plugin), store_of(False)

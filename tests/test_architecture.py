@@ -178,11 +178,11 @@ def lines_of_code(path):
 @pytest.mark.parametrize(
     ("pattern", "most"),
     [
-        ("**/*.py", 8599),
+        ("**/*.py", 8629),
         ("*.py", 1899),
         ("beyond/loops/*.py", 260),
         ("io/bags.py", 261),
-        ("io/topics.py", 132),
+        ("io/topics.py", 125),
     ],
 )
 def test_what_is_to_be_read_stays_small(pattern, most):

@@ -9,7 +9,6 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
-from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +18,7 @@ import numpy as np
 from pfslam.errors import DataError, need
 from pfslam.io.files import check_ends
 from pfslam.io.loading import Log
+from pfslam.io.packed import limit_unpacking
 
 SCAN, IMAGE, IMU = (f"sensor_msgs/msg/{kind}" for kind in ("LaserScan", "Image", "Imu"))
 ODOMETRY, TF, OLD_TF = "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
@@ -108,7 +108,7 @@ def read_topics(
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    _unpack_no_more_than_is_said()
+    limit_unpacking()
     is_old, place = path.suffix.lower() == ".bag", "bag"
     store = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.LATEST)
     store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
@@ -131,19 +131,6 @@ def read_topics(
         expected = f"a whole ROS bag, closed by its recorder: a file, or a folder with its {INDEX}"
         raise DataError(path, place, what, expected) from error
     return {name: columns.topic(name) for name, columns in found.items()}
-
-
-def _unpack_no_more_than_is_said() -> None:
-    """Let the library unpack no more of a chunk than its size in the file: some kilobytes can unpack to gigabytes."""
-    from lz4.frame import LZ4FrameDecompressor
-    from rosbags.rosbag2 import storage_mcap as library
-
-    for name, unpacker in (("zstd", library.zstd.ZstdDecompressor), ("lz4", LZ4FrameDecompressor)):
-        library.DECOMPRESSORS[name] = partial(_unpack, unpacker)
-
-
-def _unpack(unpacker: Callable, data: bytes, size: int) -> bytes:
-    return unpacker().decompress(data, max_length=size + 1)
 
 
 class _Columns:
