@@ -14,6 +14,9 @@ import numpy as np
 
 from pfslam.errors import DataError
 
+ARC = 0.1
+"""Turn (rad) between two poses beyond which the way is an arc; a straight one misses it by an 80th of its length."""
+
 
 def wrap_angle(theta):
     """Angle(s) in radians, brought into (-pi, pi].
@@ -241,6 +244,7 @@ class Trajectory:
     def at(self, t) -> np.ndarray:
         """Pose at time ``t`` (scalar: ``(3,)``; array ``(M,)``: ``(M, 3)``), interpolated, heading on the circle.
 
+        Between two poses that turn by more than ``ARC`` the way is an arc, as wheels of constant speed drive it.
         Raises ``DataError`` for a time outside the trajectory: a pose out there would be a guess.
         """
         times = np.asarray(t, dtype=float)
@@ -252,10 +256,14 @@ class Trajectory:
         if len(self.t) == 1:
             return np.broadcast_to(self.poses[0], times.shape + (3,)).copy()
         i = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 2)
-        part = ((times - self.t[i]) / (self.t[i + 1] - self.t[i]))[..., None]
+        part = (times - self.t[i]) / (self.t[i + 1] - self.t[i])
         a, b = self.poses[i], self.poses[i + 1]
-        step = b - a
-        step[..., 2] = wrap_angle(step[..., 2])
-        pose = a + part * step
-        pose[..., 2] = wrap_angle(pose[..., 2])
-        return pose
+        dx, dy, turn = np.moveaxis(b - a, -1, 0)
+        turn = wrap_angle(turn)
+        # A part of an arc is a chord that is shorter, and points back by half of the turn that is still to come.
+        bend = np.where(np.abs(turn) > ARC, turn, 0.0)
+        length = part * np.sinc(part * bend / (2.0 * np.pi)) / np.sinc(bend / (2.0 * np.pi))
+        back = 0.5 * (1.0 - part) * bend
+        c, s = np.cos(back), np.sin(back)
+        x, y = a[..., 0] + length * (c * dx + s * dy), a[..., 1] + length * (c * dy - s * dx)
+        return _side_by_side(x, y, wrap_angle(a[..., 2] + part * turn))

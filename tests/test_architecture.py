@@ -178,11 +178,11 @@ def lines_of_code(path):
 @pytest.mark.parametrize(
     ("pattern", "most"),
     [
-        ("**/*.py", 8629),
-        ("*.py", 1899),
+        ("**/*.py", 8650),
+        ("*.py", 1903),
         ("beyond/loops/*.py", 260),
-        ("io/bags.py", 261),
-        ("io/topics.py", 125),
+        ("io/bags.py", 267),
+        ("io/topics.py", 131),
     ],
 )
 def test_what_is_to_be_read_stays_small(pattern, most):

@@ -145,6 +145,15 @@ def test_an_odometry_of_another_scale_is_no_drag_and_people_still_are():
     assert found["from"] == 206 / 8
 
 
+@pytest.mark.parametrize(("share", "doubted"), [(0.0, True), (0.03, True), (0.2, False), (1.0, False)])
+def test_an_odometry_that_scans_often_correct_as_far_says_nothing_against_them(share, doubted):
+    """In a share of the first 25 s, walls explain scans that move the estimate as far as later ones do among people."""
+    usual, later = np.zeros((400, 2)), pulled(0.03, 0.1)
+    usual[: round(200 * share), 1] = 0.04
+    later["departure"] += usual
+    assert [found["from"] for found in distrust(steady(**later))] == [206 / 8] * doubted
+
+
 def test_an_odometry_that_stands_still_is_named():
     """All of the 0.1 m between two scans comes from the scans: after the tenth it is a metre, and a little."""
     (found,) = distrust(steady(departure=np.tile([0.1, 0.0], (400, 1))))

@@ -9,6 +9,7 @@ from hypothesis.extra.numpy import arrays
 
 from pfslam import poses as P
 from pfslam.errors import DataError
+from pfslam.motion import motion_model_arc
 from pfslam.poses import Trajectory
 
 angles = st.floats(-100.0, 100.0)
@@ -106,13 +107,27 @@ def test_a_chain_of_transforms_leads_between_any_two_frames_of_a_tree(seed, coun
     assert P.chain_transforms(known, str(start), "elsewhere") is None
 
 
-TURN = Trajectory([0.0, 1.0, 3.0], [[0, 0, 3.0], [1, 2, -3.0], [3, 2, -2.0]])
+TURN = Trajectory([0.0, 1.0, 3.0], [[0, 0, 3.12], [1, 2, -3.12], [3, 2, -3.1]])
 
 
 def test_trajectory_interpolates_and_takes_the_short_way_round():
-    # From 3.0 to -3.0 the short way is 2 pi - 6 forward, through pi.
-    np.testing.assert_allclose(TURN.at(0.25), [0.25, 0.5, 3.0 + 0.25 * (2 * np.pi - 6)])
-    np.testing.assert_allclose(TURN.at(2.0), [2.0, 2.0, -2.5])
+    # From 3.12 to -3.12 the short way is 2 pi - 6.24 forward, through pi.
+    np.testing.assert_allclose(TURN.at(0.25), [0.25, 0.5, 3.12 + 0.25 * (2 * np.pi - 6.24)])
+    np.testing.assert_allclose(TURN.at(2.0), [2.0, 2.0, -3.11])
+
+
+@pytest.mark.parametrize("turn", [-3.1, -0.5, 0.11, 0.9, 3.0])
+def test_trajectory_follows_the_arc_that_wheels_of_constant_speed_drive(turn):
+    start, t = np.array([1.0, -2.0, 3.0]), np.linspace(0.0, 2.0, 9)
+    way = np.array([motion_model_arc(start, 0.7, turn / 2.0, dt) for dt in t])
+    read = Trajectory(t[[0, -1]], way[[0, -1]]).at(t)
+    np.testing.assert_allclose(read, way, atol=1e-12)
+    np.testing.assert_array_equal(read[0], way[0])
+
+
+def test_where_arcs_begin_a_straight_way_misses_them_by_an_eightieth():
+    bends = [Trajectory([0.0, 1.0], [[0, 0, 0], [1, turn / 2, turn]]).at(0.5) for turn in (0.0999, 0.1001)]
+    assert 0.01 < np.hypot(*(bends[1] - bends[0])[:2]) < 1 / 79
 
 
 @pytest.mark.parametrize("t", [-1e-9, 3.000001, np.nan])

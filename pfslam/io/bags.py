@@ -79,6 +79,7 @@ def load_bag(
     log, topics = Log(path), read_topics(path)
     chosen = choose_topics(log, topics, options)
     trees = [topic.name for topic in topics.values() if topic.kind == TF]
+    topics.clear()  # a million stamps, before as many messages are read
     topics = read_topics(path, {*chosen.values(), *trees}, progress=progress)
     # Taken out where they are used, so that an hour of them is not held twice.
     read = {use: _ordered(log, topics.pop(name)) for use, name in chosen.items() if use != "info"}
@@ -148,7 +149,8 @@ def _ordered(log: Log, topic: Topic) -> Topic:
         topic = replace(topic, t=topic.arrived)
     topic = topic.keep(log, topic.t != 0, "without a stamp", "times")
     delay = topic.arrived - topic.t
-    late = np.abs(delay - np.median(delay)) > LATE
+    delay -= np.median(delay)
+    late = np.abs(delay, out=delay) > LATE
     if late.any():
         first = topic.arrived[late.argmax()]
         log.notes.append(f"messages on {topic.name} late or early: {late.sum()}, the first at {first:.3f} s")
@@ -158,11 +160,16 @@ def _ordered(log: Log, topic: Topic) -> Topic:
 
 def _poses(log: Log, topic: Topic) -> Topic:
     """Keep the messages whose position and quaternion are a pose, and make the quaternions' length 1."""
-    turns = topic.rows[:, 3:]
-    length = np.linalg.norm(np.clip(turns, -2.0, 2.0), axis=1)
-    good = (np.abs(topic.rows) < POSE_LIMIT[0]).all(axis=1) & (np.abs(length - 1.0) < 0.01)
+    turns = np.clip(topic.rows[:, 3:], -2.0, 2.0, out=topic.rows[:, 3:])
+    length = np.linalg.norm(turns, axis=1)
+    good = _within(topic.rows, POSE_LIMIT[0]) & (np.abs(length - 1.0) < 0.01)
     turns[good] /= length[good, None]
     return topic.keep(log, good, "that are no poses", "finite numbers, a quaternion of length 1")
+
+
+def _within(rows: np.ndarray, limit: float) -> np.ndarray:
+    """Which rows ``(K,)`` are numbers nearer to 0 than a limit, without a copy of all of them."""
+    return (rows.max(axis=1) < limit) & (rows.min(axis=1) > -limit)
 
 
 def _read_frames(log: Log, topics: Iterable[Topic]) -> Frames:
@@ -173,7 +180,8 @@ def _read_frames(log: Log, topics: Iterable[Topic]) -> Frames:
         order = np.argsort(which, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(which[order])) + 1):
             if len(rows):
-                found.setdefault(topic.contents[rows[0]], []).append(topic[rows])
+                said = topic if len(rows) == len(topic.t) else topic[rows]
+                found.setdefault(topic.contents[rows[0]], []).append(said)
     named = {pair: Topic.joined(f"/tf ({' -> '.join(pair)})", TF, parts) for pair, parts in found.items()}
     return {pair: _poses(log, topic) for pair, topic in named.items()}
 
@@ -217,7 +225,7 @@ def _odometry(log: Log, topic: Topic | None, frames: Frames, asked: str | None) 
 def _imu(log: Log, topic: Topic, frames: Frames, base: str) -> Imu | None:
     """Read the IMU, its axes turned into the body's: as the tree of frames says, or gravity."""
     topic.rows[:, 3:] /= STANDARD_GRAVITY
-    good = (np.abs(topic.rows) < GRAVITY_LIMIT[0]).all(axis=1)
+    good = _within(topic.rows, GRAVITY_LIMIT[0])
     frame, topic = topic.contents[0].frame, topic.keep(log, good, "without usable numbers")
     if len(topic.t) < 2:
         return None
@@ -291,7 +299,8 @@ def _at_usual_angles(log: Log, topic: Topic) -> tuple[Beams, np.ndarray]:
 
     A scanner that spins freely varies its beams from turn to turn.
     """
-    shapes = [(beams.number, *np.round(_ends(beams), 4)) for beams in topic.contents]
+    shape_of = {beams: (beams.number, *np.round(_ends(beams), 4)) for beams in set(topic.contents)}
+    shapes = [shape_of[beams] for beams in topic.contents]
     shape, alike = Counter(shapes).most_common(1)[0]
     usual = topic.contents[shapes.index(shape)]
     if alike == len(shapes):  # an hour of ranges is not copied

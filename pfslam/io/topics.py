@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -79,7 +79,12 @@ class Topic:
     @classmethod
     def joined(cls, name: str, kind: str, parts: Iterable[Topic]) -> Topic:
         """Put the messages of several topics one after the other."""
-        columns = zip(*((part.t, part.arrived, part.contents, part.rows) for part in parts), strict=True)
+        first, *others = parts
+        if not others:
+            return replace(first, name=name, kind=kind)
+        columns = zip(
+            *((part.t, part.arrived, part.contents, part.rows) for part in (first, *others)), strict=True
+        )
         return cls(name, kind, *map(np.concatenate, columns))
 
     def __getitem__(self, rows: np.ndarray) -> Topic:
@@ -130,7 +135,7 @@ def read_topics(
         what = ": ".join(filter(None, (type(error).__name__, str(error))))
         expected = f"a whole ROS bag, closed by its recorder: a file, or a folder with its {INDEX}"
         raise DataError(path, place, what, expected) from error
-    return {name: columns.topic(name) for name, columns in found.items()}
+    return {name: found.pop(name).topic(name) for name in sorted(found)}
 
 
 class _Columns:
@@ -147,7 +152,8 @@ class _Columns:
         for part in message.transforms if self.kind == TF and message is not None else (message,):
             self.t.append(_stamp(part) if hasattr(part, "header") else arrived)
             self.arrived.append(arrived)
-            self.contents.append(part if part is None else self._kept(part))
+            if part is not None:
+                self.contents.append(self._kept(part))
 
     def _kept(self, message: Any) -> Any:
         if self.kind in NUMBERS:

@@ -118,6 +118,8 @@ SUSPECT_METRES = 0.15
 """A second look costs only time, so it is taken at less than ``DRAGGED_METRES``."""
 SUSPECT_UNEXPLAINED = 0.01
 """The same for ``DRAGGED_UNEXPLAINED``: glass leaves fewer beams unexplained than people do."""
+USUAL_SHARE = 0.1
+"""If so often before scans departed as far while walls explained their beams, it is odometry that is bad."""
 SCALE_OFF = 0.05
 """An odometry whose scale is off by more is a matter of its own: such departures say nothing about the scans."""
 STILL_SHARE, STILL_METRES = 0.1, 1.0
@@ -186,7 +188,10 @@ def _lost(infos: Sequence[Step]) -> Iterator[Distrust]:
 def _dragged(
     infos: Sequence[Step], least_metres: float = DRAGGED_METRES, least_share: float = DRAGGED_UNEXPLAINED
 ) -> Iterator[Distrust]:
-    """Find the first time at which scans drag the estimate from its odometry while no wall explains part of them."""
+    """Find the first time at which scans drag the estimate from its odometry while no wall explains part of them.
+
+    An odometry that scans have often corrected as far while walls explained them is bad, and says nothing against them.
+    """
     matched = [info for info in infos if info.matched]
     t = np.array([info.t for info in matched])
     step, departure = _steps(matched)
@@ -201,13 +206,17 @@ def _dragged(
     scans = np.arange(len(t)) + 1 - since
     total = sums[1:] - sums[since]
     metres, unexplained = np.hypot(total[:, 0], total[:, 1]), total[:, 2] / scans
-    found = (metres > least_metres) & (unexplained > least_share) & (scans >= DRAGGED_SCANS)
-    if found.any():
-        k = int(np.argmax(found))
+    enough = scans >= DRAGGED_SCANS
+    calm = enough & (unexplained <= SUSPECT_UNEXPLAINED)
+    for k in np.flatnonzero((metres > least_metres) & (unexplained > least_share) & enough):
+        before = metres[:k][calm[:k]]
+        if (before >= metres[k]).sum() > USUAL_SHARE * len(before):
+            continue
         dragged = f"scans moved the estimate {metres[k]:.2f} m from its odometry"
         why = f"while {100 * unexplained[k]:.0f} % of the beams met what the map does not have"
         reason = f"{dragged} within {DRAGGED_WITHIN:.0f} s, {why}"
         yield {"from": float(t[k]), "to": None, "reason": reason}
+        return
 
 
 def farther_than_usual(poses: np.ndarray) -> np.ndarray:
