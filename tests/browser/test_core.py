@@ -170,9 +170,10 @@ def motion_cases(rng):
         )
         yield "predict", [poses, 0.7, -0.3, 0.1, noise, normals], moved.poses
     yield "averagePose", [poses, weights := weights_of(rng, 40)], average_pose(poses, weights)
-    path = Trajectory(np.cumsum(rng.uniform(0.1, 1, 9)), poses_in(rng, 9))
-    for t in (path.t[0], path.t[4], path.t[-1], *rng.uniform(path.t[0], path.t[-1], 20)):
-        yield "poseAt", [path.t.tolist(), [pose.tolist() for pose in path.poses], t], path.at(t)
+    for turns in (1.0, 0.02):  # arcs, and chords among them
+        path = Trajectory(np.cumsum(rng.uniform(0.1, 1, 9)), poses_in(rng, 9) * [1, 1, turns])
+        for t in (path.t[0], path.t[4], path.t[-1], *rng.uniform(path.t[0], path.t[-1], 20)):
+            yield "poseAt", [path.t.tolist(), [pose.tolist() for pose in path.poses], t], path.at(t)
 
 
 def wheels_and_gyro_cases(rng):

@@ -380,11 +380,15 @@
     return [pose[0] + c * motion[0] - s * motion[1], pose[1] + s * motion[0] + c * motion[1], wrapAngle(pose[2] + motion[2])];
   }
 
-  /** The pose [x, y, theta] at time t between poses [x, y, theta] at increasing times; it turns the shorter way round. */
+  /** The pose [x, y, theta] at time t between poses [x, y, theta] at increasing times. It turns the shorter way round, and
+   * where it turns by more than 0.1 rad it goes along an arc. */
   function poseAt(times, poses, t) {
     const next = times.findIndex(time => time > t), k = Math.max(0, (next < 0 ? times.length : next) - 1);
     const i = Math.min(k, times.length - 2), part = (t - times[i]) / (times[i + 1] - times[i]), a = poses[i], b = poses[i + 1];
-    return [a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1]), wrapAngle(a[2] + part * wrapAngle(b[2] - a[2]))];
+    const turn = wrapAngle(b[2] - a[2]), half = Math.abs(turn) > 0.1 ? 0.5 * turn : 0, back = (1 - part) * half;
+    const length = half ? Math.sin(part * half) / Math.sin(half) : part, c = length * Math.cos(back), s = length * Math.sin(back);
+    const dx = b[0] - a[0], dy = b[1] - a[1];
+    return [a[0] + c * dx + s * dy, a[1] + c * dy - s * dx, wrapAngle(a[2] + part * turn)];
   }
 
   /** The log-likelihood Float32Array(H W) of an end point in each cell, for a robot that is lost:
