@@ -11,6 +11,7 @@ from pfslam.io.formats import read_relations
 from pfslam.refined.health import (
     ALONG_METRES,
     LEAST_PAST,
+    UNSURE_METRES,
     alarms,
     distrust,
     in_doubt,
@@ -232,6 +233,21 @@ def test_ten_metres_of_bare_corridor_are_in_doubt_and_nine_are_not():
         found = distrust(steady(free_direction=free))
         assert bool(found) == flagged
         assert all(d["to"] is None and "no wall shows the way along" in d["reason"] for d in found)
+
+
+@pytest.mark.parametrize(("least", "to"), [(0.9, []), (1.1, [299 / 8]), (2.0, [299 / 8])])
+def test_a_large_covariance_is_in_doubt_until_it_is_small_for_good(least, to):
+    """The long axis of the ellipse lies across x and y; in between it is small for a while."""
+    axis, sigma = np.array([0.6, 0.8]), np.full(400, 0.1)
+    sigma[[*range(100, 150), *range(200, 300)]] = least * UNSURE_METRES
+    covariances = [np.diag([1e-6, 1e-6, 100.0]) for _ in sigma]  # a heading that is open is no matter here
+    for covariance, s in zip(covariances, sigma, strict=True):
+        covariance[:2, :2] += s**2 * np.outer(axis, axis)
+    found = distrust(steady(covariance=covariances))
+    assert [(d["from"], d["to"]) for d in found] == [(100 / 8, end) for end in to]
+    assert all(f"{least * UNSURE_METRES:.1f} m (standard deviation)" in d["reason"] for d in found)
+    still = distrust(steady(covariance=covariances[:300] + [4.0 * covariances[250]] * 100))
+    assert [d["to"] for d in still] == [None] * (2.0 * least > 1.0)
 
 
 def test_reasons_come_in_order_of_time():

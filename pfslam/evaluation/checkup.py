@@ -131,14 +131,9 @@ def check_speed(recording: Recording) -> Finding:
         way = np.abs(recording.encoders.counts).max(axis=1) * recording.robot.encoders.metres_per_count
         speed = way / np.median(np.diff(recording.encoders.t))
     fastest, often = float(speed.max(initial=0.0)), (speed > FASTEST).sum() > OFTEN * len(speed)
-    found, remedy = (
-        f"{fastest:.1f} m/s",
-        "is the odometry in m, each reading of its own, and its clock never set back?",
-    )
-    expected = f"below {FASTEST:.0f} m/s"
-    return Finding(
-        "How fast was a wheel at most?", fastest <= FASTEST, found, expected, remedy if often else ""
-    )
+    found, expected = f"{fastest:.1f} m/s", f"below {FASTEST:.0f} m/s"
+    remedy = "is the odometry in m, each reading of its own, and its clock never set back?" if often else ""
+    return Finding("How fast was a wheel at most?", fastest <= FASTEST, found, expected, remedy)
 
 
 def check_rest(recording: Recording) -> Finding:
@@ -205,7 +200,7 @@ def check_scans(recording: Recording) -> list[Finding]:
     other, fit = "gyro" if recording.odometry is None else "odometry", scan_turn_fit(recording)
     if fit is None:
         turn = clock = None
-        found = ["no scans in turns"] * 2
+        found = ["too few scans in turns"] * 2
     else:
         factor, late = fit
         unknown = not np.isfinite(late)
@@ -237,7 +232,7 @@ def check_scene(recording: Recording) -> Finding:
     answer = partial(Finding, "Does the scene move as odometry says?")
     expected = f"a factor of 0.7 to 1.4, within {WIDEST_YAW:.0f} deg"
     if (fit := scene_fit(recording)) is None:
-        return answer(None, "too little way", expected)
+        return answer(None, "too few scans to compare", expected)
     factor, yaw = fit
     found, ok = f"factor {factor:.1f}, turned by {yaw:+.0f} deg", abs(yaw) <= WIDEST_YAW
     remedy = f"the LiDAR seems mounted {yaw:+.0f} deg from what is stated: correct its yaw"

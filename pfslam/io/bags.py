@@ -259,9 +259,8 @@ def _place_of_lidar(log: Log, topic: Topic, frames: Frames, base: str, options: 
 def _scans(log: Log, topic: Topic, T: np.ndarray) -> tuple[LidarModel, LidarScans]:
     """Describe the LiDAR, at ``T (4, 4)`` on the robot, and arrange its scans counter-clockwise, seen from above."""
     frame = topic.contents[0].frame
-    topic = topic.keep(
-        log, [beams.frame == frame for beams in topic.contents], f"of other frames than {frame}"
-    )
+    same = [beams.frame == frame for beams in topic.contents]
+    topic = topic.keep(log, same, f"of other frames than {frame}")
     usable = [_has_angles(beams) for beams in topic.contents]
     topic = topic.keep(log, usable, "without usable angles", "beams over at most one turn")
     for what, odd in (("not a number", np.isnan), ("infinite", np.isinf), ("zero", partial(np.equal, 0))):
@@ -310,9 +309,8 @@ def _at_usual_angles(log: Log, topic: Topic) -> tuple[Beams, np.ndarray]:
         ranges if s == shape else nearest_ranges(angles, beams.angle_min, beams.angle_increment, ranges)
         for ranges, beams, s in zip(topic.rows, topic.contents, shapes, strict=True)
     ]
-    log.notes.append(
-        f"scans on {topic.name} put at the angles of most, by nearest beams: {len(shapes) - alike}"
-    )
+    put = f"scans on {topic.name} put at the angles of most, by nearest beams"
+    log.notes.append(f"{put}: {len(shapes) - alike}")
     return usual, np.array(rows, dtype=np.float32)
 
 

@@ -79,12 +79,10 @@ class Topic:
     @classmethod
     def joined(cls, name: str, kind: str, parts: Iterable[Topic]) -> Topic:
         """Put the messages of several topics one after the other."""
-        first, *others = parts
-        if not others:
-            return replace(first, name=name, kind=kind)
-        columns = zip(
-            *((part.t, part.arrived, part.contents, part.rows) for part in (first, *others)), strict=True
-        )
+        parts = tuple(parts)
+        if len(parts) == 1:
+            return replace(parts[0], name=name, kind=kind)
+        columns = zip(*((p.t, p.arrived, p.contents, p.rows) for p in parts), strict=True)
         return cls(name, kind, *map(np.concatenate, columns))
 
     def __getitem__(self, rows: np.ndarray) -> Topic:

@@ -8,8 +8,8 @@ that draws every scan soon has the new place in its map, at the wrong spot, and 
 A robot that goes astray slowly keeps its scores, because its map goes astray with it. What gives it away is that scans
 move the estimate from where odometry had put it, again and again in the same direction, while part of their beams end
 where the map has no wall: people who walk ahead, or glass, drag the estimate along. When wheels slip the scans move the
-estimate too, but then the walls explain them. ``distrust`` gathers these signs, and two simpler ones: no beams, and no
-wall that shows the way along.
+estimate too, but then the walls explain them. ``distrust`` gathers these signs, and simpler ones: no beams, no wall to
+show the way along, and a covariance of the estimate that has become large.
 """
 
 from __future__ import annotations
@@ -131,14 +131,17 @@ ALONG_METRES = 10.0
 ALONG_WITHIN = 20.0
 """Metres of driving within which those must lie: they are stretches of one corridor."""
 
+UNSURE_METRES = 1.0
+"""Standard deviation of the position above which a run does not know itself where it is; good runs stay below half."""
+
 
 def distrust(infos: Sequence[Step]) -> list[Distrust]:
     """List the stretches of a run whose estimate is not to be trusted, each with its reason, in order of time.
 
-    An error that is drawn into the map stays there, so only blindness ends: when the scans fit again, the estimate is
-    back where it was in the map.
+    An error that is drawn into the map stays there, so only two signs end: when the scans fit again after blindness, or
+    when the covariance has become small, the estimate is back where it was in the map.
     """
-    signs = _still(infos), _lost(infos), _dragged(infos), _blind(infos), _along(infos)
+    signs = _still(infos), _lost(infos), _dragged(infos), _blind(infos), _along(infos), _unsure(infos)
     return sorted((stretch for sign in signs for stretch in sign), key=lambda d: d["from"])
 
 
@@ -263,3 +266,14 @@ def _along(infos: Sequence[Step]) -> Iterator[Distrust]:
         driven_so = f"{ALONG_METRES:.0f} m driven where no wall shows the way along"
         reason = f"{driven_so}: the wheels alone tell how far"
         yield {"from": float(infos[int(np.argmax(found))].t), "to": None, "reason": reason}
+
+
+def _unsure(infos: Sequence[Step]) -> Iterator[Distrust]:
+    """Find the time in which the covariance of the estimate leaves the position open."""
+    positions = [np.zeros((2, 2)) if i.covariance is None else i.covariance[:2, :2] for i in infos]
+    sigma = np.sqrt(np.linalg.eigvalsh(positions)[:, 1]) if positions else np.zeros(0)
+    above = np.flatnonzero(sigma > UNSURE_METRES)
+    if len(above):
+        reason = f"the walls seen fix the position no better than to {sigma.max():.1f} m (standard deviation)"
+        end = None if above[-1] == len(infos) - 1 else float(infos[above[-1]].t)
+        yield {"from": float(infos[above[0]].t), "to": end, "reason": reason}
