@@ -1,8 +1,9 @@
 """Misses and false alarms together, over robots that are not the author's: a table on the page about trust.
 
 Some seventy robots drive through the simulated hall: other scanners, rates, clocks, mountings and odometries, and a
-building full of hazards. Every robot is checked and run, even where the check-up would stop the run, unless its
-odometry is so far off that the run would not end.
+building full of hazards. Sixty more have two faults at once, drawn by lot, in buildings of their own. Every robot is
+checked and run, even where the check-up would stop the run, unless its odometry is so far off that the run would not
+end.
 """
 
 from __future__ import annotations
@@ -32,10 +33,10 @@ Change = Callable[[Recording], Recording]
 
 
 @cache
-def drive(name: str = "hall", **hazards: Any) -> Recording:
+def drive(name: str = "hall", seed: int = 3, **hazards: Any) -> Recording:
     """Simulate the drive of a robot with a scanner of 360 beams, ten scans a second, and odometry of its own."""
     config = replace(PRESETS[name], robot=replace(PRESETS[name].robot, lidar=LIDAR))
-    full = disturbances.first_seconds(simulate(config, 3, hazards=Hazards(**hazards)).recording, SECONDS)
+    full = disturbances.first_seconds(simulate(config, seed, hazards=Hazards(**hazards)).recording, SECONDS)
     path, scans = dead_reckoning(full), full.scans()
     odometry = Trajectory(path.t[::2], path.poses[::2])
     lidar = LidarScans(scans.t[::4], scans.ranges[::4])
@@ -79,25 +80,29 @@ def shorter(metres: float, r: Recording) -> Recording:
 
 def narrower(degrees: float, r: Recording) -> Recording:
     """See only what lies within an angle about ahead."""
-    angles, k = LIDAR.angles, np.flatnonzero(np.abs(LIDAR.angles) <= np.radians(degrees / 2))
-    ends = {"angle_min": float(angles[k[0]]), "angle_max": float(angles[k[-1]])}
-    lidar = LidarScans(r.scans().t, np.ascontiguousarray(r.scans().ranges[:, k]))
-    return replace(r, lidar=lidar, robot=replace(r.robot, lidar=replace(LIDAR, beams=len(k), **ends)))
+    lidar, k = r.robot.lidar, np.flatnonzero(np.abs(r.robot.lidar.angles) <= np.radians(degrees / 2))
+    return with_beams(r, k, angle_min=float(lidar.angles[k[0]]), angle_max=float(lidar.angles[k[-1]]))
 
 
 def coarser(step: int, r: Recording) -> Recording:
     """Have only every so-many-th beam."""
-    ranges = np.ascontiguousarray(r.scans().ranges[:, ::step])
-    lidar = replace(LIDAR, beams=ranges.shape[1], angle_max=float(LIDAR.angles[::step][-1]))
-    return replace(r, lidar=LidarScans(r.scans().t, ranges), robot=replace(r.robot, lidar=lidar))
+    k = np.arange(0, r.robot.lidar.beams, step)
+    return with_beams(r, k, angle_max=float(r.robot.lidar.angles[k[-1]]))
+
+
+def with_beams(r: Recording, k: np.ndarray, **ends: float) -> Recording:
+    """Keep the beams ``k`` of every scan."""
+    lidar = LidarScans(r.scans().t, np.ascontiguousarray(r.scans().ranges[:, k]))
+    return replace(r, lidar=lidar, robot=replace(r.robot, lidar=replace(r.robot.lidar, beams=len(k), **ends)))
 
 
 def turned(degrees: float, r: Recording) -> Recording:
     """State a wrong yaw of the scanner; the truth is that of a robot for which it would be right."""
-    yaw, (x, y, _) = np.radians(degrees), LIDAR.position_b
+    lidar, yaw = r.robot.lidar, np.radians(degrees)
+    x, y, _ = lidar.position_b
     poses = compose(compose(r.true_path().poses, [x, y, 0.0]), invert([x, y, yaw]))
     r = replace(r, truth=Trajectory(r.true_path().t, poses))
-    return with_lidar(r, angle_min=LIDAR.angle_min + yaw, angle_max=LIDAR.angle_max + yaw)
+    return with_lidar(r, angle_min=lidar.angle_min + yaw, angle_max=lidar.angle_max + yaw)
 
 
 def moved(along: float, turn: Callable[[np.ndarray], np.ndarray], t: np.ndarray, poses: np.ndarray):
@@ -220,7 +225,23 @@ HARD = {
 }
 
 
-BUILDINGS = "buildings with hazards"
+BUILDINGS, PAIRS = "buildings with hazards", "two faults at once, other buildings"
+
+
+def by_lot(count: int, rng: np.random.Generator) -> dict[str, tuple[str, int, Change]]:
+    """Draw robots with two faults of different kinds: each by name, with its building, the building's seed and both."""
+    faults = [(kind, name) for kind, group in GROUPS.items() for name in group]
+    robots = {}
+    while len(robots) < count:
+        (kind, a), (other, b) = (faults[k] for k in np.sort(rng.choice(len(faults), 2, replace=False)))
+        building, seed = ("hall", "ramp")[rng.integers(2)], int(rng.integers(100, 1000))
+        if kind != other:
+            robots[f"{a} + {b} ({building} {seed})"] = building, seed, both(GROUPS[kind][a], GROUPS[other][b])
+    return robots
+
+
+TWO = by_lot(60, np.random.default_rng(0))
+"""They were drawn after every threshold had been set."""
 
 
 def laid_on(path: Trajectory, other: Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -239,10 +260,20 @@ def bent(estimate: Trajectory, truth: Trajectory) -> float:
     return float(np.hypot(*(poses - true_poses)[:, :2].T).max())
 
 
+def robot(kind: str, name: str) -> Recording:
+    """Return the recording of a robot."""
+    if kind == BUILDINGS:
+        return drive(**HARD[name])
+    if kind == PAIRS:
+        building, seed, change = TWO[name]
+        return change(drive(building, seed))
+    return GROUPS[kind][name](drive())
+
+
 def judged(case: Case) -> dict[str, Any]:
     """Check and run one robot: its largest error (m), what a turn of the whole leaves of it, and what was said."""
     kind, name = case.get("kind"), case.get("robot")
-    recording = drive(**HARD[name]) if kind == BUILDINGS else GROUPS[kind][name](drive())
+    recording = robot(kind, name)
     findings = check_up(recording)
     told = {
         "failed": sum(f.ok is False for f in findings),
@@ -262,7 +293,7 @@ def judged(case: Case) -> dict[str, Any]:
     }
 
 
-ROBOTS = {BUILDINGS: HARD} | GROUPS
+ROBOTS = {BUILDINGS: HARD} | GROUPS | {PAIRS: TWO}
 STUDIES = [
     Study(
         "trust_robots",
