@@ -141,8 +141,8 @@ Of runs that were right to 5 cm none was measured above 0.7 m.
 def distrust(infos: Sequence[Step]) -> list[Distrust]:
     """List the stretches of a run whose estimate is not to be trusted, each with its reason, in order of time.
 
-    An error that is drawn into the map stays there, so only two signs end: when the scans fit again after blindness, or
-    when the covariance has become small, the estimate is back where it was in the map.
+    An error that is drawn into the map stays there, so only blindness ends: when the scans fit again, the estimate is
+    back where it was in the map.
     """
     signs = _still(infos), _lost(infos), _dragged(infos), _blind(infos), _along(infos), _unsure(infos)
     return sorted((stretch for sign in signs for stretch in sign), key=lambda d: d["from"])
@@ -272,11 +272,9 @@ def _along(infos: Sequence[Step]) -> Iterator[Distrust]:
 
 
 def _unsure(infos: Sequence[Step]) -> Iterator[Distrust]:
-    """Find the time in which the covariance of the estimate leaves the position open."""
+    """Find the first time at which the covariance of the estimate leaves the position open."""
     positions = [np.zeros((2, 2)) if i.covariance is None else i.covariance[:2, :2] for i in infos]
     sigma = np.sqrt(np.linalg.eigvalsh(positions)[:, 1]) if positions else np.zeros(0)
-    above = np.flatnonzero(sigma > UNSURE_METRES)
-    if len(above):
+    if (above := sigma > UNSURE_METRES).any():
         reason = f"the walls seen fix the position no better than to {sigma.max():.1f} m (standard deviation)"
-        end = None if above[-1] == len(infos) - 1 else float(infos[above[-1]].t)
-        yield {"from": float(infos[above[0]].t), "to": end, "reason": reason}
+        yield {"from": float(infos[int(np.argmax(above))].t), "to": None, "reason": reason}
