@@ -270,22 +270,13 @@ def level_scan(
     are left out: they struck the floor, which is no wall. A body that does not lean sees no floor (Eq. 7).
     """
     ranges = np.asarray(ranges, dtype=float)  # a limit such as 5.6 m is another number in single precision
+    beams = np.flatnonzero(lidar.valid(ranges))
     if not np.any(tilt):
-        return (
-            scan_points(ranges, lidar),
-            np.flatnonzero(lidar.valid(ranges)),
-            np.array(lidar.position_b[:2]),
-            0,
-        )
+        return scan_points(ranges, lidar), beams, np.array(lidar.position_b[:2]), 0
     points = scan_points_3d(ranges, lidar, *tilt)
     high = points[:, 2] >= floor
     sensor = rotation_matrix(roll=tilt[1], pitch=tilt[0]) @ lidar.position_b
-    return (
-        points[:, :2].compress(high, axis=0),
-        np.flatnonzero(lidar.valid(ranges))[high],
-        sensor[:2],
-        int(np.count_nonzero(~high)),
-    )
+    return points[:, :2].compress(high, axis=0), beams[high], sensor[:2], int(np.count_nonzero(~high))
 
 
 def deskewed(points_b: np.ndarray, beams: np.ndarray, lidar: LidarModel, motion: np.ndarray) -> np.ndarray:

@@ -187,11 +187,6 @@ class RobotModel(Settings):
     lidar: LidarModel = field(default_factory=LidarModel)
     camera: RgbdModel = field(default_factory=RgbdModel)
 
-    @classmethod
-    def data_sheet(cls) -> RobotModel:
-        """The same robot with the camera pose of its own sheet: (0.18, 0.005, 0.36) m, rpy (0, 0.36, 0.021) rad."""
-        return cls(camera=RgbdModel(position_b=(0.18, 0.005, 0.36), pitch=0.36, yaw=0.021))
-
 
 def nearest_ranges(angles: np.ndarray, first: float, increment: float, ranges: np.ndarray) -> np.ndarray:
     """Return the ranges ``(K,)`` at ``angles (K,)`` of a scan ``(B,)`` from the angle ``first`` on, all in rad.

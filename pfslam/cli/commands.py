@@ -28,7 +28,7 @@ from pfslam.cli.parser import DOUBTED, FAULT, HAZARDS, SPOILED, TOPICS
 from pfslam.cli.wishes import given, wishes
 from pfslam.errors import DataError, need
 from pfslam.evaluation.checkup import Finding, check_up
-from pfslam.io.bags import BagOptions, choose_topics, is_bag
+from pfslam.io.bags import BagOptions, choose_topics
 from pfslam.io.course import save_course
 from pfslam.io.datasets import dataset_name, load
 from pfslam.io.files import atomic_write, check_writable, write_png, write_text
@@ -36,7 +36,7 @@ from pfslam.io.formats import read_known_map, write_covariances, write_map, writ
 from pfslam.io.loading import Log
 from pfslam.io.recordings import save
 from pfslam.io.selection import select
-from pfslam.io.topics import read_topics
+from pfslam.io.topics import is_bag, list_topics
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
@@ -240,12 +240,11 @@ def info_command(arguments: Namespace) -> None:
     """Print what a data set holds and what a run would use."""
     path = Path(arguments.dataset)
     if path.exists() and is_bag(path):
-        topics = read_topics(path)
+        listed = list_topics(path)
         used: list[str] = []
         with suppress(DataError):  # which is said when the bag is loaded
-            used += choose_topics(Log(path), topics, bag_options(arguments)).values()
-        print(words.topic_table(topics, used), end="\n\n", flush=True)
-        topics.clear()  # a million stamps, before as many messages are read
+            used += choose_topics(Log(path), listed, bag_options(arguments)).values()
+        print(words.topic_table(listed, used), end="\n\n", flush=True)
     print(words.describe(load_dataset(arguments)))
 
 

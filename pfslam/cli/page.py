@@ -134,9 +134,8 @@ def page(shelf: Path, about: dict[str, Any], ran: Ran, paths: dict[str, np.ndarr
     names = {"core": "core.js", "view": "view.js", "run": "run.js", "style": "lab.css", "frame": "run.html"}
     parts = {name: (shelf / file).read_text(encoding="utf-8") for name, file in names.items()}
     data = json.dumps(plain(told), default=packed).replace("<", "\\u003c")
-    title = (
-        escape(ran.recording.name).encode("ascii", "xmlcharrefreplace").decode()
-    )  # names need not be UTF-8
+    # Names need not be UTF-8.
+    title = escape(ran.recording.name).encode("ascii", "xmlcharrefreplace").decode()
     return Template(parts["frame"]).substitute(parts, title=title, data=data)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from pfslam.evaluation.calibration import calibrate
 from pfslam.evaluation.checkup import Finding
 from pfslam.evaluation.cloud import covariance_consistency
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.io.topics import TF, Topic
+from pfslam.io.topics import TF
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.refined.floor import UNREADABLE
@@ -52,14 +52,13 @@ def remedies(findings: Iterable[Finding]) -> list[str]:
     return [f"{f.question} found {f.found}, expected {f.expected}: {f.remedy}" for f in findings if f.remedy]
 
 
-def topic_table(topics: Mapping[str, Topic], chosen: Iterable[str]) -> str:
-    """Set the topics of a bag as a table, by when their messages reached the bag."""
-    used = {*chosen, *(name for name, topic in topics.items() if topic.kind == TF)}
+def topic_table(topics: Mapping[str, tuple[str, int]], chosen: Collection[str]) -> str:
+    """Set the topics of a bag as a table."""
     rows = (
-        (name, topic.kind.replace("/msg/", "/"), *_rates(topic.t), "yes" if name in used else "no")
-        for name, topic in topics.items()
+        (name, kind.replace("/msg/", "/"), str(number), "yes" if kind == TF or name in chosen else "no")
+        for name, (kind, number) in topics.items()
     )
-    return text_table(("topic", "type", "messages", *RATES, "used"), rows)
+    return text_table(("topic", "type", "messages", "used"), rows)
 
 
 def _rates(t: np.ndarray) -> tuple[str, str, str, str]:

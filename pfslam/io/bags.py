@@ -20,15 +20,13 @@ import numpy as np
 from pfslam.errors import DataError, naming
 from pfslam.io.headings import with_better_headings
 from pfslam.io.loading import GRAVITY_LIMIT, LONGEST_SWEEP, POSE_LIMIT, Log
-from pfslam.io.topics import IMAGE, IMU, INDEX, ODOMETRY, SCAN, TF, Beams, Names, Topic, frame_of, read_topics
+from pfslam.io.topics import IMAGE, IMU, ODOMETRY, SCAN, TF, Beams, Topic, frame_of, list_topics, read_topics
 from pfslam.poses import Trajectory, chain_transforms, quaternion_to_rotation, rotation_matrix, transform
 from pfslam.recording import Imu, LidarScans, Recording, RgbdStream
 from pfslam.refined.tilt import upright
 from pfslam.sensors import MAX_BEAMS, STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel, nearest_ranges
 from pfslam.texture import disparity_from_depth_image
 
-SUFFIXES = (".bag", ".mcap", ".db3", ".active", ".zstd")
-"""Of the files of bags; one alone that is not closed (.active) or packed (.zstd) is refused."""
 LATE = 1.0
 """Seconds of more delay than usual, from its stamp to the bag, that a message is called late for."""
 MOVED = 0.01
@@ -76,11 +74,13 @@ def load_bag(
     read. Raises ``DataError`` naming topic and time.
     """
     path, options = Path(path), options or BagOptions()
-    log, topics = Log(path), read_topics(path)
-    chosen = choose_topics(log, topics, options)
-    trees = [topic.name for topic in topics.values() if topic.kind == TF]
-    topics.clear()  # a million stamps, before as many messages are read
+    log, listed = Log(path), list_topics(path)
+    chosen = choose_topics(log, listed, options)
+    trees = [name for name, (kind, _) in listed.items() if kind == TF]
     topics = read_topics(path, {*chosen.values(), *trees}, progress=progress)
+    for name in chosen.values():
+        if not len(topics[name].t):
+            raise DataError(path, name, "no messages", f"{listed[name][1]}, as the index of the bag says")
     # Taken out where they are used, so that an hour of them is not held twice.
     read = {use: _ordered(log, topics.pop(name)) for use, name in chosen.items() if use != "info"}
     frames = _read_frames(log, (topics.pop(name) for name in trees))
@@ -99,7 +99,7 @@ def load_bag(
     return Recording(path.stem, robot, imu=imu, odometry=odometry, lidar=lidar, camera=camera, **log.said())
 
 
-def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) -> dict[str, str]:
+def choose_topics(log: Log, topics: Mapping[str, tuple[str, int]], options: BagOptions) -> dict[str, str]:
     """Choose the topics for each use: the one named, the only one of its type, or one of the usual name.
 
     Images are used where depth, with the word in its name, colour and the depth camera's description are all there.
@@ -109,7 +109,7 @@ def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) ->
         named = getattr(options, use)
         if use == "odom" and options.odom_frame:
             continue
-        found = [topic.name for topic in topics.values() if topic.kind == kind and len(topic.t)]
+        found = [name for name, (its, number) in topics.items() if its == kind and number]
         if named:
             fit = [name for name in found if name.lstrip("/") == named.lstrip("/")]
         else:
@@ -120,26 +120,19 @@ def choose_topics(log: Log, topics: Mapping[str, Topic], options: BagOptions) ->
         elif named or (fit and use in ("scan", "odom")):
             field, expected = f"--{use} {named or 'NAME'}", f"one topic of {kind.rpartition('/')[2]}"
             raise DataError(log.path, field, ", ".join(found) or "none", expected)
-    info = topics.get(chosen.get("depth", "").rpartition("/")[0] + "/camera_info")
-    if "rgb" in chosen and info is not None and info.kind == INFO and len(info.t):
-        chosen["info"] = info.name
+    info = chosen.get("depth", "").rpartition("/")[0] + "/camera_info"
+    if "rgb" in chosen and info in topics and topics[info][0] == INFO and topics[info][1]:
+        chosen["info"] = info
     else:
         chosen = {use: name for use, name in chosen.items() if USES[use][0] != IMAGE}
-    for topic in topics.values():
-        if topic.kind in COUNTED and topic.name not in chosen.values():
-            short = topic.kind.rpartition("/")[2]
-            log.leave_out(f"messages of {short} on {topic.name}, which is not read", len(topic.t))
+    for name, (kind, number) in topics.items():
+        if kind in COUNTED and name not in chosen.values():
+            log.leave_out(f"messages of {kind.rpartition('/')[2]} on {name}, which is not read", number)
     return chosen
 
 
 Frames = dict[tuple[str, str], Topic]
 """The tree of frames: what was said of each pair (parent, child)."""
-
-
-def is_bag(path: Path) -> bool:
-    """Whether a path is a bag, by its name: a file of a bag's kind, or a folder that holds such files."""
-    names = [entry.name for entry in path.iterdir()] if path.is_dir() else [path.name]
-    return any(name == INDEX or Path(name).suffix.lower() in SUFFIXES for name in names)
 
 
 def _ordered(log: Log, topic: Topic) -> Topic:
@@ -174,7 +167,7 @@ def _within(rows: np.ndarray, limit: float) -> np.ndarray:
 
 def _read_frames(log: Log, topics: Iterable[Topic]) -> Frames:
     """Collect the transforms of TFMessages, by pair of frames."""
-    found: dict[Names, list[Topic]] = {}
+    found: dict[tuple[str, str], list[Topic]] = {}
     for topic in topics:
         which = np.fromiter(map(id, topic.contents), dtype=np.int64, count=len(topic.t))
         order = np.argsort(which, kind="stable")

@@ -10,10 +10,11 @@ from functools import partial
 from pathlib import Path
 
 from pfslam.errors import DataError
-from pfslam.io.bags import BagOptions, is_bag, load_bag
+from pfslam.io.bags import BagOptions, load_bag
 from pfslam.io.carmen import load_carmen
 from pfslam.io.course import load_course, numbers_in
 from pfslam.io.recordings import load_recording
+from pfslam.io.topics import is_bag
 from pfslam.recording import Recording, image_pairs
 
 BUILT_IN = ("hall", "ramp", "ring")

@@ -7,7 +7,9 @@ numbers while the bag is read.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Collection, Iterable
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
@@ -23,6 +25,8 @@ from pfslam.io.packed import limit_unpacking
 SCAN, IMAGE, IMU = (f"sensor_msgs/msg/{kind}" for kind in ("LaserScan", "Image", "Imu"))
 ODOMETRY, TF, OLD_TF = "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 INDEX = "metadata.yaml"
+SUFFIXES = (".bag", ".mcap", ".db3", ".active", ".zstd")
+"""Of the files of bags; one alone that is not closed (.active) or packed (.zstd) is refused."""
 NEAR = 1e-6
 """Seconds: what double precision leaves of a time since 1970, and more."""
 
@@ -98,13 +102,49 @@ class Topic:
         return self if good.all() else self[good]
 
 
+def is_bag(path: Path) -> bool:
+    """Whether a path is a bag, by its name: a file of a bag's kind, or a folder that holds such files."""
+    names = [entry.name for entry in path.iterdir()] if path.is_dir() else [path.name]
+    return any(name == INDEX or Path(name).suffix.lower() in SUFFIXES for name in names)
+
+
+def list_topics(path: Path) -> dict[str, tuple[str, int]]:
+    """List the topics of a bag by name: the type of their messages, and how many there are.
+
+    The index of the bag says so; messages are read only where it does not count them.
+    """
+    with _opened(path, ["bag"]) as (reader, kinds, _):
+        count: Any = {name: sum(c.msgcount for c in reader.connections if c.topic == name) for name in kinds}
+        if not any(count.values()):  # the index of an mcap need not say
+            count = Counter(c.topic for c, *_ in reader.messages(reader.connections))
+    return {name: (kinds[name], count[name]) for name in sorted(kinds)}
+
+
 def read_topics(
-    path: Path, wanted: Collection[str] = (), at: float | None = None, progress: Callable | None = None
+    path: Path, wanted: Collection[str], at: float | None = None, progress: Callable | None = None
 ) -> dict[str, Topic]:
-    """Read the wanted topics of a bag, or list all, without contents, by when their messages reached the bag.
+    """Read topics of a bag, by when their messages reached it.
 
     Of images, the pixels are kept only where one is read alone: what reached the bag ``at`` this time (s).
     """
+    span = (None, None) if at is None else (int((at - NEAR) * 1e9), int((at + NEAR) * 1e9))
+    place = ["bag"]
+    with _opened(path, place) as (reader, kinds, decode):
+        chosen = [c for c in reader.connections if c.topic in wanted]
+        found = {c.topic: _Columns(kinds[c.topic], at is not None) for c in chosen}
+        messages = reader.messages(chosen, *span) if chosen else ()
+        if progress:
+            messages = progress(messages, total=sum(c.msgcount for c in chosen))
+        for connection, nanoseconds, data in messages:
+            name, arrived = connection.topic, nanoseconds // 10**9 + nanoseconds % 10**9 * 1e-9
+            place[:] = [f"{name} at {arrived:.3f}"]
+            found[name].add(arrived, decode(data, kinds[name]))
+    return {name: found.pop(name).topic(name) for name in sorted(found)}
+
+
+@contextmanager
+def _opened(path: Path, place: list[str]) -> Iterator[tuple[Any, dict[str, str], Callable]]:
+    """Open a bag: its reader, the types by topic and what decodes a message; ``place`` is where an error is."""
     need("rosbags", "ros")
     for part in [path, *(path.iterdir() if path.is_dir() else ())]:
         check_ends(part)
@@ -112,28 +152,18 @@ def read_topics(
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     limit_unpacking()
-    is_old, place = path.suffix.lower() == ".bag", "bag"
+    is_old = path.suffix.lower() == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.LATEST)
     store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
-    span = (None, None) if at is None else (int((at - NEAR) * 1e9), int((at + NEAR) * 1e9))
     decode: Any = store.deserialize_ros1 if is_old else store.deserialize_cdr
     try:
         with rosbag1.Reader(path) if is_old else rosbag2.Reader(path) as reader:
             kinds = {c.topic: TF if c.msgtype == OLD_TF else c.msgtype for c in reader.connections}
-            found = {name: _Columns(kinds[name], at is not None) for name in sorted(kinds)}
-            chosen = [c for c in reader.connections if c.topic in wanted]
-            messages = reader.messages(chosen, *span)
-            if progress:
-                messages = progress(messages, total=sum(c.msgcount for c in chosen))
-            for connection, nanoseconds, data in messages:
-                name, arrived = connection.topic, nanoseconds // 10**9 + nanoseconds % 10**9 * 1e-9
-                place = f"{name} at {arrived:.3f}"
-                found[name].add(arrived, decode(data, kinds[name]) if chosen else None)
+            yield reader, kinds, decode
     except Exception as error:  # the library raises many kinds for a damaged bag
         what = ": ".join(filter(None, (type(error).__name__, str(error))))
         expected = f"a whole ROS bag, closed by its recorder: a file, or a folder with its {INDEX}"
-        raise DataError(path, place, what, expected) from error
-    return {name: found.pop(name).topic(name) for name in sorted(found)}
+        raise DataError(path, place[0], what, expected) from error
 
 
 class _Columns:
@@ -147,11 +177,10 @@ class _Columns:
 
     def add(self, arrived: float, message: Any) -> None:
         """Keep of a message what will be used."""
-        for part in message.transforms if self.kind == TF and message is not None else (message,):
+        for part in message.transforms if self.kind == TF else (message,):
             self.t.append(_stamp(part) if hasattr(part, "header") else arrived)
             self.arrived.append(arrived)
-            if part is not None:
-                self.contents.append(self._kept(part))
+            self.contents.append(self._kept(part))
 
     def _kept(self, message: Any) -> Any:
         if self.kind in NUMBERS:
