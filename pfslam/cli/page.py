@@ -121,9 +121,7 @@ def page(shelf: Path, about: dict[str, Any], ran: Ran, paths: dict[str, np.ndarr
     t, at, texture = ran.path.t, moments(len(ran.path)), ran.texture
     told: dict[str, Any] = {"about": about | {"version": __version__}, "t": t[at] - t[0], "scans": len(t)}
     told |= {"numbers": at.astype(np.int32), "paths": {name: poses[at] for name, poses in paths.items()}}
-    told["distrust"] = [
-        d | {end: d[end] and d[end] - t[0] for end in ("from", "to")} for d in about["distrust"]
-    ]
+    told["distrust"] = [d | {e: d[e] and d[e] - t[0] for e in ("from", "to")} for d in about["distrust"]]
     if ran.result is not None:
         told |= told_by_filter(ran.result, at) | told_by_scans(ran, ran.result, at)
         told["cloud"] = clouds.of(ran.result)

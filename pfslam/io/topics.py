@@ -114,9 +114,11 @@ def list_topics(path: Path) -> dict[str, tuple[str, int]]:
     The index of the bag says so; messages are read only where it does not count them.
     """
     with _opened(path, ["bag"]) as (reader, kinds, _):
-        count: Any = {name: sum(c.msgcount for c in reader.connections if c.topic == name) for name in kinds}
+        count: Counter[str] = Counter()
+        for c in reader.connections:
+            count[c.topic] += c.msgcount
         if not any(count.values()):  # the index of an mcap need not say
-            count = Counter(c.topic for c, *_ in reader.messages(reader.connections))
+            count.update(c.topic for c, *_ in reader.messages(reader.connections))
     return {name: (kinds[name], count[name]) for name in sorted(kinds)}
 
 
