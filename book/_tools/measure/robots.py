@@ -1,9 +1,9 @@
 """Misses and false alarms together, over robots that are not the author's: a table on the page about trust.
 
 Some seventy robots drive through the simulated hall: other scanners, rates, clocks, mountings and odometries, and a
-building full of hazards. Sixty more have two faults at once, drawn by lot, in buildings of their own. Every robot is
-checked and run, even where the check-up would stop the run, unless its odometry is so far off that the run would not
-end.
+building full of hazards. Sixty more have two faults at once, drawn by lot, in buildings of their own, and in 32 others
+wheels slip among people. Every robot is checked and run, even where the check-up would stop the run, unless its
+odometry is so far off that the run would not end.
 """
 
 from __future__ import annotations
@@ -226,6 +226,9 @@ HARD = {
 
 
 BUILDINGS, PAIRS = "buildings with hazards", "two faults at once, other buildings"
+AMONG = "wheels that slip among people, other buildings"
+SLIPS = {f"{name} {seed}": (name, seed) for seed in range(200, 216) for name in ("hall", "ramp")}
+"""The buildings of the last kind, none of which had been looked at before."""
 
 
 def by_lot(count: int, rng: np.random.Generator) -> dict[str, tuple[str, int, Change]]:
@@ -267,6 +270,8 @@ def robot(kind: str, name: str) -> Recording:
     if kind == PAIRS:
         building, seed, change = TWO[name]
         return change(drive(building, seed))
+    if kind == AMONG:
+        return drive(*SLIPS[name], people=6, slip=3)
     return GROUPS[kind][name](drive())
 
 
@@ -293,7 +298,7 @@ def judged(case: Case) -> dict[str, Any]:
     }
 
 
-ROBOTS = {BUILDINGS: HARD} | GROUPS | {PAIRS: TWO}
+ROBOTS = {BUILDINGS: HARD} | GROUPS | {PAIRS: TWO, AMONG: SLIPS}
 STUDIES = [
     Study(
         "trust_robots",
