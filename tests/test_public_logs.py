@@ -1,4 +1,4 @@
-"""The page of real buildings: what is stored belongs to its study, and how paths and maps were prepared is right."""
+"""The pages of real buildings and of trust: what is stored belongs to its study, and was prepared rightly."""
 
 import sys
 
@@ -7,14 +7,16 @@ import pytest
 from conftest import ROOT
 from pfslam_book.show import logs
 
+from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.poses import Trajectory, compose
 from pfslam.recording import LidarScans, Recording
+from pfslam.run import run_slam
 from pfslam.sensors import LidarModel, RobotModel
 
 sys.path.append(str(ROOT / "book" / "_tools"))
 from measure.logs import LOGS, MARGIN, MOST_CELLS, SPARSE, by_the_metre, coarse, off
-from measure.robots import laid_on
+from measure.robots import drive, laid_on
 
 MOST_BYTES = 100_000
 
@@ -96,3 +98,15 @@ def test_a_scan_a_metre_is_kept():
     log = Recording("log", RobotModel(lidar=LidarModel(beams=1)), odometry=path, lidar=lidar)
     thin = by_the_metre(log)
     assert thin.scans().t.tolist() == thin.odometry.t.tolist() == [0.0, 3.0, 6.0]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    ("hazards", "least", "most"),
+    [({"people": 6}, 0.0, 0.05), ({"slip": 3}, 0.0, 0.05), ({"people": 6, "slip": 3}, 0.3, 0.5)],
+)
+def test_what_goes_off_without_a_word_needs_people_and_slips_together(hazards, least, most):
+    recording = drive("hall", 210, **hazards)
+    result = run_slam(recording, keep_particles=False)
+    assert least <= trajectory_error(result.trajectory, recording.true_path()).ate_max_m < most
+    assert not result.distrust

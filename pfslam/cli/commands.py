@@ -30,13 +30,13 @@ from pfslam.errors import DataError, need
 from pfslam.evaluation.checkup import Finding, check_up
 from pfslam.io.bags import BagOptions, choose_topics
 from pfslam.io.course import save_course
-from pfslam.io.datasets import dataset_name, load
+from pfslam.io.datasets import dataset_name, is_bag, load
 from pfslam.io.files import atomic_write, check_writable, write_png, write_text
 from pfslam.io.formats import read_known_map, write_covariances, write_map, write_texture, write_tum
 from pfslam.io.loading import Log
 from pfslam.io.recordings import save
 from pfslam.io.selection import select
-from pfslam.io.topics import is_bag, list_topics
+from pfslam.io.topics import list_topics
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording

@@ -14,10 +14,12 @@ from pfslam.io.bags import BagOptions, load_bag
 from pfslam.io.carmen import load_carmen
 from pfslam.io.course import load_course, numbers_in
 from pfslam.io.recordings import load_recording
-from pfslam.io.topics import is_bag
+from pfslam.io.topics import INDEX
 from pfslam.recording import Recording, image_pairs
 
 BUILT_IN = ("hall", "ramp", "ring")
+BAGS = (".bag", ".mcap", ".db3", ".active", ".zstd")
+"""Of the files of bags; one alone that is not closed (.active) or packed (.zstd) is refused."""
 IMAGE_EVERY = 8
 """The built-in sets offer every eighth pair of images, because each one has to be rendered."""
 
@@ -72,6 +74,12 @@ def _reader(text: str) -> Callable[..., Recording] | None:
         if path.is_dir() and len(numbers := numbers_in(path)) == 1:
             return partial(load_course, numbers[0])
     return None
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a bag, by its name: a file of a bag's kind, or a folder that holds such files."""
+    names = [entry.name for entry in path.iterdir()] if path.is_dir() else [path.name]
+    return any(name == INDEX or Path(name).suffix.lower() in BAGS for name in names)
 
 
 def data_folder(data_dir: str | Path | None = None) -> Path:

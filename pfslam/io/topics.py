@@ -25,8 +25,6 @@ from pfslam.io.packed import limit_unpacking
 SCAN, IMAGE, IMU = (f"sensor_msgs/msg/{kind}" for kind in ("LaserScan", "Image", "Imu"))
 ODOMETRY, TF, OLD_TF = "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 INDEX = "metadata.yaml"
-SUFFIXES = (".bag", ".mcap", ".db3", ".active", ".zstd")
-"""Of the files of bags; one alone that is not closed (.active) or packed (.zstd) is refused."""
 NEAR = 1e-6
 """Seconds: what double precision leaves of a time since 1970, and more."""
 
@@ -102,23 +100,17 @@ class Topic:
         return self if good.all() else self[good]
 
 
-def is_bag(path: Path) -> bool:
-    """Whether a path is a bag, by its name: a file of a bag's kind, or a folder that holds such files."""
-    names = [entry.name for entry in path.iterdir()] if path.is_dir() else [path.name]
-    return any(name == INDEX or Path(name).suffix.lower() in SUFFIXES for name in names)
-
-
 def list_topics(path: Path) -> dict[str, tuple[str, int]]:
     """List the topics of a bag by name: the type of their messages, and how many there are.
 
-    The index of the bag says so; messages are read only where it does not count them.
+    The index of the bag says so; only where it counts none, as that of an mcap may, are messages looked for.
     """
     with _opened(path, ["bag"]) as (reader, kinds, _):
         count: Counter[str] = Counter()
         for c in reader.connections:
             count[c.topic] += c.msgcount
-        if not any(count.values()):  # the index of an mcap need not say
-            count.update(c.topic for c, *_ in reader.messages(reader.connections))
+        if uncounted := [c for c in reader.connections if not count[c.topic]]:
+            count.update(c.topic for c, *_ in reader.messages(uncounted))
     return {name: (kinds[name], count[name]) for name in sorted(kinds)}
 
 
