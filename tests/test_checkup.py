@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from box_recording import box_recording
 from drives import simulated
-from pfslam_book.show.faults import clockwise, late_scans, scaled_gyro, silent_gyro
+from pfslam_book.show.faults import clockwise, late_scans, scaled_gyro, scaled_ranges, silent_gyro
 
 import pfslam
 from pfslam.__main__ import main
-from pfslam.evaluation.checkup import check_scene, check_up, scan_turn_fit, scene_fit
+from pfslam.evaluation.checkup import check_place, check_scene, check_up, scan_turn_fit
+from pfslam.evaluation.scenes import place_fit, scene_fit
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, LidarScans, Recording
 from pfslam.study.disturbances import first_seconds, missing_beams, range_noise, start_time
@@ -146,28 +147,84 @@ def test_a_lidar_that_is_mounted_otherwise_is_told_by_how_much(drive, degrees):
     assert (finding.ok, bool(finding.remedy)) == (degrees == 0, degrees != 0)
 
 
-@pytest.mark.parametrize("scale", [0.5, 2.0])
+@pytest.mark.parametrize("scale", [0.5, 0.9, 1.1, 2.0])
 def test_odometry_of_another_length_is_told_and_a_run_may_go_on(drive, scale):
     """The path to scale, as the metres per count would make it: only its length is another."""
     encoders = replace(drive.robot.encoders, metres_per_count=scale * drive.robot.encoders.metres_per_count)
     finding = check_scene(replace(drive, robot=replace(drive.robot, encoders=encoders)))
-    assert finding.found == f"factor {1 / scale:.1f}, turned by +0 deg"
+    factor = float(finding.found.split()[1].rstrip(","))
+    assert factor == pytest.approx(1 / scale, abs=0.03)
+    assert finding.found.endswith("turned by +0 deg")
     assert (finding.ok, finding.remedy) == (False, "")
+
+
+def shifted(recording, x, y):
+    """State another place of the LiDAR than it has."""
+    lidar = recording.robot.lidar
+    lidar = replace(lidar, position_b=tuple(np.add(lidar.position_b, [x, y, 0.0])))
+    return replace(recording, robot=replace(recording.robot, lidar=lidar))
+
+
+def ahead_only(recording, degrees):
+    """See only what lies within an angle about ahead."""
+    lidar = recording.robot.lidar
+    k = np.flatnonzero(np.abs(lidar.angles) <= np.radians(degrees / 2))
+    lidar = replace(lidar, beams=len(k), angle_min=lidar.angles[k[0]], angle_max=lidar.angles[k[-1]])
+    scans = LidarScans(recording.lidar.t, recording.lidar.ranges[:, k])
+    return replace(recording, robot=replace(recording.robot, lidar=lidar), lidar=scans)
+
+
+@pytest.mark.parametrize("view", [270, 180])
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.2, 0.0), (0.0, -0.3), (-0.4, 0.2)])
+def test_a_lidar_that_sits_elsewhere_is_told_where(drive, view, x, y):
+    """What is stated lies too far ahead or to the left, so the LiDAR sits as much further back or to the right."""
+    stated = shifted(ahead_only(drive, view), x, y)
+    assert place_fit(stated) == pytest.approx((-x, -y), abs=1e-9)
+    finding = check_place(stated)
+    right = x == y == 0.0
+    assert (finding.ok, bool(finding.remedy)) == (right, not right)
+    assert finding.found == f"x {-x + 0.0:+.1f} m, y {-y + 0.0:+.1f} m"
+
+
+def test_a_place_is_not_asked_for_while_scans_turn_the_other_way(drive):
+    """Mirrored scenes lie on each other nowhere, so that any place would be as wrong."""
+    findings = {f.question: f for f in check_up(clockwise(drive))}
+    assert findings["Does the LiDAR sit where stated?"].ok is None
+
+
+@pytest.mark.parametrize("factor", [0.95, 1.05])
+def test_ranges_a_twentieth_too_long_or_too_short_are_told(drive, factor):
+    """Both maps are as sharp, and one of the two is a twentieth too large: only the wheels can contradict."""
+    finding = check_scene(scaled_ranges(drive, factor))
+    assert (finding.ok, finding.remedy) == (False, "")
+
+
+def test_a_scene_that_stands_still_has_no_direction(drive):
+    still = replace(
+        drive, lidar=LidarScans(drive.lidar.t, np.repeat(drive.lidar.ranges[:1], len(drive.lidar.t), 0))
+    )
+    assert scene_fit(still) == (0.0, 0.0)
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", ["hall", "ramp", "ring"])
 @pytest.mark.parametrize("seed", range(10))
-def test_a_sound_mounting_is_never_doubted_and_one_backwards_always(name, seed):
+def test_a_sound_mounting_is_never_doubted_and_a_wrong_one_always(name, seed):
     recording = simulated(name, seed).recording
     assert scene_fit(recording) == (1.0, 0.0)
     assert scene_fit(turned(recording, 180))[1] == 180.0
+    if name == "ring":  # its corners are wide
+        assert place_fit(recording) is None
+    else:
+        assert place_fit(recording) == (0.0, 0.0)
+        assert place_fit(shifted(recording, 0.2, 0.0)) == pytest.approx((-0.2, 0.0))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("hazard", ["people", "slip", "bumps"])
 def test_a_sound_mounting_is_not_doubted_among_hazards(hazard):
-    assert scene_fit(simulated("hall", 7, **{hazard: 8}).recording) == (1.0, 0.0)
+    recording = simulated("hall", 7, **{hazard: 8}).recording
+    assert (scene_fit(recording), place_fit(recording)) == ((1.0, 0.0), (0.0, 0.0))
 
 
 def test_most_scans_with_the_stamp_of_another_are_no_drive(drive):
@@ -184,6 +241,10 @@ def halved(recording):
 
 SPOILT = {
     "LiDAR backwards": (lambda r: turned(r, 180), "the LiDAR seems mounted +180 deg from what is stated"),
+    "LiDAR elsewhere": (
+        lambda r: shifted(r, 0.3, 0.0),
+        "the LiDAR seems to sit x -0.3 m, y +0.0 m from where",
+    ),
     "counts times forty": (halved, "is the odometry in m"),
     "a day later": (
         lambda r: replace(
@@ -242,7 +303,7 @@ def test_the_shortest_recordings_are_answered(poses, scans):
     odometry = Trajectory(box.truth.t[:poses], box.truth.poses[:poses])
     findings = check_up(Recording("short", box.robot, odometry=odometry, lidar=lidar))
     found = {f.question: (f.ok, f.found) for f in findings}
-    assert len(found) == 12
+    assert len(found) == 13
     assert found["Do wheels and gyro turn the same way?"] == (None, "no gyro")
     assert found["What does the gyro show at rest?"] == (None, "no gyro")
 

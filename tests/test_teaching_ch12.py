@@ -34,8 +34,11 @@ def walls(outcome) -> int:
         ("turns by the ruler's track", "check-up: Do scans turn as the gyro does?"),
         ("beams backwards", "check-up: Do scans turn as the gyro does? factor -1."),
         ("gyro and beams mirrored", "check-up: Do wheels and gyro turn the same way? effective track -0."),
-        ("LiDAR back to front", "check-up: Does the scene move as odometry says? factor 1.0, turned by +180"),
-        ("ranges halved", "check-up: Does the scene move as odometry says? factor 0.5"),
+        (
+            "LiDAR back to front",
+            "check-up: Does the scene move as odometry says? factor 1.00, turned by +180",
+        ),
+        ("ranges halved", "check-up: Does the scene move as odometry says? factor 0.50"),
     ],
 )
 def test_what_tells(by_name, name, tells):

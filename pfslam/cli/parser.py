@@ -91,7 +91,7 @@ def build_parser() -> Parser:
 
     _add_simulate(command("simulate", "write a simulated data set in the course format, with its truth"))
     command("info", "what a data set holds, and what a run would use", dataset)
-    command("check", "twelve questions to ask of a data set before a run", dataset, epilog=CHECK_CODES)
+    command("check", "thirteen questions to ask of a data set before a run", dataset, epilog=CHECK_CODES)
     _add_run(command("run", "trajectory, map and floor texture of a data set", dataset, out))
     known, what = Parser(add_help=False), "a ROS map: the .yaml file beside its image"
     known.add_argument("map", type=Path, metavar="MAP.yaml", help=what)

@@ -6,21 +6,19 @@ look. An answer that spoils a run comes with a remedy, and the command ``run`` s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
-import cv2
 import numpy as np
 
 from pfslam.evaluation.calibration import gyro_bias
+from pfslam.evaluation.scenes import place_fit, scene_fit
 from pfslam.io.headings import LEAST_SECONDS, compare_turns
-from pfslam.motion import Controls, controls, dead_reckoning
-from pfslam.poses import between, transform_points
+from pfslam.motion import Controls, controls
 from pfslam.recording import LidarScans, Recording, image_pairs
 from pfslam.refined.health import LONGEST_PAUSE, farther_than_usual
 from pfslam.refined.outliers import NOISY
-from pfslam.sensors import scan_points
 
 FASTEST = 10.0
 """Speed (m/s) that no wheel of a robot indoors reaches, not even over one reading."""
@@ -44,18 +42,10 @@ SPARSE = 0.3
 """Seconds between readings from which turns in between are not known well enough to set a clock by."""
 EVEN = 0.005
 """Where the correlation of turns varies by no more than this from offset to offset, it says nothing about a clock."""
-STRIDE = 0.4
-"""Way (m) between two scans whose scenes are compared; the more, the less of one is seen in the other."""
-NEARLY_STRAIGHT = 0.2
-"""Turn (rad) on that way up to which the direction of driving is one direction."""
-LEAST_STRIDES, MOST_STRIDES = 20, 40
-"""Pairs of scans that say something, and those that are compared."""
-SEEN, SCENE_CELL, APART = 10.0, 0.05, 0.3
-"""Of a scene: how far (m) it is drawn, in what cells (m), and from what distance (m) on points are strangers."""
-TELLING = 0.1
-"""Share of the range of distances by which one answer must be better than what is stated, to be believed."""
 WIDEST_YAW = 10.0
 """Degrees: so far a direction may seem off, where wheels slide sideways, without anything being mounted otherwise."""
+FARTHEST_PLACE = 0.15
+"""Metres: a LiDAR that sits this far from where it is stated to be bends a run by some 0.3 m."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +62,8 @@ class Finding:
 
 def check_up(recording: Recording) -> list[Finding]:
     """Ask all questions, in the order in which to mend what they find."""
+    turns, clock = check_scans(recording)
+    scene = check_scene(recording)
     return [
         check_overlap(recording),
         check_gaps(recording),
@@ -81,8 +73,10 @@ def check_up(recording: Recording) -> list[Finding]:
         check_kept(recording),
         check_beams(recording),
         check_scatter(recording),
-        *check_scans(recording),
-        check_scene(recording),
+        turns,
+        clock,
+        scene,
+        check_place(recording, after=[turns, scene]),
         check_images(recording),
     ]
 
@@ -231,13 +225,29 @@ def check_kept(recording: Recording) -> Finding:
 def check_scene(recording: Recording) -> Finding:
     """Check that the scene moves as the odometry says: as far, and in the direction of the LiDAR's mounting."""
     answer = partial(Finding, "Does the scene move as odometry says?")
-    expected = f"a factor of 0.7 to 1.4, within {WIDEST_YAW:.0f} deg"
+    expected = f"a factor of 0.97 to 1.03, within {WIDEST_YAW:.0f} deg"
     if (fit := scene_fit(recording)) is None:
         return answer(None, "too few scans to compare", expected)
     factor, yaw = fit
-    found, ok = f"factor {factor:.1f}, turned by {yaw:+.0f} deg", abs(yaw) <= WIDEST_YAW
+    found, ok = f"factor {factor:.2f}, turned by {yaw:+.0f} deg", abs(yaw) <= WIDEST_YAW
     remedy = f"the LiDAR seems mounted {yaw:+.0f} deg from what is stated: correct its yaw"
-    return answer(ok and 0.7 <= factor <= 1.4, found, expected, "" if ok else remedy)
+    return answer(ok and 0.97 <= factor <= 1.03, found, expected, "" if ok else remedy)
+
+
+def check_place(recording: Recording, after: Sequence[Finding] = ()) -> Finding:
+    """Check that the LiDAR sits where it is stated to be.
+
+    A wrong answer of ``after``, about turns and ways, would make the right place look wrong: then it is not asked.
+    """
+    answer = partial(Finding, "Does the LiDAR sit where stated?")
+    expected = f"within {FARTHEST_PLACE:.2f} m"
+    if any(finding.ok is False for finding in after):
+        return answer(None, "to be asked when scans and odometry agree", expected)
+    if (place := place_fit(recording)) is None:
+        return answer(None, "too few scans in turns", expected)
+    found, ok = "x {:+.1f} m, y {:+.1f} m".format(*place), bool(np.hypot(*place) <= FARTHEST_PLACE)
+    remedy = f"the LiDAR seems to sit {found} from where it is stated to be: correct its place"
+    return answer(ok, found, expected, "" if ok else remedy)
 
 
 def check_images(recording: Recording) -> Finding:
@@ -340,65 +350,6 @@ def _scan_pairs(inputs: Controls, scans: LidarScans) -> tuple[np.ndarray, np.nda
     small = np.flatnonzero(turn < 0.8 * WIDEST_TURN)
     strongest = np.sort(small[np.argsort(-turn[small], kind="stable")[:MOST_PAIRS]])
     return first[strongest], second[strongest]
-
-
-def scene_fit(recording: Recording) -> tuple[float, float] | None:
-    """Fit how far the scene moved on straight ways, by the odometry's measure, and by how much (deg) the LiDAR is off.
-
-    The points of each scan are moved onto those of another, by the odometry's motion in every direction and then at
-    every scale; what puts most of them onto the scene counts. (1, 0) unless another answer is clearly better; None if
-    there is too little to compare.
-    """
-    pairs = [] if recording.lidar is None else [*_scenes(recording)]
-    if len(pairs) < LEAST_STRIDES:
-        return None
-    degrees, factors = np.arange(-175.0, 181.0, 5.0), np.arange(0.0, 2.05, 0.1)
-    apart = np.sum([_apart(*pair, np.exp(-1j * np.deg2rad(degrees))) for pair in pairs], axis=0)
-    yaw = degrees[np.argmin(apart)] if _tells(apart, apart[degrees == 0]) else 0.0
-    apart = np.sum([_apart(*pair, factors * np.exp(-1j * np.deg2rad(yaw))) for pair in pairs], axis=0)
-    factor = factors[np.argmin(apart)] if _tells(apart, apart[10]) else 1.0
-    return float(factor), float(yaw)
-
-
-def _tells(apart: np.ndarray, stated) -> bool:
-    return bool(stated - apart.min() > TELLING * (apart.max() - apart.min()))
-
-
-def _scenes(recording: Recording) -> Iterator[tuple[np.ndarray, np.ndarray, complex]]:
-    """Yield, for pairs of scans a stride apart: the points of both, turned alike, and the LiDAR's way between them."""
-    lidar, scans, odometry = recording.robot.lidar, recording.scans(), dead_reckoning(recording)
-    covered = np.flatnonzero(odometry.covers(scans.t))
-    poses = odometry.at(scans.t[covered])
-    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T)))
-    second = np.searchsorted(way, way + STRIDE)
-    first = np.flatnonzero(second < len(way))
-    motion = between(poses[first], poses[second := second[first]])
-    metres = np.hypot(*motion[:, :2].T)
-    straight = np.abs(motion[:, 2]) < NEARLY_STRAIGHT
-    good = np.flatnonzero((metres > 0.5 * STRIDE) & (metres < 2.0 * STRIDE) & straight)
-    place = np.array(lidar.position_b[:2])
-    for k in good[np.unique(np.linspace(0, len(good) - 1, MOST_STRIDES).astype(int))] if len(good) else ():
-        before, after = (scan_points(scans.ranges[covered[i]], lidar) - place for i in (first[k], second[k]))
-        if min(len(before), len(after)) > 0:
-            x, y = (transform_points(motion[k], place[None]) - place)[0]
-            yield before, transform_points([0.0, 0.0, motion[k, 2]], after), x + 1j * y
-
-
-def _apart(before: np.ndarray, after: np.ndarray, way: complex, turns: np.ndarray) -> np.ndarray:
-    """Measure how far apart (m) two scenes ``(M, 2)`` are for each of the ways ``way * turns``, complex ``(K,)``."""
-    size = int(2 * SEEN / SCENE_CELL)
-
-    def cells(points):
-        return np.clip(((points + SEEN) / SCENE_CELL).astype(int), 0, size - 1)
-
-    scene = np.ones((size, size), dtype=np.uint8)
-    ix, iy = cells(before[np.abs(before).max(axis=1) < SEEN]).T
-    scene[iy, ix] = 0
-    away = cv2.distanceTransform(scene, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    shifts = way * turns
-    points = after[:: len(after) // 180 + 1] + np.column_stack([shifts.real, shifts.imag])[:, None]
-    ix, iy = np.moveaxis(cells(points), -1, 0)
-    return np.minimum(SCENE_CELL * away[iy, ix], APART).mean(axis=1)
 
 
 def _stamps(recording: Recording) -> dict[str, np.ndarray]:

@@ -197,7 +197,11 @@ GROUPS: dict[str, dict[str, Change]] = {
     },
     "mountings": {
         **{f"turned by {deg} deg": partial(turned, deg) for deg in (3.0, 5.0, 10.0, 20.0, 45.0, 90.0, 180.0)},
-        **{f"{dx:.1f} m ahead": partial(with_lidar, position_b=(0.13 + dx, 0.05, 0.3)) for dx in (0.1, 0.3)},
+        **{
+            f"{dx:.1f} m ahead": partial(with_lidar, position_b=(0.13 + dx, 0.05, 0.3))
+            for dx in (0.1, 0.2, 0.3)
+        },
+        "0.3 m to the left": partial(with_lidar, position_b=(0.13, 0.35, 0.3)),
         "clockwise": clockwise,
     },
     "odometries": {
