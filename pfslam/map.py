@@ -7,7 +7,7 @@ It is written in place: what a step costs does not grow with the map. Who wants 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -33,13 +33,17 @@ from pfslam.refined.outliers import (
 )
 from pfslam.refined.search.matching import Match, SearchConfig, match
 
+OLD = 20
+"""A wall is an old one once so many scans have been drawn since the first that hit it: after a metre of way."""
+
 
 @dataclass(frozen=True, eq=False)
 class Prior:
     """What odometry says before the scan is looked at.
 
     ``particles`` after their motion and ``pose (3,)`` of the estimate after it; ``variance (2,)`` of the motion (m^2,
-    rad^2) since a scan was last matched. ``start (3,)`` and ``start_covariance`` are the estimate before the motion.
+    rad^2) since a scan was last matched. ``start (3,)`` and ``start_covariance`` are the estimate before the motion,
+    ``corrected (2,)`` how far (m) scans had moved it lately.
     """
 
     particles: Particles
@@ -47,12 +51,21 @@ class Prior:
     variance: np.ndarray
     start: np.ndarray
     start_covariance: np.ndarray | None
+    corrected: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     def covariance(self, pose: np.ndarray) -> np.ndarray | None:
         """Return the covariance ``(3, 3)`` of a pose that the motion alone led to; None where none is kept."""
         if self.start_covariance is None:
             return None
         return predicted_covariance(self.start_covariance, self.start, pose, self.variance)
+
+    def corrected_by(self, pose: np.ndarray) -> np.ndarray:
+        """Return how far ``(2,)`` (m) scans have moved the estimate lately, if ``pose (3,)`` is the next.
+
+        A metre of way leaves a third of what came before it.
+        """
+        left = np.exp(-np.hypot(*(pose[:2] - self.start[:2])))
+        return left * self.corrected + (pose[:2] - self.pose[:2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,6 +189,11 @@ class Map:
         known = self.grid.log_odds[iy, ix] != 0.0
         far = self.field.values[iy, ix] < NEAR[self.kind]
         return float(np.count_nonzero(known & far)) / max(int(np.count_nonzero(known)), 1)
+
+    def on_old_walls(self, event: ScanEvent, pose: np.ndarray) -> float:
+        """Return the share of beams that end on walls which scans had hit long before, seen from ``pose (3,)``."""
+        points_w = transform_points(pose, event.points_b)
+        return self.moments.share_hit_before(len(self.drawn) - OLD, points_w)
 
     def has_moved(self, pose: np.ndarray, metres: float, radians: float) -> bool:
         """Whether ``pose (3,)`` lies at least so many metres, or radians, from where the last scan was drawn."""

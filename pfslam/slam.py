@@ -72,7 +72,8 @@ def slam_step(
         belief.map.draw(event, fix)
         step = replace(step, drawn=True)
     # The scan has fixed the pose, so the uncertainty of the motion starts again from zero.
-    return Belief(particles, fix.pose, belief.map, np.zeros(2), fix.covariance), step
+    corrected = prior.corrected_by(fix.pose)
+    return Belief(particles, fix.pose, belief.map, np.zeros(2), fix.covariance, corrected), step
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +82,7 @@ class Belief:
 
     ``estimate (3,)`` is the pose; ``variance (2,)`` that of the motion (m^2, rad^2) since a scan was last matched.
     ``covariance (3, 3)`` is that of the estimate without this ``variance``; it needs lines, and is None without.
+    ``corrected (2,)`` is how far (m) scans have moved the estimate from its odometry, over about the last metre.
     """
 
     particles: Particles
@@ -88,6 +90,7 @@ class Belief:
     map: Map
     variance: np.ndarray
     covariance: np.ndarray | None = None
+    corrected: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     @classmethod
     def start(cls, config: SlamConfig) -> Belief:
@@ -114,7 +117,8 @@ class Belief:
         """Move the cloud and the estimate by the motion of an event."""
         particles, variance = config.noise.predict(self.particles, event, rng)
         pose = compose(self.estimate, event.motion)
-        return Prior(particles, pose, self.variance + variance, self.estimate, self.covariance)
+        variance = self.variance + variance
+        return Prior(particles, pose, variance, self.estimate, self.covariance, self.corrected)
 
     def coast(self, event: ScanEvent, prior: Prior, rejected: bool = False) -> tuple[Belief, Step]:
         """Go on by odometry alone, where a scan has too few beams or its match is rejected."""
@@ -124,7 +128,8 @@ class Belief:
         step = Step.coasted(
             event, prior.pose, prior.particles, prior.covariance(prior.pose), rejected=rejected
         )
-        return Belief(prior.particles, prior.pose, self.map, prior.variance, inherited), step
+        corrected = prior.corrected_by(prior.pose)
+        return Belief(prior.particles, prior.pose, self.map, prior.variance, inherited, corrected), step
 
 
 def begin(
@@ -186,6 +191,11 @@ class Step:
     """How far ``(2,)`` the scan moved the estimate from where odometry had put it (m, world axes)."""
     unexplained: float = 0.0
     """Share of the beams that end in ground seen before, but more than two cells from any wall of the map."""
+    old_walls: float = 0.0
+    """By how much the share of beams on walls drawn long before is larger at the estimate than where odometry led.
+
+    "Where odometry led": the estimate without what scans have corrected over about the last metre.
+    """
     covariance: np.ndarray | None = None
     """Covariance ``(3, 3)`` of the estimate (m^2, m rad, rad^2; world axes), relative to the first scan drawn.
 
@@ -200,17 +210,10 @@ class Step:
 
     @classmethod
     def matched_scan(
-        cls,
-        event: ScanEvent,
-        prior: Prior,
-        match: Match,
-        particles: Particles,
-        n_eff: float,
-        log_evidence: float,
-        fix: Fix,
-        map: Map,
+        cls, event: ScanEvent, prior: Prior, match: Match, particles, n_eff, log_evidence, fix: Fix, map: Map
     ) -> Step:
         """Describe a step whose scan was matched, with the map as it was then."""
+        uncorrected = fix.pose - np.append(prior.corrected_by(fix.pose), 0.0)
         return cls(
             event.t,
             fix.pose,
@@ -227,6 +230,7 @@ class Step:
             free_direction=fix.free_direction,
             departure=fix.pose[:2] - prior.pose[:2],
             unexplained=map.unexplained(event, fix.pose),
+            old_walls=map.on_old_walls(event, fix.pose) - map.on_old_walls(event, uncorrected),
         )
 
 

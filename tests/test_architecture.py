@@ -178,8 +178,8 @@ def lines_of_code(path):
 @pytest.mark.parametrize(
     ("pattern", "most"),
     [
-        ("**/*.py", 8692),
-        ("*.py", 1891),
+        ("**/*.py", 8708),
+        ("*.py", 1898),
         ("beyond/loops/*.py", 257),
         ("io/bags.py", 262),
         ("io/topics.py", 143),

@@ -117,6 +117,16 @@ def test_scans_that_drag_the_estimate_past_unexplained_beams_are_named_from_then
     assert found["reason"].startswith("scans moved the estimate 0.21 m from its odometry within 2 s")
 
 
+@pytest.mark.parametrize(
+    ("more", "doubted"), [(-0.3, True), (0.0, True), (0.06, True), (0.08, False), (0.5, False)]
+)
+def test_a_correction_that_puts_the_beams_back_on_old_walls_is_no_drag(more, doubted):
+    """Wheels slip with somebody in view. A second look is taken all the same: it costs time only."""
+    infos = steady(**pulled(0.03, 0.1), old_walls=np.full(400, more))
+    assert bool(distrust(infos)) == doubted
+    assert was_dragged(infos)
+
+
 def to_and_fro(changes):
     changes["departure"][::2] *= -1.0
     return changes

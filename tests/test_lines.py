@@ -70,6 +70,15 @@ def test_every_cell_remembers_the_scan_that_hit_it_first():
     np.testing.assert_array_equal(moments.first_scan(hits), [3, 3, 5])
 
 
+def test_points_are_counted_that_lie_where_a_wall_was_hit_before():
+    moments = HitMoments(SPEC)
+    moments.add(np.array([[1.0, 1.0]]), 3)
+    moments.add(np.array([[1.0, 1.0], [2.0, 1.0]]), 7)
+    points = np.array([[1.0, 1.0], [2.0, 1.0], [3.0, 1.0], [1e3, 1.0]])
+    assert [moments.share_hit_before(scan, points) for scan in (3, 4, 7, 8)] == [0.0, 0.25, 0.25, 0.5]
+    assert moments.share_hit_before(8, np.zeros((0, 2))) == 0.0
+
+
 def test_moments_around_a_cell_are_those_of_all_hits_near_it_also_when_the_map_has_grown():
     hits = np.random.default_rng(1).uniform(-1, 1, (3000, 2))
     moments, cells = moments_of(hits[:1200], hits[1200:]), SPEC.world_to_cell(hits)

@@ -10,12 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drives import simulated
 from rooms import CURVES, SQUARE, distance_to_walls, drive, sensor_position
 
 from pfslam.correlation import map_correlation, score_field
 from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import LOG_4
+from pfslam.map import Prior
 from pfslam.motion import dead_reckoning
 from pfslam.particles import ControlNoise, MotionNoise, Particles, effective_sample_size
 from pfslam.poses import average_pose, between, compose, transform_points
@@ -24,6 +26,7 @@ from pfslam.refined.search.matching import match
 from pfslam.run import run_slam, slam_steps, used_scans
 from pfslam.sensors import ImuModel
 from pfslam.slam import Belief, SlamConfig, slam_step
+from pfslam.study.disturbances import first_seconds
 
 REPORT, REFINED = SlamConfig.report(), SlamConfig.refined()
 PRESETS = pytest.mark.parametrize(
@@ -350,3 +353,25 @@ def test_progress_sees_every_scan():
 
     result = run_slam(SHORT, replace(REFINED, particles=3), progress=progress)
     assert seen[0] == len(result.infos) == len(seen) - 1
+
+
+def test_corrections_are_remembered_for_about_a_metre():
+    """0.3 m before; then a metre by odometry, of which the scan takes 0.1 m back."""
+    start, odometry, estimate = np.zeros(3), np.array([1.1, 0.0, 0.2]), np.array([1.0, 0.0, 0.3])
+    prior = Prior(Particles.at(odometry, 1), odometry, np.zeros(2), start, None, np.array([0.3, 0.6]))
+    np.testing.assert_allclose(prior.corrected_by(estimate), [0.3 / np.e - 0.1, 0.6 / np.e], atol=1e-12)
+
+
+@pytest.mark.slow
+def test_old_walls_tell_that_a_scan_took_back_what_wheels_lost():
+    """The wheels count nothing for a second of the way: old walls are where the scans put the robot, and not there."""
+    recording = first_seconds(simulated("hall").recording, 45.0)
+    encoders = recording.encoders
+    slips = np.abs(encoders.t - encoders.t[0] - 40.0) < 0.5
+    lost = replace(encoders, counts=np.where(slips[:, None], 0, encoders.counts))
+    infos = run_slam(replace(recording, encoders=lost), REFINED, second_look=False).infos
+    gains = np.array([info.old_walls for info in infos])
+    t = np.array([info.t for info in infos]) - encoders.t[0]
+    assert np.hypot(*sum(info.departure for info in infos if 39.4 < info.t - encoders.t[0] < 41.0)) > 0.2
+    assert gains[(t > 40.0) & (t < 41.0)].max() > 0.2
+    assert np.abs(gains[t < 39.0]).max() < 0.1

@@ -24,7 +24,7 @@ from pfslam.sensors import LidarModel, RobotModel
 from pfslam.settings import changed, flat, plain, value_of
 from pfslam.slam import Belief, SlamConfig, Step
 
-FORMAT = b"pfslam belief 1"
+FORMAT = b"pfslam belief 2"
 """Changes with the layout, and the seal with it."""
 LAYERS = ("log_odds", "scores", "slots", "sums", "first", "drawn")
 
@@ -47,7 +47,7 @@ def write_belief(
         "rng": state,
         "odometer": {name: value for name, value in vars(odometer).items() if name != "robot"},
         "particles": vars(belief.particles),
-        "belief": [belief.estimate, belief.variance, belief.covariance],
+        "belief": [belief.estimate, belief.variance, belief.covariance, belief.corrected],
         "map": [map.spec.origin, map.drawn_at, [vars(scan) for scan in map.waiting]],
         "steps": [vars(step) for step in steps],
     }
@@ -81,8 +81,8 @@ def read_belief(path: str | Path) -> tuple[SlamConfig, np.random.Generator, Odom
     map.moments._sums, map.moments._first = data["sums"], data["first"]
     map.drawn, map.drawn_at = list(data["drawn"]), _array(drawn_at)
     map.waiting = tuple(WaitingScan(**_arrays(scan)) for scan in waiting)
-    estimate, variance, covariance = (_array(value) for value in told["belief"])
-    belief = Belief(particles, estimate, map, variance, covariance)
+    estimate, variance, covariance, corrected = (_array(value) for value in told["belief"])
+    belief = Belief(particles, estimate, map, variance, covariance, corrected)
     return config, rng, odometer, belief, [Step(**_arrays(step)) for step in told["steps"]]
 
 

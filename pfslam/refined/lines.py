@@ -111,6 +111,12 @@ class HitMoments:
         flat = self.slots.flat(self.spec.world_to_cell(points_w))
         return self._first[self.slots.block.reshape(-1).take(flat)]
 
+    def share_hit_before(self, scan: int, points_w: np.ndarray) -> float:
+        """Return the share of the points ``(M, 2)`` in cells that were hit before the scan with this number."""
+        inside = self.spec.contains(self.spec.world_to_cell(points_w))
+        first = self.first_scan(points_w.compress(inside, axis=0))
+        return float(np.count_nonzero((first >= 0) & (first < scan))) / max(len(points_w), 1)
+
     def around(self, cells: np.ndarray) -> np.ndarray:
         """Sum the moments ``(M, 6)`` of up to 3 x 3 cells about ``cells (M, 2)``, relative to the middle one's centre.
 
