@@ -231,7 +231,7 @@ HARD = {
 
 BUILDINGS, PAIRS = "buildings with hazards", "two faults at once, other buildings"
 AMONG = "wheels that slip among people, other buildings"
-SLIPS = {f"{name} {seed}": (name, seed) for seed in range(200, 216) for name in ("hall", "ramp")}
+SLIPS = {f"{name} {seed}": (name, seed) for seed in range(300, 316) for name in ("hall", "ramp")}
 """The buildings of the last kind, none of which had been looked at before."""
 
 
@@ -247,7 +247,7 @@ def by_lot(count: int, rng: np.random.Generator) -> dict[str, tuple[str, int, Ch
     return robots
 
 
-TWO = by_lot(60, np.random.default_rng(0))
+TWO = by_lot(60, np.random.default_rng(1))
 """They were drawn after every threshold had been set."""
 
 
