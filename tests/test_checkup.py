@@ -147,6 +147,13 @@ def test_a_lidar_that_is_mounted_otherwise_is_told_by_how_much(drive, degrees):
     assert (finding.ok, bool(finding.remedy)) == (degrees == 0, degrees != 0)
 
 
+def test_a_gyro_that_never_turns_is_contradicted_by_scans_that_do(drive):
+    """And where the robot goes straight on, no turn is missed."""
+    finding = {f.question: f for f in check_up(scaled_gyro(drive, 0.0))}["Do scans turn as the gyro does?"]
+    assert (finding.ok, finding.found) == (False, "factor +0.00")
+    assert scan_turn_fit(by_the_metre(1.0, 1.0)) is None
+
+
 @pytest.mark.parametrize("scale", [0.5, 0.9, 1.1, 2.0])
 def test_odometry_of_another_length_is_told_and_a_run_may_go_on(drive, scale):
     """The path to scale, as the metres per count would make it: only its length is another."""

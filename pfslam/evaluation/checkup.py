@@ -36,6 +36,8 @@ WIDEST_TURN = 0.35
 """Largest turn (rad) between two scans that is looked for."""
 MOST_PAIRS = 300
 """Pairs of scans that are compared: those in the strongest turns."""
+NO_TURN, LEAST_TURNS = 0.02, 10
+"""Turn (rad) between two scans up to which an instrument shows none, and turns that scans must see to contradict it."""
 LATEST = 0.3
 """Largest offset (s) between two clocks that is looked for."""
 SPARSE = 0.3
@@ -291,9 +293,9 @@ def turned_by_gyro(inputs: Controls, t: np.ndarray) -> np.ndarray:
 def scan_turn_fit(recording: Recording) -> tuple[float, float] | None:
     """Fit the turns seen by the LiDAR to those of the gyro: their ratio, and how many seconds the scans are late.
 
-    None if there are no scans, or no turns to compare. The lateness is NaN if it hardly matters to the fit, as on a
-    drive in a circle, which looks the same at any time, or if readings are far apart. The odometry takes the gyro's
-    place where there is none.
+    None if there are no scans, or no turns to compare; a ratio of 0 where only the scans turn. The lateness is NaN if
+    it hardly matters to the fit, as on a drive in a circle, which looks the same at any time, or if readings are far
+    apart. The odometry takes the gyro's place where there is none.
     """
     if recording.lidar is None or not recording.robot.lidar.increment:
         return None
@@ -308,8 +310,10 @@ def scan_turn_fit(recording: Recording) -> tuple[float, float] | None:
     by_gyro = np.array(
         [turned_by_gyro(inputs, t1 - late) - turned_by_gyro(inputs, t0 - late) for late in shifts]
     )
-    if len(seen) < 20 or np.abs(by_gyro).max() < 0.02 or not seen.any():
+    if len(seen) < 20 or not seen.any():
         return None
+    if np.abs(by_gyro).max() < NO_TURN:
+        return (0.0, np.nan) if np.count_nonzero(np.abs(seen) > 2 * NO_TURN) >= LEAST_TURNS else None
     likeness = (by_gyro @ seen) / np.sqrt((by_gyro**2).sum(axis=1) * (seen @ seen))
     best = int(np.argmax(np.abs(likeness)))
     sparse = max(np.median(np.diff(t)) for t in (inputs.t, scans.t)) > SPARSE
@@ -348,6 +352,8 @@ def _scan_pairs(inputs: Controls, scans: LidarScans) -> tuple[np.ndarray, np.nda
     first, second = first[inside], second[inside]
     turn = np.abs(turned_by_gyro(inputs, scans.t[second]) - turned_by_gyro(inputs, scans.t[first]))
     small = np.flatnonzero(turn < 0.8 * WIDEST_TURN)
+    if turn.max(initial=0.0) < NO_TURN:  # any pair is as good as another: take them from the whole drive
+        small = small[:: len(small) // MOST_PAIRS + 1]
     strongest = np.sort(small[np.argsort(-turn[small], kind="stable")[:MOST_PAIRS]])
     return first[strongest], second[strongest]
 

@@ -169,7 +169,7 @@ def was_dragged(infos: Sequence[Step]) -> bool:
     """
     when = alarms(infos)
     before = [info for info in infos if len(when) == 0 or info.t < when[0]]
-    return any(True for _ in _dragged(before, SUSPECT_METRES, SUSPECT_UNEXPLAINED, np.inf))
+    return any(True for _ in _dragged(before, SUSPECT_METRES, SUSPECT_UNEXPLAINED))
 
 
 def _steps(infos: Sequence[Step]) -> tuple[np.ndarray, np.ndarray]:
@@ -198,10 +198,7 @@ def _lost(infos: Sequence[Step]) -> Iterator[Distrust]:
 
 
 def _dragged(
-    infos: Sequence[Step],
-    least_metres: float = DRAGGED_METRES,
-    least_share: float = DRAGGED_UNEXPLAINED,
-    most_back: float = BACK_ON_WALLS,
+    infos: Sequence[Step], least_metres: float = DRAGGED_METRES, least_share: float = DRAGGED_UNEXPLAINED
 ) -> Iterator[Distrust]:
     """Find the first time at which scans drag the estimate from its odometry while no wall explains part of them.
 
@@ -227,7 +224,7 @@ def _dragged(
     for k in np.flatnonzero((metres > least_metres) & (unexplained > least_share) & enough):
         before = metres[:k][calm[:k]]
         usual = (before >= metres[k]).sum() > USUAL_SHARE * len(before)
-        if usual or matched[k].old_walls >= most_back:
+        if usual or matched[k].old_walls >= BACK_ON_WALLS:
             continue
         dragged = f"scans moved the estimate {metres[k]:.2f} m from its odometry"
         why = f"while {100 * unexplained[k]:.0f} % of the beams met what the map does not have"
