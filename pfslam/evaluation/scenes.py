@@ -45,10 +45,11 @@ def scene_fit(recording: Recording) -> tuple[float, float] | None:
     if len(pairs) < LEAST_PAIRS:
         return None
     degrees, factors = np.arange(-175.0, 181.0, 5.0), np.arange(101) / 50.0
-    apart = sum(_apart(*scenes, way * np.exp(-1j * np.deg2rad(degrees))) for *scenes, way, _ in pairs)
+    turns = np.exp(-1j * np.deg2rad(degrees))
+    apart = np.sum([_apart(a, b, way * turns) for a, b, way, _ in pairs], axis=0)
     yaw = float(_best(degrees, apart, 0.0, TELLING))
-    turn = np.exp(-1j * np.deg2rad(yaw))
-    apart = sum(_apart(*scenes, way * turn * factors) for *scenes, way, _ in pairs)
+    ahead = factors * np.exp(-1j * np.deg2rad(yaw))
+    apart = np.sum([_apart(a, b, way * ahead) for a, b, way, _ in pairs], axis=0)
     factor = float(_best(factors, apart, 1.0, TELLING_FACTOR))
     return factor, yaw if factor > 0.1 else 0.0
 
@@ -65,7 +66,7 @@ def place_fit(recording: Recording) -> tuple[float, float] | None:
         return None
     metres = np.arange(-5, 6) / 10.0
     places = (metres[:, None] + 1j * metres).ravel()
-    apart = sum(_apart_at_best(*pair, places) for pair in pairs)
+    apart = np.sum([_apart_at_best(*pair, places) for pair in pairs], axis=0)
     place = complex(_best(places, apart, 0.0, TELLING))
     return place.real, place.imag
 
