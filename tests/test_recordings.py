@@ -185,14 +185,14 @@ def test_check_answers_with_its_exit_code(tmp_path, capsys):
     box, path = replace(box_recording(images=0), lidar=None), tmp_path / "a.npz"
     for counts, code, end in (
         ([6, 4, 6, 4], 0, "no check failed"),
-        ([4, 6, 4, 6], 1, "1 of 12 checks failed"),
+        ([4, 6, 4, 6], 1, "1 of 13 checks failed"),
     ):
         wheels = np.tile(np.array(counts, dtype=np.int16), (len(box.encoders.t), 1))
         pfslam.save(replace(box, encoders=replace(box.encoders, counts=wheels)), path)
         assert main(["check", str(path)]) == code
         said = capsys.readouterr().out.splitlines()
         assert said[0].split() == ["verdict", "question", "found", "expected"]
-        assert (len(said), said[-1]) == (14, end)
+        assert (len(said), said[-1]) == (15, end)
         failed = [line for line in said if line.startswith("FAILED")]
         assert ["effective track -0.4" in line for line in failed] == [True] * code
     assert main(["check", str(tmp_path / "absent.npz")]) == 2
