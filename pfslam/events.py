@@ -12,8 +12,10 @@ import numpy as np
 
 from pfslam.errors import DataError
 from pfslam.motion import Controls, controls, dead_reckoning, motion_model
-from pfslam.poses import Trajectory, between, rotation_matrix
+from pfslam.poses import Trajectory, between, compose, invert, rotation_matrix
 from pfslam.recording import Recording
+from pfslam.refined.jumps import jumped, jumps
+from pfslam.refined.sweep import deskewed, motion_during
 from pfslam.refined.tilt import FLOOR_CLEARANCE, estimate_tilt
 from pfslam.sensors import LidarModel, RobotModel, scan_points, scan_points_3d
 
@@ -92,6 +94,8 @@ class Drive:
         inputs = controls(recording)
         odometry = dead_reckoning(recording, inputs)
         scans, dropped = _used_scans(recording, every or recording.default_every, odometry)
+        if recording.odometry is not None and (count := int(jumps(recording.odometry).sum())):
+            dropped["jumps of the odometry"] = count
         t = recording.scans().t[scans]
         begin = odometry.t[0] if from_odometry else t[0]
         poses = odometry.at(np.append(begin, t))
@@ -150,6 +154,8 @@ class Odometer:
             self._first = pose
         else:
             step, dt = between(self._last, pose), t - self._t[-1]
+            if jumped(step, dt):
+                step, self._first = np.zeros(3), compose(pose, invert(self._poses[-1]))
             self._inputs.append((step[0] / dt, step[2] / dt))
         self._last = pose
         self._t.append(t)
@@ -239,15 +245,6 @@ class Odometer:
             self._wheels.pop(0)
 
 
-def motion_during(odometry: Trajectory, t: float, sweep: float) -> np.ndarray:
-    """Return the odometry's motion ``(3,)`` over the ``sweep`` (s) of a scan with its middle beam at ``t``.
-
-    A negative sweep gives the motion from the later beam back to the earlier.
-    """
-    ends = np.clip([t - 0.5 * sweep, t + 0.5 * sweep], *odometry.t[[0, -1]])
-    return between(*odometry.at(ends))
-
-
 def _used_scans(recording: Recording, every: int, odometry: Trajectory) -> tuple[np.ndarray, dict[str, int]]:
     """Find the indices of the scans a run will use, and count those that the odometry does not cover."""
     stamps = recording.scans().t
@@ -277,15 +274,3 @@ def level_scan(
     high = points[:, 2] >= floor
     sensor = rotation_matrix(roll=tilt[1], pitch=tilt[0]) @ lidar.position_b
     return points[:, :2].compress(high, axis=0), beams[high], sensor[:2], int(np.count_nonzero(~high))
-
-
-def deskewed(points_b: np.ndarray, beams: np.ndarray, lidar: LidarModel, motion: np.ndarray) -> np.ndarray:
-    """Deskew a scan: return its end points ``(M, 2)`` as if all beams had been measured at the stamp.
-
-    A scanner's mirror turns while the robot does: each beam is measured from a pose of its own, and a turning robot
-    smears its walls. ``motion (3,)`` is the odometry's from first beam to last; each beam takes its share of it.
-    """
-    share = beams / max(lidar.beams - 1, 1) - 0.5
-    x, y = points_b.T
-    c, s = np.cos(share * motion[2]), np.sin(share * motion[2])
-    return np.column_stack([share * motion[0] + c * x - s * y, share * motion[1] + s * x + c * y])

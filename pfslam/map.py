@@ -70,15 +70,16 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Fix:
-    """One pose for the whole cloud: ``pose (3,)``, ``covariance (3, 3)`` or None, beams on lines, silent direction.
+    """One pose for the whole cloud: ``pose (3,)``, ``covariance (3, 3)`` or None, and the silent direction.
 
-    ``free_direction (2,)`` is the one along which no line says anything, None where all are constrained.
+    ``free_direction (2,)`` is the one along which no line says anything, None where all are constrained. ``score`` is
+    the mean score per beam there.
     """
 
     pose: np.ndarray
     covariance: np.ndarray | None = None
-    line_beams: int = 0
     free_direction: np.ndarray | None = None
+    score: float = 0.0
 
 
 class Map:
@@ -162,10 +163,11 @@ class Map:
     def align(self, event: ScanEvent, pose: np.ndarray, prior: Prior) -> Fix:
         """Align a pose ``(3,)`` to the lines that the map's hits form, if the map has settings for lines."""
         if self.lines is None:
-            return Fix(pose)
+            return Fix(pose, score=self.score(event, pose))
         points = event.points_b[::BEAM_STRIDE]
         found = align_to_lines(self.moments, points, pose, prior.pose, self.lines, prior.variance)
-        return Fix(found.pose, self._covariance(found, prior), found.beams, found.free_direction)
+        score = self.score(event, found.pose)
+        return Fix(found.pose, self._covariance(found, prior), found.free_direction, score)
 
     def _covariance(self, found: Alignment, prior: Prior) -> np.ndarray | None:
         predicted = prior.covariance(found.pose)
@@ -189,6 +191,12 @@ class Map:
         known = self.grid.log_odds[iy, ix] != 0.0
         far = self.field.values[iy, ix] < NEAR[self.kind]
         return float(np.count_nonzero(known & far)) / max(int(np.count_nonzero(known)), 1)
+
+    def score(self, event: ScanEvent, pose: np.ndarray) -> float:
+        """Return the mean score per beam, from 0 to 1, of a scan seen from ``pose (3,)``; 0 outside the map."""
+        cells = self.spec.world_to_cell(transform_points(pose, event.points_b))
+        ix, iy = cells.compress(self.spec.contains(cells), axis=0).T
+        return float(self.field.values[iy, ix].sum()) / (self.field.top * max(len(cells), 1))
 
     def on_old_walls(self, event: ScanEvent, pose: np.ndarray) -> float:
         """Return the share of beams that end on walls which scans had hit long before, seen from ``pose (3,)``."""

@@ -104,9 +104,8 @@ class Belief:
         """Make a belief with an empty map around the estimate and the points ``(M, 2)`` that will be drawn into it."""
         spec = GridSpec.around(np.vstack([points_w, estimate[:2]]), config.map.resolution, margin=5.0)
         empty = Map(spec, config.map, config.search.field, config.lines, config.outliers)
-        return cls(
-            particles, estimate, empty, np.zeros(2), None if config.lines is None else np.zeros((3, 3))
-        )
+        covariance = None if config.lines is None else np.zeros((3, 3))
+        return cls(particles, estimate, empty, np.zeros(2), covariance)
 
     @property
     def grid(self):
@@ -183,9 +182,10 @@ class Step:
     resampled: bool = False
     drawn: bool = False
     score: float = 0.0
+    aligned_score: float = 0.0
+    """The same at the estimate: where odometry is far off, lines lead it to where no particle has searched."""
     log_evidence: float = 0.0
     """How well the whole cloud fits the scan, as a logarithm: what normalising Eq. 12 divides by."""
-    line_beams: int = 0
     free_direction: np.ndarray | None = None
     departure: np.ndarray = field(default_factory=lambda: np.zeros(2))
     """How far ``(2,)`` the scan moved the estimate from where odometry had put it (m, world axes)."""
@@ -225,8 +225,8 @@ class Step:
             matched=True,
             scored=log_evidence > -np.inf,
             score=float(particles.weights @ match.score),
+            aligned_score=fix.score,
             log_evidence=log_evidence,
-            line_beams=fix.line_beams,
             free_direction=fix.free_direction,
             departure=fix.pose[:2] - prior.pose[:2],
             unexplained=map.unexplained(event, fix.pose),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from box_recording import box_recording
 from drives import simulated
+from measure.robots import loose
 from pfslam_book.show.faults import clockwise, late_scans, scaled_gyro, scaled_ranges, silent_gyro
 
 import pfslam
@@ -141,8 +142,8 @@ def test_a_pause_in_which_a_log_of_poses_went_no_farther_than_usual_lost_nothing
 @pytest.mark.parametrize("degrees", [-135, -20, 0, 90, 180])
 def test_a_lidar_that_is_mounted_otherwise_is_told_by_how_much(drive, degrees):
     """What is stated is too much by so many degrees, so the LiDAR is mounted at as many less."""
-    factor, yaw = scene_fit(turned(drive, degrees))
-    assert (factor, abs((yaw + degrees + 180) % 360 - 180)) == (1.0, 0.0)
+    factor, yaw, sway = scene_fit(turned(drive, degrees))
+    assert (factor, abs((yaw + degrees + 180) % 360 - 180), sway) == (1.0, 0.0, 0.0)
     finding = check_scene(turned(drive, degrees))
     assert (finding.ok, bool(finding.remedy)) == (degrees == 0, degrees != 0)
 
@@ -206,11 +207,19 @@ def test_ranges_a_twentieth_too_long_or_too_short_are_told(drive, factor):
     assert (finding.ok, finding.remedy) == (False, "")
 
 
+@pytest.mark.parametrize("degrees", [1.0, 3.0])
+def test_a_lidar_that_is_loose_is_told(drive, degrees):
+    """It turns to and fro by so much; its mean direction is right, and its place is not asked for."""
+    finding = check_scene(loose(degrees, drive))
+    assert (finding.ok, finding.remedy) == (False, "")
+    assert finding.found.startswith("factor 1.00, turned by +0 deg, swaying by ")
+
+
 def test_a_scene_that_stands_still_has_no_direction(drive):
     still = replace(
         drive, lidar=LidarScans(drive.lidar.t, np.repeat(drive.lidar.ranges[:1], len(drive.lidar.t), 0))
     )
-    assert scene_fit(still) == (0.0, 0.0)
+    assert scene_fit(still) == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.nightly
@@ -218,7 +227,7 @@ def test_a_scene_that_stands_still_has_no_direction(drive):
 @pytest.mark.parametrize("seed", range(10))
 def test_a_sound_mounting_is_never_doubted_and_a_wrong_one_always(name, seed):
     recording = simulated(name, seed).recording
-    assert scene_fit(recording) == (1.0, 0.0)
+    assert scene_fit(recording) == (1.0, 0.0, 0.0)
     assert scene_fit(turned(recording, 180))[1] == 180.0
     if name == "ring":  # its corners are wide
         assert place_fit(recording) is None
@@ -231,7 +240,7 @@ def test_a_sound_mounting_is_never_doubted_and_a_wrong_one_always(name, seed):
 @pytest.mark.parametrize("hazard", ["people", "slip", "bumps"])
 def test_a_sound_mounting_is_not_doubted_among_hazards(hazard):
     recording = simulated("hall", 7, **{hazard: 8}).recording
-    assert (scene_fit(recording), place_fit(recording)) == ((1.0, 0.0), (0.0, 0.0))
+    assert (scene_fit(recording), place_fit(recording)) == ((1.0, 0.0, 0.0), (0.0, 0.0))
 
 
 def test_most_scans_with_the_stamp_of_another_are_no_drive(drive):

@@ -7,10 +7,11 @@ import pytest
 from rooms import ENCODER_STEP, LIDAR, ROOM, SQUARE, arcs, distance_to_walls, drive, ray_cast, sensor_position
 
 from pfslam.errors import DataError
-from pfslam.events import Drive, Odometer, deskewed, level_scan
+from pfslam.events import Drive, Odometer, level_scan
 from pfslam.motion import dead_reckoning
-from pfslam.poses import Trajectory, compose, rotation_matrix, transform_points
+from pfslam.poses import Trajectory, between, compose, rotation_matrix, transform_points
 from pfslam.recording import LidarScans
+from pfslam.refined.sweep import deskewed
 from pfslam.run import used_scans
 from pfslam.sensors import RobotModel
 from pfslam.slam import SlamConfig
@@ -149,6 +150,21 @@ def test_an_odometer_fed_sample_by_sample_makes_the_events_of_the_drive_to_the_l
             same_event(odometer.event(expected.t, recording.lidar.ranges[whole.scans[compared]]), expected)
             compared += 1
     assert compared > 50
+
+
+def test_jumps_of_an_odometry_are_left_out_and_counted_and_the_odometer_leaves_them_out_too():
+    recording = told(drive(LEGS), 0.0)
+    poses = recording.truth.poses.copy()
+    poses[200:] = between(poses[200], poses[200:])
+    recording = replace(recording, encoders=None, imu=None, odometry=Trajectory(recording.truth.t, poses))
+    assert np.hypot(*(poses[200] - poses[199])[:2]) > 0.3
+    sound = replace(recording, odometry=recording.truth)
+    whole, odometer = Drive.of(recording, tilt=False), Odometer(recording.robot)
+    assert whole.dropped == {"jumps of the odometry": 1}
+    assert Drive.of(sound, tilt=False).dropped == {}
+    for t, pose in zip(recording.truth.t, poses, strict=True):
+        odometer.add_pose(t, pose)
+    np.testing.assert_allclose(whole.odometry.poses, odometer._poses, atol=1e-9)
 
 
 def jittered(recording):

@@ -41,7 +41,7 @@ def steady(count=400, **what):
 
 
 def infos(scores, **what):
-    return steady(len(scores), score=scores, **what)
+    return steady(len(scores), score=scores, aligned_score=scores, **what)
 
 
 def ordinary(count, seed=0):
@@ -72,6 +72,17 @@ def test_a_fall_is_found_whatever_the_ordinary_score_and_falls_close_together_ar
     scores[list(fell)] = 0.3
     np.testing.assert_array_equal(np.flatnonzero(lost(infos(scale * scores))), list(fell))
     np.testing.assert_allclose(alarms(infos(scale * scores)), when)
+
+
+@pytest.mark.parametrize("well", ["score", "aligned_score"])
+def test_a_robot_whose_particles_or_whose_estimate_fit_is_not_lost(well):
+    """Odometry that stands still leaves the particles behind, and the lines lead the estimate to its place."""
+    scores = ordinary(400)
+    scores[200:230] = 0.3
+    assert len(alarms(infos(scores))) == 1
+    assert (
+        len(alarms(steady(**{"score": scores, "aligned_score": scores} | {well: ordinary(400, seed=1)}))) == 0
+    )
 
 
 def test_blind_scans_and_the_first_ones_are_not_judged():
@@ -214,7 +225,7 @@ def test_after_a_silence_the_first_scans_may_fit_badly_and_take_back_what_odomet
     scores, changes = ordinary(400), pulled(0.0, 0.0)
     scores[190 : 190 + fallen] = 0.3
     changes["departure"][190], changes["unexplained"][190:192] = 0.5, 0.3
-    found = distrust(paused(steady(score=scores, **changes), 10.0, 2.0))
+    found = distrust(paused(infos(scores, **changes), 10.0, 2.0))
     assert [d["to"] for d in found] == ends
     assert found[0]["from"] == 189 / 8
     assert found[0]["reason"] == "no scan was recorded for 10.1 s: odometry alone"
@@ -263,7 +274,7 @@ def test_reasons_come_in_order_of_time():
     scores = np.append(ordinary(300), np.full(100, 0.3))
     seen = np.ones(400, dtype=bool)
     seen[200:240] = False
-    found = distrust(steady(score=scores, matched=seen, drawn=seen, **pulled(0.04, 0.1, slice(100, 120))))
+    found = distrust(infos(scores, matched=seen, drawn=seen, **pulled(0.04, 0.1, slice(100, 120))))
     assert [d["from"] for d in found] == sorted(d["from"] for d in found)
     assert [d["reason"].split()[0] for d in found] == ["scans", "no", "scans"]
 
@@ -339,12 +350,12 @@ def test_times_in_doubt_are_told_from_the_others():
 def test_only_scans_that_drag_before_any_alarm_ask_for_a_second_look():
     """Scans that contradict odometry after the robot was carried off are right."""
     pulling, scores = pulled(0.02, 0.05), np.full(400, 0.9) + 0.01 * np.sin(np.arange(400))
-    assert was_dragged(steady(**pulling, score=scores))
+    assert was_dragged(infos(scores, **pulling))
     assert not was_dragged(steady(**pulled(0.02, 0.0)))
     scores[195] = 0.1
-    infos = steady(**pulling, score=scores)
-    assert len(alarms(infos)) == 1
-    assert not was_dragged(infos)
+    infos_then = infos(scores, **pulling)
+    assert len(alarms(infos_then)) == 1
+    assert not was_dragged(infos_then)
 
 
 @pytest.mark.nightly

@@ -116,7 +116,7 @@ def test_alignment_finds_the_true_pose_from_a_known_offset(world, heading, offse
     assert (np.abs([*(found.pose - pose)[:2], wrap_angle(found.pose[2] - pose[2])]) <= 10 * STOP).all()
     assert -np.pi < found.pose[2] <= np.pi
     assert found.free_direction is None
-    assert found.beams > len(hits) // 2
+    assert len(found.fit.residual) > len(hits) // 2
 
 
 def slow_lines(hits, points_w):
@@ -188,7 +188,7 @@ def test_without_lines_the_pose_is_left_alone(hits):
         np.reshape(hits, (-1, 2)), start, odometry=np.zeros(3), points_b=seen_from(TRUE_POSE, ROOM)
     )
     np.testing.assert_array_equal(found.pose, start)
-    assert found.beams == 0
+    assert found.fit is None
     assert found.free_direction is None
 
 

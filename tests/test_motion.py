@@ -20,8 +20,9 @@ from pfslam.motion import (
     wheel_distance,
     wheel_speed,
 )
-from pfslam.poses import Trajectory, wrap_angle
+from pfslam.poses import Trajectory, between, compose, wrap_angle
 from pfslam.recording import Encoders, Imu, Recording
+from pfslam.refined.jumps import jumps
 from pfslam.sensors import EncoderModel, ImuModel, RobotModel
 
 ROUND_OFF = 1e-9
@@ -168,3 +169,38 @@ def test_log_of_odometry_poses_starts_at_the_origin():
         dead_reckoning(log).poses, [[0, 0, 0], [1, 0, 0], [1, 1, np.pi / 2]], atol=1e-15
     )
     np.testing.assert_allclose(controls(log).omega, [0.0, np.pi / 2])
+
+
+def arc(count=200, seconds=0.05):
+    """A robot that drives 0.8 m/s along a circle, to the left."""
+    inputs = Controls(seconds * np.arange(count), np.full(count - 1, 0.8), np.full(count - 1, 0.3))
+    return integrate(inputs, (2.0, 1.0, 0.5))
+
+
+def set_to(path, k, pose):
+    """The odometry of a robot whose node starts again at reading ``k``, from ``pose``."""
+    poses = path.poses.copy()
+    poses[k:] = compose(pose, between(poses[k], poses[k:]))
+    return Trajectory(path.t, poses)
+
+
+@pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (-50.0, 3.0, 3.0)])
+def test_an_odometry_that_jumps_goes_on_from_where_it_was(pose):
+    """It was set anew twice: the two steps are missing, all others are there."""
+    path = arc()
+    twice = set_to(set_to(path, 80, pose), 120, (9.0, 9.0, -2.0))
+    assert np.flatnonzero(jumps(twice)).tolist() == [79, 119]
+    log = Recording("log", odometry=twice)
+    found, step = dead_reckoning(log).poses, between(path.poses[:-1], path.poses[1:])
+    step[[79, 119]] = 0.0
+    assert_same_poses(between(found[:-1], found[1:]), step, ROUND_OFF)
+    np.testing.assert_allclose(found[0], 0.0, atol=ROUND_OFF)
+    assert (controls(log).v[[79, 119]] == 0.0).all()
+    np.testing.assert_allclose(np.delete(controls(log).v, [79, 119]), 0.8, rtol=1e-3)
+
+
+def test_short_steps_and_slow_ones_are_no_jumps():
+    """A quarter of a metre within a hundredth of a second is a stamp that came late; two metres in a second a drive."""
+    poses = np.array([[0, 0, 0], [0.25, 0, 0], [2.25, 0, 0], [2.25, 0, 3.0]])
+    assert not jumps(Trajectory([0.0, 0.01, 1.01, 1.02], poses)).any()
+    assert jumps(Trajectory([0.0, 0.01, 0.11, 0.12], poses)).tolist() == [False, True, False]

@@ -304,7 +304,7 @@ def test_noise_between_scans_is_sigma_times_the_draw_in_the_particles_own_frame(
 def test_cloud_moves_with_the_aligned_estimate():
     # The estimate is the mean of the cloud before the alignment and must be its mean after it.
     for info in run_slam(SHORT, replace(REFINED, particles=15)).infos:
-        if info.line_beams:
+        if info.matched:
             mean = average_pose(info.particles.poses, info.particles.weights)
             np.testing.assert_allclose(info.estimate, mean, atol=1e-9)
 

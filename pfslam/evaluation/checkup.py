@@ -16,6 +16,7 @@ from pfslam.evaluation.calibration import gyro_bias
 from pfslam.evaluation.scenes import place_fit, scene_fit
 from pfslam.io.headings import LEAST_SECONDS, compare_turns
 from pfslam.motion import Controls, controls
+from pfslam.poses import between
 from pfslam.recording import LidarScans, Recording, image_pairs
 from pfslam.refined.health import LONGEST_PAUSE, farther_than_usual
 from pfslam.refined.outliers import NOISY
@@ -46,6 +47,8 @@ EVEN = 0.005
 """Where the correlation of turns varies by no more than this from offset to offset, it says nothing about a clock."""
 WIDEST_YAW = 10.0
 """Degrees: so far a direction may seem off, where wheels slide sideways, without anything being mounted otherwise."""
+WIDEST_SWAY = 0.5
+"""Degrees by which scenes may turn to and fro: a loose LiDAR, or an odometry whose headings are all noise."""
 FARTHEST_PLACE = 0.15
 """Metres: a LiDAR that sits this far from where it is stated to be bends a run by some 0.3 m."""
 
@@ -122,11 +125,12 @@ def _lost(recording: Recording, t: np.ndarray) -> np.ndarray:
 
 def check_speed(recording: Recording) -> Finding:
     """Check the largest count of any wheel as a speed: running totals and counters that wrap give impossible ones."""
-    if recording.encoders is None:
-        speed = np.abs(controls(recording).v)
+    if (odometry := recording.odometry) is not None:
+        speed = np.abs(between(odometry.poses[:-1], odometry.poses[1:])[:, 0]) / np.diff(odometry.t)
     else:
-        way = np.abs(recording.encoders.counts).max(axis=1) * recording.robot.encoders.metres_per_count
-        speed = way / np.median(np.diff(recording.encoders.t))
+        encoders, _ = recording.wheels_and_gyro()
+        way = np.abs(encoders.counts).max(axis=1) * recording.robot.encoders.metres_per_count
+        speed = way / np.median(np.diff(encoders.t))
     fastest, often = float(speed.max(initial=0.0)), (speed > FASTEST).sum() > OFTEN * len(speed)
     found, expected = f"{fastest:.1f} m/s", f"below {FASTEST:.0f} m/s"
     remedy = "is the odometry in m, each reading of its own, and its clock never set back?" if often else ""
@@ -225,15 +229,16 @@ def check_kept(recording: Recording) -> Finding:
 
 
 def check_scene(recording: Recording) -> Finding:
-    """Check that the scene moves as the odometry says: as far, and in the direction of the LiDAR's mounting."""
+    """Check that the scene moves as the odometry says: as far, in the direction of the mounting, without swaying."""
     answer = partial(Finding, "Does the scene move as odometry says?")
     expected = f"a factor of 0.97 to 1.03, within {WIDEST_YAW:.0f} deg"
     if (fit := scene_fit(recording)) is None:
         return answer(None, "too few scans to compare", expected)
-    factor, yaw = fit
+    factor, yaw, sway = fit
     found, ok = f"factor {factor:.2f}, turned by {yaw:+.0f} deg", abs(yaw) <= WIDEST_YAW
+    found += f", swaying by {sway:.0f} deg" if sway >= WIDEST_SWAY else ""
     remedy = f"the LiDAR seems mounted {yaw:+.0f} deg from what is stated: correct its yaw"
-    return answer(ok and 0.97 <= factor <= 1.03, found, expected, "" if ok else remedy)
+    return answer(ok and 0.97 <= factor <= 1.03 and sway < WIDEST_SWAY, found, expected, "" if ok else remedy)
 
 
 def check_place(recording: Recording, after: Sequence[Finding] = ()) -> Finding:

@@ -23,7 +23,7 @@ NEARLY_STRAIGHT, NEARLY_STANDING = 0.2, 0.5
 """Turn (rad) up to which such a way has one direction, and way (m) in such a turn, which odometry must know."""
 LEAST_PAIRS, MOST_PAIRS = 10, 40
 """Pairs of scans that say something, and those that are compared."""
-SLACK = np.arange(-3, 4) * 0.02
+SLACK = np.arange(-4, 5) * 0.015
 """By how much (rad) an odometry may be wrong about a turn, without anything being mounted otherwise."""
 SEEN, SCENE_CELL, APART = 10.0, 0.05, 0.3
 """Of a scene: how far (m) it is drawn, in what cells (m), and from what distance (m) on points are strangers."""
@@ -34,12 +34,14 @@ Of factors, those that are 5 % off had 0.05 and more, sound robots 0.02 at most,
 """
 
 
-def scene_fit(recording: Recording) -> tuple[float, float] | None:
-    """Fit how far the scene moved on straight ways, by the odometry's measure, and by how much (deg) the LiDAR is off.
+def scene_fit(recording: Recording) -> tuple[float, float, float] | None:
+    """Fit how far the scene moved on straight ways, by the odometry's measure, and how the LiDAR is turned (deg).
 
     The points of each scan are moved onto those of another, by the odometry's motion in every direction and then at
     every scale; what puts most of them onto the scene counts. (1, 0) unless another answer is clearly better; None if
-    there is too little to compare. A scene that stands still has no direction.
+    there is too little to compare. A scene that stands still has no direction. The third number is the sway (deg):
+    half of the scenes have turned by at least so much more, or less, than is usual for the drive, as they do where a
+    LiDAR is loose.
     """
     pairs = [*_scenes(recording, turning=False)]
     if len(pairs) < LEAST_PAIRS:
@@ -48,10 +50,15 @@ def scene_fit(recording: Recording) -> tuple[float, float] | None:
     turns = np.exp(-1j * np.deg2rad(degrees))
     apart = np.sum([_apart(a, b, way * turns) for a, b, way, _ in pairs], axis=0)
     yaw = float(_best(degrees, apart, 0.0, TELLING))
-    ahead = factors * np.exp(-1j * np.deg2rad(yaw))
-    apart = np.sum([_apart(a, b, way * ahead) for a, b, way, _ in pairs], axis=0)
+    ahead, unmoved = np.exp(-1j * np.deg2rad(yaw)), np.zeros(1)
+    apart = np.sum([_apart(a, b, way * ahead * factors) for a, b, way, _ in pairs], axis=0)
     factor = float(_best(factors, apart, 1.0, TELLING_FACTOR))
-    return factor, yaw if factor > 0.1 else 0.0
+    if factor <= 0.1:
+        return factor, 0.0, 0.0
+    moved = [_apart_turned(a, b, way * ahead * factor, turn, unmoved) for a, b, way, turn in pairs]
+    turned = np.rad2deg(SLACK[np.argmin(moved, axis=1)[:, 0]])
+    sway = float(np.median(np.abs(turned - np.median(turned))))
+    return factor, yaw, sway
 
 
 def place_fit(recording: Recording) -> tuple[float, float] | None:
@@ -66,16 +73,16 @@ def place_fit(recording: Recording) -> tuple[float, float] | None:
         return None
     metres = np.arange(-5, 6) / 10.0
     places = (metres[:, None] + 1j * metres).ravel()
-    apart = np.sum([_apart_at_best(*pair, places) for pair in pairs], axis=0)
+    apart = np.sum([_apart_turned(*pair, places).min(axis=0) for pair in pairs], axis=0)
     place = complex(_best(places, apart, 0.0, TELLING))
     return place.real, place.imag
 
 
-def _apart_at_best(before, after, way: complex, turn: complex, places: np.ndarray) -> np.ndarray:
-    """Measure how far apart (m) two scenes are for each place ``(K,)`` of the LiDAR, at the best turn in ``SLACK``."""
+def _apart_turned(before, after, way: complex, turn: complex, places: np.ndarray) -> np.ndarray:
+    """Measure how far apart (m) two scenes are, for each further turn in ``SLACK`` and place ``(K,)`` of the LiDAR."""
     turned = [transform_points([0.0, 0.0, slack], after) for slack in SLACK]
     ways = [way + (turn * np.exp(1j * slack) - 1.0) * places for slack in SLACK]
-    return np.min([_apart(before, *both) for both in zip(turned, ways, strict=True)], axis=0)
+    return np.array([_apart(before, *both) for both in zip(turned, ways, strict=True)])
 
 
 def _best(answers: np.ndarray, apart: np.ndarray, stated: complex, telling: float):

@@ -24,7 +24,7 @@ from pfslam.sensors import LidarModel, RobotModel
 from pfslam.settings import changed, flat, plain, value_of
 from pfslam.slam import Belief, SlamConfig, Step
 
-FORMAT = b"pfslam belief 2"
+FORMAT = b"pfslam belief 3"
 """Changes with the layout, and the seal with it."""
 LAYERS = ("log_odds", "scores", "slots", "sums", "first", "drawn")
 

@@ -46,14 +46,14 @@ LEAST_SPREAD = 0.005
 """A run whose scores hardly differ is not judged more finely than this."""
 
 
-def score_deviation(infos: Sequence[Step]) -> np.ndarray:
+def score_deviation(infos: Sequence[Step], name: str = "score") -> np.ndarray:
     """Measure how far each score ``(K,)`` lies from the median of those before it, in spreads; below 0 is worse.
 
-    One spread is the distance from the median down to the 5th percentile, divided by 1.645: one standard deviation if
-    scores were normal, but taken from the lower side, because scores end at 1 and have a long tail below. NaN for scans
-    that were not matched (a blind robot is not a lost one) and while there is too little past. Scans drawn into the
-    map make up the past, so that a robot that stands and sees the same thing a thousand times does not narrow it;
-    scans that were lost themselves do not.
+    ``name`` is "score" or "aligned_score". One spread is the distance from the median down to the 5th percentile,
+    divided by 1.645: one standard deviation if scores were normal, but taken from the lower side, because scores end
+    at 1 and have a long tail below. NaN for scans that were not matched (a blind robot is not a lost one) and while
+    there is too little past. Scans drawn into the map make up the past, so that a robot that stands and sees the same
+    thing a thousand times does not narrow it; scans that were lost themselves do not.
     """
     past: list[float] = []
     ordered: list[float] = []  # the same, by size
@@ -62,11 +62,12 @@ def score_deviation(infos: Sequence[Step]) -> np.ndarray:
     for k, info in enumerate(infos):
         if not info.matched:
             continue
+        score = getattr(info, name)
         if len(past) >= LEAST_PAST:
-            found[k] = (info.score - middle) / spread
+            found[k] = (score - middle) / spread
         if info.drawn and not found[k] < LOST_BELOW:
-            past.append(info.score)
-            insort(ordered, info.score)
+            past.append(score)
+            insort(ordered, score)
             if len(past) > PAST:
                 ordered.remove(past.pop(0))
             low, middle = ordered[len(past) // 20], ordered[len(past) // 2]
@@ -75,8 +76,12 @@ def score_deviation(infos: Sequence[Step]) -> np.ndarray:
 
 
 def lost(infos: Sequence[Step]) -> np.ndarray:
-    """Which scans ``(K,)`` bool fit the map so badly that the robot cannot be where the filter puts it."""
-    return (score_deviation(infos) < LOST_BELOW) & ~_settling(infos)
+    """Which scans ``(K,)`` bool fit the map so badly that the robot cannot be where the filter puts it.
+
+    An odometry that stands still takes the particles from where the lines lead: then they fit badly, the estimate not.
+    """
+    both = [score_deviation(infos, name) < LOST_BELOW for name in ("score", "aligned_score")]
+    return both[0] & both[1] & ~_settling(infos)
 
 
 def _silence(infos: Sequence[Step]) -> float:

@@ -204,13 +204,12 @@ class LineFit(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """An aligned pose ``(3,)``, the beams used, and the direction ``(2,)`` that no line constrains, if there is one.
+    """An aligned pose ``(3,)``, and the direction ``(2,)`` that no line constrains, if there is one.
 
     ``fit`` is the last iteration's; None if there were too few beams on lines.
     """
 
     pose: np.ndarray
-    beams: int
     free_direction: np.ndarray | None
     fit: LineFit | None = None
 
@@ -237,7 +236,7 @@ def align_to_lines(
         residual, jacobian, weight, _ = fit
         # Lines many rho away leave weights that are zero in a computer too.
         if len(residual) < 3 or not weight.any():
-            return Alignment(pose, len(residual), None)
+            return Alignment(pose, None)
         if variance is None or not config.independent_beams:
             step = damped_step(residual, jacobian, weight)
         else:
@@ -250,11 +249,11 @@ def align_to_lines(
     information = (normal * weight[:, None]).T @ normal / np.sum(weight)
     share, directions = np.linalg.eigh(information)
     if share[0] >= DEGENERATE_BELOW:
-        return Alignment(pose, len(residual), None, fit)
+        return Alignment(pose, None, fit)
     silent = directions[:, 0]
     if variance is None or not config.independent_beams:
         pose[:2] += silent * (silent @ (odometry_pose[:2] - pose[:2]))
-    return Alignment(pose, len(residual), silent, fit)
+    return Alignment(pose, silent, fit)
 
 
 def line_residuals(
