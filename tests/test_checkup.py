@@ -207,6 +207,15 @@ def test_ranges_a_twentieth_too_long_or_too_short_are_told(drive, factor):
     assert (finding.ok, finding.remedy) == (False, "")
 
 
+@pytest.mark.parametrize(("every", "close"), [(10, True), (80, False)])
+def test_scans_that_lie_far_apart_are_told(drive, every, close):
+    """Two that share few walls are matched in the wrong place, and fit there; a run may go on."""
+    scans = LidarScans(drive.lidar.t[::every], drive.lidar.ranges[::every])
+    finding = {f.question: f for f in check_up(replace(drive, lidar=scans))}["Are the scans all there?"]
+    assert (finding.ok, finding.remedy) == (close, "")
+    assert ("one every" in finding.found) != close
+
+
 @pytest.mark.parametrize("degrees", [1.0, 3.0])
 def test_a_lidar_that_is_loose_is_told(drive, degrees):
     """It turns to and fro by so much; its mean direction is right, and its place is not asked for."""

@@ -15,7 +15,7 @@ import numpy as np
 from pfslam.evaluation.calibration import gyro_bias
 from pfslam.evaluation.scenes import place_fit, scene_fit
 from pfslam.io.headings import LEAST_SECONDS, compare_turns
-from pfslam.motion import Controls, controls
+from pfslam.motion import Controls, controls, dead_reckoning
 from pfslam.poses import between
 from pfslam.recording import LidarScans, Recording, image_pairs
 from pfslam.refined.health import LONGEST_PAUSE, farther_than_usual
@@ -37,6 +37,8 @@ WIDEST_TURN = 0.35
 """Largest turn (rad) between two scans that is looked for."""
 MOST_PAIRS = 300
 """Pairs of scans that are compared: those in the strongest turns."""
+STANDING = 0.02
+"""Way (m) between two scans up to which a robot stands."""
 NO_TURN, LEAST_TURNS = 0.02, 10
 """Turn (rad) between two scans up to which an instrument shows none, and turns that scans must see to contradict it."""
 LATEST = 0.3
@@ -47,6 +49,8 @@ EVEN = 0.005
 """Where the correlation of turns varies by no more than this from offset to offset, it says nothing about a clock."""
 WIDEST_YAW = 10.0
 """Degrees: so far a direction may seem off, where wheels slide sideways, without anything being mounted otherwise."""
+FARTHEST_APART = 1.5
+"""Metres from one scan to the next, by the median, up to which they share walls enough; logs keep one a metre."""
 WIDEST_SWAY = 0.5
 """Degrees by which scenes may turn to and fro: a loose LiDAR, or an odometry whose headings are all noise."""
 FARTHEST_PLACE = 0.15
@@ -215,7 +219,7 @@ def check_scans(recording: Recording) -> list[Finding]:
 
 
 def check_kept(recording: Recording) -> Finding:
-    """Check that most scans could be kept, and that a bag without any holds no other kind of them."""
+    """Check that most scans could be kept and lie close, and that a bag without any holds no other kind of them."""
     answer = partial(Finding, "Are the scans all there?")
     said = (f"{count} {reason}" for reason, count in recording.dropped.items())
     others = [line for line in said if "PointCloud2" in line or "MultiEcho" in line]
@@ -225,13 +229,24 @@ def check_kept(recording: Recording) -> Finding:
         return answer(ok, found, "LaserScan messages", remedy)
     kept, lost = len(recording.lidar.t), recording.dropped.get("scans with the stamp of another", 0)
     remedy = "record again with stamps that tell one message from the next" if lost > 2 * kept else ""
-    return answer(not remedy, f"{kept} kept, {lost} doubles", "most kept", remedy)
+    found = f"{kept} kept, {lost} doubles"
+    if far := (apart := _way_between_scans(recording)) > FARTHEST_APART:
+        found += f", one every {apart:.1f} m"
+    return answer(not (remedy or far), found, f"most kept, {FARTHEST_APART:.1f} m apart or less", remedy)
+
+
+def _way_between_scans(recording: Recording) -> float:
+    """Return the median way (m) from one scan to the next, where the robot drove."""
+    path, t = dead_reckoning(recording), recording.scans().t
+    step = np.diff(path.at(t[path.covers(t)])[:, :2], axis=0)
+    ways = np.hypot(*step.T)
+    return float(np.median(ways[ways > STANDING])) if (ways > STANDING).any() else 0.0
 
 
 def check_scene(recording: Recording) -> Finding:
     """Check that the scene moves as the odometry says: as far, in the direction of the mounting, without swaying."""
     answer = partial(Finding, "Does the scene move as odometry says?")
-    expected = f"a factor of 0.97 to 1.03, within {WIDEST_YAW:.0f} deg"
+    expected = f"a factor of 0.97 to 1.03, within {WIDEST_YAW:.0f} deg, steady"
     if (fit := scene_fit(recording)) is None:
         return answer(None, "too few scans to compare", expected)
     factor, yaw, sway = fit
