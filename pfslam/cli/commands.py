@@ -6,6 +6,7 @@ import json
 import os
 import sys
 import time
+import warnings
 from argparse import Namespace
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -285,6 +286,9 @@ def study_command(arguments: Namespace) -> int:
     out = arguments.out or Path("out") / study.name
     # Ctrl-C may meet joblib while it frees a semaphore; its tracker then warns of one that is already free.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
+    warnings.filterwarnings(
+        "ignore", module="joblib.parallel"
+    )  # or while tasks are under way: it counts them
     path = run_study(study, out, jobs=arguments.jobs, progress=progress_bar("runs"))
     errors = read_table(path)["error"]
     failed = int(np.count_nonzero(errors != ""))
