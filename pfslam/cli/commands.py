@@ -284,11 +284,10 @@ def study_command(arguments: Namespace) -> int:
     """Make the runs of a study that are missing, and its table."""
     study = read_study(arguments.file)
     out = arguments.out or Path("out") / study.name
-    # Ctrl-C may meet joblib while it frees a semaphore; its tracker then warns of one that is already free.
+    # Ctrl-C may meet joblib while it frees a semaphore; its tracker then warns of one that is already free. Or it meets
+    # tasks under way, and joblib counts them.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
-    warnings.filterwarnings(
-        "ignore", module="joblib.parallel"
-    )  # or while tasks are under way: it counts them
+    warnings.filterwarnings("ignore", module="joblib.parallel")
     path = run_study(study, out, jobs=arguments.jobs, progress=progress_bar("runs"))
     errors = read_table(path)["error"]
     failed = int(np.count_nonzero(errors != ""))
