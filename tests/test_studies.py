@@ -19,7 +19,7 @@ from pfslam.settings import changed
 from pfslam.slam import SlamConfig
 from pfslam.study import run_case
 from pfslam.study.provenance import machine, versions
-from pfslam.study.run import COSTS
+from pfslam.study.run import COSTS, OFF
 from pfslam.study.table import _cell
 
 BUDGET = 40.0
@@ -30,8 +30,10 @@ SAME = 1e-9
 ABSENT = re.compile("data set: found|data folder: found no such folder")
 """What the error says of a recording that is not part of the package, where it is not at hand."""
 NAMES = stored_studies()
+FIGURES = ("ate_max_m", "failed", "stopped", "doubted", "to_the_end")
 sys.path.append(str(ROOT / "book" / "_tools"))
-from measure.trust import WITHOUT  # noqa: E402
+from measure.robots import BUILDINGS, GROUPS, HARD, PAIRS  # noqa: E402
+from measure.trust import RIGHT, WITHOUT  # noqa: E402
 from studies import definition  # noqa: E402
 
 
@@ -46,6 +48,27 @@ def data_folder(monkeypatch):
 def stored(name):
     with open(study_file(name, ".csv"), newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
+
+
+def test_robots_with_one_fault_are_never_wrong_and_silent_nor_right_and_in_doubt_to_the_end():
+    """What the page on trust says of its table of robots."""
+    rows = [{k: float(r[k] or "nan") for k in FIGURES} | {"kind": r["kind"]} for r in stored("trust_robots")]
+    single = [row for row in rows if row["kind"] in {BUILDINGS, *GROUPS}]
+    pairs = [row for row in rows if row["kind"] == PAIRS]
+    assert (len(single), len(pairs), len(rows)) == (
+        sum(map(len, [HARD, *GROUPS.values()])),
+        60,
+        len(single) + 92,
+    )
+    off = [[not row["ate_max_m"] <= OFF for row in some] for some in (single, pairs)]
+    told = [[row["failed"] + row["stopped"] + row["doubted"] > 0 for row in some] for some in (single, pairs)]
+    silent = [sum(o and not t for o, t in zip(*both, strict=True)) for both in zip(off, told, strict=True)]
+    assert sum(off[0]) > 20
+    assert sum(off[1]) > 30
+    assert silent == [0, 1]
+    right = [row for row in rows if row["ate_max_m"] <= RIGHT]
+    assert len(right) > 70
+    assert not any(row["to_the_end"] and not row["stopped"] for row in right)
 
 
 def spot_rows():
