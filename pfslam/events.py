@@ -14,7 +14,7 @@ from pfslam.errors import DataError
 from pfslam.motion import Controls, controls, dead_reckoning, motion_model
 from pfslam.poses import Trajectory, between, compose, invert, rotation_matrix
 from pfslam.recording import Recording
-from pfslam.refined.jumps import jumped, jumps
+from pfslam.refined.jumps import jumped, left_out
 from pfslam.refined.sweep import deskewed, motion_during
 from pfslam.refined.tilt import FLOOR_CLEARANCE, estimate_tilt
 from pfslam.sensors import LidarModel, RobotModel, scan_points, scan_points_3d
@@ -94,8 +94,7 @@ class Drive:
         inputs = controls(recording)
         odometry = dead_reckoning(recording, inputs)
         scans, dropped = _used_scans(recording, every or recording.default_every, odometry)
-        if recording.odometry is not None and (count := int(jumps(recording.odometry).sum())):
-            dropped["jumps of the odometry"] = count
+        dropped |= left_out(recording.odometry)
         t = recording.scans().t[scans]
         begin = odometry.t[0] if from_odometry else t[0]
         poses = odometry.at(np.append(begin, t))
@@ -137,6 +136,8 @@ class Odometer:
         self.robot = robot
         self.previous: float | None = None
         """Stamp of the last event."""
+        self.jumps = 0
+        """How many steps of the odometry were left out as jumps (see ``pfslam.refined.jumps``)."""
         self._first: np.ndarray | None = None
         self._last: np.ndarray | None = None
         self._wheels: list[tuple[float, float]] = []  # stamp, distance since the first reading
@@ -156,6 +157,7 @@ class Odometer:
             step, dt = between(self._last, pose), t - self._t[-1]
             if jumped(step, dt):
                 step, self._first = np.zeros(3), compose(pose, invert(self._poses[-1]))
+                self.jumps += 1
             self._inputs.append((step[0] / dt, step[2] / dt))
         self._last = pose
         self._t.append(t)

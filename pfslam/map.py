@@ -165,9 +165,8 @@ class Map:
         if self.lines is None:
             return Fix(pose, score=self.score(event, pose))
         points = event.points_b[::BEAM_STRIDE]
-        found = align_to_lines(self.moments, points, pose, prior.pose, self.lines, prior.variance)
-        score = self.score(event, found.pose)
-        return Fix(found.pose, self._covariance(found, prior), found.free_direction, score)
+        fit = align_to_lines(self.moments, points, pose, prior.pose, self.lines, prior.variance)
+        return Fix(fit.pose, self._covariance(fit, prior), fit.free_direction, self.score(event, fit.pose))
 
     def _covariance(self, found: Alignment, prior: Prior) -> np.ndarray | None:
         predicted = prior.covariance(found.pose)

@@ -50,6 +50,7 @@ class Mapper:
         ``odometry (3,)`` is the pose (m, m, rad) of the robot's own odometry at that stamp, in whatever frame that has.
         Ranges that are no measurement may be NaN, infinite or out of range, as scanners report them. Where the LiDAR
         has a sweep, the robot is taken to move during it as it did since the scan before, and to stand at the first.
+        Where the odometry jumps it goes on from where it was; ``odometer.jumps`` counts that.
         Raises ``DataError``, and leaves the scan out, where the numbers cannot be used.
         """
         beams = self.odometer.robot.lidar.beams

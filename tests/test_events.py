@@ -165,6 +165,7 @@ def test_jumps_of_an_odometry_are_left_out_and_counted_and_the_odometer_leaves_t
     for t, pose in zip(recording.truth.t, poses, strict=True):
         odometer.add_pose(t, pose)
     np.testing.assert_allclose(whole.odometry.poses, odometer._poses, atol=1e-9)
+    assert odometer.jumps == 1
 
 
 def jittered(recording):

@@ -353,9 +353,9 @@ def test_only_scans_that_drag_before_any_alarm_ask_for_a_second_look():
     assert was_dragged(infos(scores, **pulling))
     assert not was_dragged(steady(**pulled(0.02, 0.0)))
     scores[195] = 0.1
-    infos_then = infos(scores, **pulling)
-    assert len(alarms(infos_then)) == 1
-    assert not was_dragged(infos_then)
+    carried_off = infos(scores, **pulling)
+    assert len(alarms(carried_off)) == 1
+    assert not was_dragged(carried_off)
 
 
 @pytest.mark.nightly

@@ -7,13 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measure.robots import GROUPS
+from measure.robots import drive as robot
 from rooms import SQUARE
 from rooms import drive as room_drive
 
 import pfslam
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.motion import dead_reckoning
-from pfslam.poses import Trajectory, between
+from pfslam.poses import between
 from pfslam.recording import Imu, LidarScans
 from pfslam.refined.health import alarms
 from pfslam.run import run_slam
@@ -113,27 +115,12 @@ def test_the_very_first_scans_may_be_blind(drive):
 # ---------------------------------------------------------------------------------------------
 
 
-def set_back(t, poses):
-    """The node that adds up the odometry starts again."""
-    poses[t > t[0] + 20.0] = between(poses[t > t[0] + 20.0][0], poses[t > t[0] + 20.0])
-    return poses
-
-
-def frozen(t, poses):
-    """The same pose for three seconds, and then the right one."""
-    poses[np.abs(t - t[0] - 20.0) < 1.5] = poses[t > t[0] + 18.5][0]
-    return poses
-
-
-@pytest.mark.parametrize("fails", [set_back, frozen])
-def test_an_odometry_that_was_set_back_or_had_stood_still_is_got_over_and_its_jump_counted(drive, fails):
+@pytest.mark.parametrize("name", ["set back to zero", "frozen for 3 s"])
+def test_an_odometry_that_was_set_back_or_had_stood_still_is_got_over_and_its_jump_counted(name):
     """While it stands still, scans alone lead the estimate, by more than any particle has searched."""
-    path = dead_reckoning(drive)
-    logged = replace(
-        drive, encoders=None, imu=None, odometry=Trajectory(path.t, fails(path.t, path.poses.copy()))
-    )
-    result = run(logged)
-    assert np.nanmax(away(result, drive.truth)) <= 0.05
+    recording = GROUPS["odometry that fails for a while"][name](robot())
+    result = run(recording)
+    assert trajectory_error(result.trajectory, recording.truth).ate_max_m <= 0.05
     assert result.dropped["jumps of the odometry"] == 1
     assert result.distrust == []
 

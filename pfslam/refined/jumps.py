@@ -28,6 +28,12 @@ def jumps(odometry: Trajectory) -> np.ndarray:
     return jumped(between(odometry.poses[:-1], odometry.poses[1:]), np.diff(odometry.t))
 
 
+def left_out(odometry: Trajectory | None) -> dict[str, int]:
+    """Count the jumps of an odometry, if there are any, as what a run has dropped."""
+    count = 0 if odometry is None else int(jumps(odometry).sum())
+    return {"jumps of the odometry": count} if count else {}
+
+
 def steps(odometry: Trajectory) -> np.ndarray:
     """Return the motion ``(K - 1, 3)`` of an odometry from each of its poses to the next, none where it jumps."""
     return np.where(jumps(odometry)[:, None], 0.0, between(odometry.poses[:-1], odometry.poses[1:]))
