@@ -43,13 +43,19 @@ class EncoderModel(Settings):
 
 @dataclass(frozen=True)
 class ImuModel(Settings):
-    """Gyro and accelerometer; the axes are the body's. ``yaw_axis`` is the column of the yaw rate."""
+    """Gyro and accelerometer."""
 
     yaw_axis: Annotated[int, Range(0, 2)] = 2
+    """Column about whose axis the body yaws: 2 for columns x, y, z, 1 for y, z, x and 0 for z, x, y."""
     gyro_bias: Annotated[float, Range(-100.0, 100.0)] = 0.0
     """Yaw rate that the gyro shows at rest (rad/s)."""
     gyro_scale: Annotated[float, Range(-100.0, 100.0)] = 1.0
     """True yaw rate over measured yaw rate."""
+
+    def in_body(self, readings: np.ndarray) -> np.ndarray:
+        """Put the columns of raw readings ``(K, 3)``, of gyro or accelerometer, in the order of the body's x, y, z."""
+        # Always laid out alike: sums are the same to the last bit, whatever the order of the columns was.
+        return np.ascontiguousarray(np.roll(readings, 2 - self.yaw_axis, axis=1))
 
     def yaw_rate(self, angular_velocity: np.ndarray) -> np.ndarray:
         """True-scale yaw rate ``(K,)`` in rad/s from raw angular velocity ``(K, 3)`` in rad/s."""

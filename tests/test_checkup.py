@@ -357,3 +357,17 @@ def test_odometry_and_gyro_are_compared_too(factor, ok):
     words = f"factor {factor:+.2f}" if ok is not None else "the odometry turns by the gyro"
     assert found["Do wheels and gyro turn the same way?"] == (ok, words)
     assert found["What does the gyro show at rest?"] == (False, "+0.0200 rad/s in 8 s")
+
+
+@pytest.mark.parametrize("kind", ["wheels", "poses"])
+def test_the_answers_do_not_depend_on_the_order_of_the_gyros_columns(drive, kind):
+    """Columns z, x, y in the place of x, y, z, against encoders, and against an odometry's poses."""
+    path = pfslam.dead_reckoning(drive)
+    drive = drive if kind == "wheels" else replace(drive, odometry=path, encoders=None)
+    gyro = replace(
+        drive.imu,
+        angular_velocity=drive.imu.angular_velocity[:, [2, 0, 1]],
+        acceleration_g=drive.imu.acceleration_g[:, [2, 0, 1]],
+    )
+    robot = replace(drive.robot, imu=replace(drive.robot.imu, yaw_axis=0))
+    assert check_up(replace(drive, imu=gyro, robot=robot)) == check_up(drive)

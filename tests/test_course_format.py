@@ -286,3 +286,14 @@ def test_what_cannot_be_saved_is_refused_before_anything_is_written(tmp_path):
     with pytest.raises(DataError, match="image_every: found 0, expected 1 or more"):
         save_course(BOX, 7, tmp_path, image_every=0)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_columns_of_an_imu_are_written_in_the_order_of_the_format(tmp_path):
+    """The layout has no place for ``yaw_axis``: its yaw rate is always the third row."""
+    rates, pushes = np.arange(3.0 * len(BOX.imu.t)).reshape(-1, 3), BOX.imu.acceleration_g
+    plain = replace(BOX, imu=replace(BOX.imu, angular_velocity=rates))
+    turned = replace(BOX.imu, angular_velocity=rates[:, [2, 0, 1]], acceleration_g=pushes[:, [2, 0, 1]])
+    robot = replace(BOX.robot, imu=replace(BOX.robot.imu, yaw_axis=0))
+    for name, recording in (("plain", plain), ("turned", replace(BOX, imu=turned, robot=robot))):
+        save_course(recording, 7, tmp_path / name)
+    assert (tmp_path / "plain" / "Imu7.npz").read_bytes() == (tmp_path / "turned" / "Imu7.npz").read_bytes()

@@ -90,6 +90,15 @@ def test_yaw_rate_takes_off_the_bias_before_the_scale():
     np.testing.assert_array_equal(ImuModel(yaw_axis=0).yaw_rate(rates), [9.0, 9.0])
 
 
+@pytest.mark.parametrize(("yaw_axis", "columns"), [(0, "zxy"), (1, "yzx"), (2, "xyz")])
+def test_the_columns_of_an_imu_are_put_in_the_order_of_the_body(yaw_axis, columns):
+    shown = {"x": 1.0, "y": 2.0, "z": 3.0}
+    raw = np.array([[shown[c] for c in columns]] * 2)
+    model = ImuModel(yaw_axis=yaw_axis)
+    np.testing.assert_array_equal(model.in_body(raw), [[1.0, 2.0, 3.0]] * 2)
+    np.testing.assert_array_equal(model.yaw_rate(raw), [3.0, 3.0])
+
+
 def test_the_constants_of_the_camera_are_the_reports():
     """Eq. 16 and step 2, as printed: dd = -0.00304 d + 3.31, depth = 1.03 / dd, the two lines for i and j."""
     camera = RgbdModel()

@@ -77,7 +77,7 @@ def report_noise(recording: Recording) -> ControlNoise:
     """
     variance = 0.02
     if recording.imu is not None:
-        x, y, z = recording.imu.acceleration_g.T
+        x, y, z = recording.robot.imu.in_body(recording.imu.acceleration_g).T
         if np.mean(np.abs(np.arctan2(x, np.hypot(y, z))) > STEEP) > STEEP_SHARE:
             variance = 0.05
     return ControlNoise(sigma_omega=float(np.sqrt(variance)))

@@ -106,7 +106,7 @@ def gyro_bias(recording: Recording) -> tuple[float, float, float]:
     The mean over pieces of a second; their own spread gives the error, so the gyro's coloured noise counts in full.
     """
     _, imu = recording.wheels_and_gyro()
-    shown = imu.angular_velocity[:, recording.robot.imu.yaw_axis]
+    shown = recording.robot.imu.in_body(imu.angular_velocity)[:, 2]
     rates = np.array([shown[piece].mean() for piece in still_pieces(recording)])
     if len(rates) < LEAST_WINDOWS:
         return recording.robot.imu.gyro_bias, np.inf, len(rates) * WINDOW
@@ -128,11 +128,12 @@ def still_pieces(recording: Recording) -> list[slice]:
         first, last = np.searchsorted(imu.t, [moved[k] + MARGIN, moved[k + 1] - MARGIN])
         candidates += [slice(first + i, first + j) for i, j in _whole_pieces(imu.t[first:last], WINDOW)]
     pieces = [piece for piece in candidates if piece.stop - piece.start >= LEAST_SAMPLES]
-    spread = np.array([imu.angular_velocity[piece].std(axis=0) for piece in pieces]).reshape(-1, 3)
+    shown = recording.robot.imu.in_body(imu.angular_velocity)
+    spread = np.array([shown[piece].std(axis=0) for piece in pieces]).reshape(-1, 3)
     if not len(pieces):
         return []
     quiet = (spread <= SHAKEN * np.maximum(spread.min(axis=0), SPREAD_FLOOR)).all(axis=1)
-    rate = np.array([imu.angular_velocity[piece, recording.robot.imu.yaw_axis].mean() for piece in pieces])
+    rate = np.array([shown[piece, 2].mean() for piece in pieces])
     return [piece for piece, ok in zip(pieces, quiet & (np.abs(rate) < LARGEST_BIAS), strict=True) if ok]
 
 

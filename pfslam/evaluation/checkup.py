@@ -151,7 +151,7 @@ def check_rest(recording: Recording) -> Finding:
         bias, error, seconds = gyro_bias(recording)
         known = np.isfinite(error)
     else:
-        turns = compare_turns(recording.odometry, recording.imu, recording.robot.imu.yaw_axis)
+        turns = compare_turns(recording.odometry, recording.imu, recording.robot.imu)
         bias, seconds, known = turns.bias, turns.still, turns.still >= LEAST_SECONDS
     if not known:
         return answer(None, f"only {seconds:.0f} s at rest", expected)
@@ -169,7 +169,7 @@ def check_track(recording: Recording) -> Finding:
         if metres is None:
             return answer(None, "too few turns", track)
         return answer(0.2 <= metres <= 2.0, f"effective track {metres:.2f} m", track)
-    turns = compare_turns(recording.odometry, recording.imu, recording.robot.imu.yaw_axis)
+    turns = compare_turns(recording.odometry, recording.imu, recording.robot.imu)
     if not turns.enough:
         return answer(None, "too few turns", factor)
     if np.abs(turns.by_odometry - turns.by_gyro).max() < SAME_TURN:

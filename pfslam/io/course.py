@@ -201,7 +201,7 @@ def _tables(recording: Recording, truth_extras: Mapping[str, np.ndarray]) -> dic
     """List the arrays of every ``.npz`` file, by the file's name without its number."""
     encoders, imu = recording.wheels_and_gyro()
     lidar, camera, truth = recording.lidar, recording.camera, recording.truth
-    rates, pushes = imu.angular_velocity.T, imu.acceleration_g.T
+    rates, pushes = (recording.robot.imu.in_body(raw).T for raw in (imu.angular_velocity, imu.acceleration_g))
     tables = {
         "Encoders": {"counts": encoders.counts.T, "time_stamps": encoders.t},
         "Imu": {"angular_velocity": rates, "linear_acceleration": pushes, "time_stamps": imu.t},

@@ -11,6 +11,7 @@ import numpy as np
 
 from pfslam.poses import Trajectory, between, compose, wrap_angle
 from pfslam.recording import Imu
+from pfslam.sensors import ImuModel
 
 LONGEST = 1e7
 """Seconds of a drive; stamps that span more are those of a clock that was set."""
@@ -56,11 +57,12 @@ class Turns:
         return float(self.by_odometry @ self.by_gyro / max(np.sqrt(power), 1e-12))
 
 
-def compare_turns(odometry: Trajectory, imu: Imu, yaw_axis: int = 2) -> Turns:
-    """Compare the turns of an odometry with those of a gyro, about its ``yaw_axis``, while both last."""
+def compare_turns(odometry: Trajectory, imu: Imu, model: ImuModel | None = None) -> Turns:
+    """Compare the turns of an odometry with those of a gyro, whose columns are x, y, z without a model."""
     since, until = max(odometry.t[0], imu.t[0]), min(odometry.t[-1], imu.t[-1])
     edges = np.arange(since, until, 1.0) if LEAST_SECONDS - 1 < until - since < LONGEST else np.zeros(0)
-    integral = np.concatenate([[0.0], np.cumsum(imu.angular_velocity[1:, yaw_axis] * np.diff(imu.t))])
+    rates = (model or ImuModel()).in_body(imu.angular_velocity)[:, 2]
+    integral = np.concatenate([[0.0], np.cumsum(rates[1:] * np.diff(imu.t))])
     by_odometry = np.diff(np.interp(edges, odometry.t, np.unwrap(odometry.poses[:, 2])))
     by_gyro = np.diff(np.interp(edges, imu.t, integral))
     moved = np.hypot(*np.diff(odometry.at(edges)[:, :2], axis=0).T)

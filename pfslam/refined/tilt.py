@@ -42,18 +42,25 @@ class Tilt:
 
 
 def standing_start(recording: Recording) -> np.ndarray:
-    """Tell which gyro samples ``(K,)`` bool were taken before the wheels first moved."""
+    """Tell which IMU samples ``(K,)`` bool are of a standing start: from when on the wheels are known, until they move.
+
+    A reading of the encoders tells of the time since the one before it, the first one of nothing. A start shorter than
+    ``TIME_CONSTANT`` is none: for so long the accelerometer is not believed about what is level.
+    """
     encoders, imu = recording.wheels_and_gyro()
-    moving = np.flatnonzero(encoders.counts.any(axis=1))
-    return imu.t < (encoders.t[moving[0]] if len(moving) else np.inf)
+    moving = np.flatnonzero(encoders.counts[1:].any(axis=1))
+    still = (imu.t >= encoders.t[0]) & (imu.t <= encoders.t[moving[0] if len(moving) else -1])
+    long_enough = still.any() and np.ptp(imu.t[still]) >= TIME_CONSTANT
+    return still & long_enough
 
 
 def estimate_tilt(recording: Recording, inputs: Controls | None = None) -> Tilt | None:
     """Estimate pitch and roll along a recording, 0 where below ``LEVEL_BELOW``; None without encoders and IMU.
 
-    The tilt of the accelerometer's own axes and the bias of the gyro are taken from the standing start, if there is
-    one: the robot is supposed to start on level ground. ``inputs`` are the recording's ``controls``, for callers that
-    have them already.
+    The tilt of the accelerometer's own axes and the bias of the gyro are taken from a standing start: the robot is
+    supposed to stand on level ground then. Without one the bias is the median over the drive, most of which passes
+    without pitching or rolling; the accelerometer is taken for level, and where the filter begins is what it shows in
+    the first ``TIME_CONSTANT``. ``inputs`` are the recording's ``controls``, for callers that have them already.
     """
     if recording.imu is None or recording.encoders is None:
         return None
@@ -64,14 +71,15 @@ def estimate_tilt(recording: Recording, inputs: Controls | None = None) -> Tilt 
     forward = np.divide(np.diff(speed, prepend=speed[0]), dt, out=np.zeros_like(dt), where=dt > 1e-3)
     sideways = speed * recording.robot.imu.yaw_rate(imu.angular_velocity)
     still = standing_start(recording)
-    bias = imu.angular_velocity[still].mean(axis=0) if still.any() else np.zeros(3)
-    level = imu.acceleration_g[still].mean(axis=0) if still.any() else np.zeros(3)
-    gx, gy, gz = (imu.acceleration_g - [level[0], level[1], 0.0]).T
+    rates, felt = (recording.robot.imu.in_body(raw) for raw in (imu.angular_velocity, imu.acceleration_g))
+    bias = rates[still].mean(axis=0) if still.any() else np.median(rates, axis=0)
+    level = felt[still].mean(axis=0) if still.any() else np.zeros(3)
+    gx, gy, gz = (felt - [level[0], level[1], 0.0]).T
     pitch_from_gravity = np.arctan2(-(gx - forward / STANDARD_GRAVITY), gz)
     roll_from_gravity = np.arctan2(gy - sideways / STANDARD_GRAVITY, gz)
-    rates = imu.angular_velocity - bias
-    pitch = _complementary(rates[:, 1], pitch_from_gravity, dt, TIME_CONSTANT)
-    roll = _complementary(rates[:, 0], roll_from_gravity, dt, TIME_CONSTANT)
+    first = 0 if still.any() else int(np.searchsorted(imu.t, imu.t[0] + TIME_CONSTANT))
+    pitch = _complementary(rates[:, 1] - bias[1], pitch_from_gravity, dt, first)
+    roll = _complementary(rates[:, 0] - bias[0], roll_from_gravity, dt, first)
     tilted = [np.where(np.abs(angle) < LEVEL_BELOW, 0.0, angle) for angle in (pitch, roll)]
     return Tilt(imu.t, *tilted)
 
@@ -98,13 +106,15 @@ def _smoothed(values: np.ndarray, dt: np.ndarray, time_constant: float) -> np.nd
     return result
 
 
-def _complementary(
-    rate: np.ndarray, measured: np.ndarray, dt: np.ndarray, time_constant: float
-) -> np.ndarray:
-    """Integrate ``rate`` (rad/s) to an angle that returns to ``measured`` (rad) with the time constant."""
-    result, angle = np.empty_like(rate), 0.0
+def _complementary(rate: np.ndarray, measured: np.ndarray, dt: np.ndarray, first: int) -> np.ndarray:
+    """Integrate ``rate`` (rad/s) to an angle that returns to ``measured`` (rad) with the time constant.
+
+    It begins with the median of what the ``first`` samples say of the beginning; with none, at 0.
+    """
     turned = rate * dt
-    for k, share in enumerate(np.minimum(1.0, dt / time_constant)):
+    angle = float(np.median((measured - np.cumsum(turned))[:first])) if first else 0.0
+    result = np.empty_like(rate)
+    for k, share in enumerate(np.minimum(1.0, dt / TIME_CONSTANT)):
         angle = (1.0 - share) * (angle + turned[k]) + share * measured[k]
         result[k] = angle
     return result
