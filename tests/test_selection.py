@@ -11,10 +11,13 @@ import pfslam
 from pfslam.cli.parser import main
 from pfslam.errors import DataError
 from pfslam.io.selection import select
+from pfslam.poses import Trajectory
+from pfslam.recording import LidarScans, Recording
+from pfslam.sensors import LidarModel, RobotModel
 
 BOX = box_recording()
 SCANS = BOX.lidar
-ANGLES = np.degrees(BOX.robot.lidar.angles)
+ANGLES = np.arange(-540, 541) / 4  # the course's, in degrees
 
 
 def test_nothing_asked_for_is_the_recording_itself():
@@ -67,6 +70,46 @@ def test_masked_beams_measure_nothing(masks, hidden):
     np.testing.assert_array_equal(part.lidar.ranges[:, ~hidden], SCANS.ranges[:, ~hidden])
     assert part.lidar.ranges.dtype == SCANS.ranges.dtype
     assert sum(part.dropped.values()) == np.count_nonzero(hidden) * len(SCANS.t)
+
+
+def scanner(first, step, beams):
+    """A log of two scans; angles are whole steps of ``1 / step`` degrees, in the single precision of many files."""
+    ends = np.deg2rad(np.array([first, first + beams - 1], np.float32) / step, dtype=np.float32)
+    lidar = LidarModel(angle_min=float(ends[0]), angle_max=float(ends[1]), beams=beams)
+    scans = LidarScans(np.arange(2.0), np.full((2, beams), 3.0, np.float32))
+    odometry = Trajectory(np.arange(2.0), np.zeros((2, 3)))
+    return Recording("log", RobotModel(lidar=lidar), odometry=odometry, lidar=scans)
+
+
+@pytest.mark.parametrize(
+    ("first", "step", "beams"),
+    [
+        (-540, 4, 1081),
+        (-180, 1, 360),
+        (0, 1, 360),
+        (-180, 2, 361),
+        (-1350, 10, 2701),
+        (-27, 0.2, 55),
+        (0, 50, 18000),
+    ],
+)
+def test_both_ends_of_a_mask_belong_to_it(first, step, beams):
+    """Whole numbers of steps are compared with whole numbers: no rounding can lose an edge."""
+    log, rng, turn = scanner(first, step, beams), np.random.default_rng(3), round(360 * step)
+    of_beams = first + np.arange(beams)
+    for _ in range(60):
+        low, width = int(rng.integers(-turn, turn + 1)), int(rng.integers(0, turn))
+        low, high = (low, low + width) if low + width <= turn else (low, low + width - turn)
+        hidden = (of_beams - low) % turn <= (high - low) % turn
+        if 0 < hidden.sum() < beams and low != high:
+            part = select(log, masks=[(low / step, high / step)])
+            np.testing.assert_array_equal(np.isnan(part.lidar.ranges[0]), hidden, err_msg=f"{low}, {high}")
+    middle = int(of_beams[beams // 2])
+    part = select(log, masks=[(middle / step, middle / step)])
+    np.testing.assert_array_equal(np.isnan(part.lidar.ranges[0]), of_beams == middle)
+    for low, high in ((-180, 180), (0, 360), (360, 0)):
+        with pytest.raises(DataError, match=f"found {beams} beams, expected some of the beams"):
+            select(log, masks=[(low, high)])
 
 
 @pytest.mark.parametrize(

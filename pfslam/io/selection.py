@@ -13,6 +13,9 @@ from pfslam.errors import DataError
 from pfslam.recording import Recording, RgbdStream
 from pfslam.settings import changed
 
+ROUND_OFF = 1e-3
+"""Degrees: beams lie 0.018 apart or more, and angles in single precision are off by 1e-5."""
+
 
 def select(
     recording: Recording,
@@ -26,8 +29,8 @@ def select(
 
     ``start`` and ``until`` are seconds after the first reading of the LiDAR (without one, of the odometry), ``limits``
     the least and the largest range (m) that are believed, and ``masks`` sectors (degrees in the LiDAR's frame, counted
-    counter-clockwise from the first angle to the second) whose beams are not. Raises ``DataError`` where nothing would
-    be left.
+    counter-clockwise from the first angle to the second, both included) whose beams are not. Raises ``DataError``
+    where nothing would be left.
     """
     if start is not None or until is not None:
         recording = _within(recording, start or 0.0, np.inf if until is None else until)
@@ -91,7 +94,8 @@ def _masked(recording: Recording, masks: Sequence[Sequence[float]]) -> Recording
     for low, high in masks:
         if not (abs(low) <= 360.0 and abs(high) <= 360.0):
             raise DataError(recording.name, "--mask", f"{low:g} to {high:g}", "degrees, at most one turn")
-        masked |= (angles - low) % 360.0 <= ((high - low) % 360.0 or 360.0)
+        width = (high - low) % 360.0 or 360.0 * (high != low)
+        masked |= (angles - low + ROUND_OFF) % 360.0 <= width + 2.0 * ROUND_OFF
     if not masked.any() or masked.all():
         ends = f"some of the beams from {angles[0]:.1f} to {angles[-1]:.1f} deg"
         raise DataError(recording.name, "--mask", f"{masked.sum()} beams", ends)
