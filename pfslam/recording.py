@@ -133,25 +133,46 @@ class Recording:
     def range_scatter(self) -> float:
         """Estimate how far the ranges of neighbouring beams scatter (m): their standard deviation, 0 without scans.
 
-        Along a wall the second difference of three neighbouring ranges is almost nothing but noise, sqrt(6) times as
-        large as that of one. Far away, neighbours lie on different things: so the nearest quarter of the triples is
-        taken, and of these the median, because some lie across an edge.
+        On a straight wall two beams say where a third between them ends, whatever the angle between them; what is left
+        is noise. Far away, neighbours lie on different things: so the nearest quarter of the triples is taken, and of
+        these the median, because some lie across an edge. Noise does not depend on how far apart the beams are, but
+        what a bend of the wall leaves does, at least in proportion: what grows from neighbours to every other beam is
+        taken off. Beams so few that this cannot be seen show no noise.
         """
         if self.lidar is None:
             return 0.0
-        ranges = self.lidar.ranges[:: max(1, len(self.lidar.ranges) // SCATTER_SCANS)].astype(float)
+        ranges = self.lidar.ranges[:: max(1, len(self.lidar.ranges) // SCATTER_SCANS)]
         seen = self.robot.lidar.valid(ranges)
-        ranges[~seen] = 0.0  # a difference of two infinite ranges is no number
-        triples = seen[:, :-2] & seen[:, 1:-1] & seen[:, 2:]
-        bend, middle = np.diff(ranges, 2)[triples], ranges[:, 1:-1][triples]
-        near = bend[middle <= np.quantile(middle, 0.25)] if len(bend) else np.zeros(1)
-        return float(np.median(np.abs(near)) / (0.6745 * np.sqrt(6.0)))
+        near, far = (_off_the_wall(ranges, seen, k, k * self.robot.lidar.increment) for k in (1, 2))
+        # With a bend s: near^2 = noise^2 + s^2, and far^2 = noise^2 + (2 s)^2.
+        noise = near**2 - max(far**2 - near**2, 0.0) / 3.0 if max(near, far) < np.inf else 0.0
+        return float(np.sqrt(max(noise, 0.0)))
 
     def true_path(self) -> Trajectory:
         """The true trajectory of a simulated recording; ``DataError`` where nobody knows it."""
         if self.truth is None:
             raise DataError(self.name, "truth", "none", "a simulated recording, which knows its truth")
         return self.truth
+
+
+def _off_the_wall(ranges: np.ndarray, seen: np.ndarray, apart: int, angle: float) -> float:
+    """Return the spread (m) of ranges ``(K, beams)`` about those of a wall through the beams on either side.
+
+    These are ``apart`` beams, or ``angle`` rad, away. Along a wall 1 / r is a sum of sine and cosine, so that the
+    middle one of three is 2 a b cos(angle) / (a + b). Infinite where no three beams are ``seen`` in less than half a
+    turn.
+    """
+    if 2 * apart >= ranges.shape[1] or 2.0 * angle >= np.pi:
+        return np.inf
+    right, middle, left = (slice(k, ranges.shape[1] - 2 * apart + k) for k in (0, apart, 2 * apart))
+    triples = seen[:, right] & seen[:, middle] & seen[:, left]
+    if not triples.any():
+        return np.inf
+    triples &= ranges[:, middle] <= np.quantile(ranges[:, middle][triples], 0.25)
+    a, r, b = (ranges[:, part][triples].astype(float) for part in (right, middle, left))
+    share = 2.0 * np.cos(angle) / (a + b) ** 2  # times b^2 and a^2, what an error of a or of b does
+    off = (r - share * a * b * (a + b)) / np.sqrt(1.0 + share**2 * (a**4 + b**4))
+    return float(np.median(np.abs(off)) / 0.6745)
 
 
 @dataclass(frozen=True, eq=False)

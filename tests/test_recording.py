@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pfslam.errors import DataError
+from pfslam.io.datasets import load
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream, image_pairs, nearest_stamp
 from pfslam.sensors import LidarModel, RobotModel
@@ -112,4 +113,45 @@ def test_the_scatter_of_ranges_is_their_noise_whatever_stands_far_away_and_is_mi
     assert recording.range_scatter() == pytest.approx(metres, rel=0.05, abs=1e-4)
     assert replace(recording, lidar=None).range_scatter() == 0.0
     apart = np.where(np.arange(lidar.beams) % 2, scans.ranges, 0.0)  # never three beams side by side
+    with_one = np.where(np.arange(lidar.beams) % 3, scans.ranges, 0.0)
+    assert replace(recording, lidar=LidarScans(scans.t, with_one)).range_scatter() == 0.0
     assert replace(recording, lidar=LidarScans(scans.t, apart)).range_scatter() == 0.0
+
+
+def thinned(recording, step):
+    """The recording as every ``step``-th beam would have measured it, the first and the last among them."""
+    model, ranges = recording.robot.lidar, recording.lidar.ranges[:, ::step]
+    model = replace(model, beams=ranges.shape[1])
+    assert model.angles[-1] == pytest.approx(recording.robot.lidar.angles[-1])
+    robot = replace(recording.robot, lidar=model)
+    return replace(recording, robot=robot, lidar=LidarScans(recording.lidar.t, ranges))
+
+
+@pytest.mark.parametrize("more", [0.0, 0.01, 0.03, 0.06])
+def test_the_scatter_does_not_depend_on_how_far_apart_beams_are(more):
+    """A simulated drive of 1 cm, and more noise on top; where beams are too few to tell, none is claimed."""
+    drive, rng = load("hall"), np.random.default_rng(0)
+    kept = np.arange(360, len(drive.lidar.t), 5)
+    ranges = drive.lidar.ranges[kept] + more * rng.standard_normal((len(kept), 1081)).astype(np.float32)
+    noisy = replace(drive, camera=None, lidar=LidarScans(drive.lidar.t[kept], ranges))
+    truth = np.hypot(0.01, more)
+    for step in (1, 2, 3, 4, 6, 9, 12, 18, 20, 30):  # up to 37 beams, 7.5 degrees apart
+        assert thinned(noisy, step).range_scatter() == pytest.approx(truth, rel=0.25)
+    for step in (36, 40, 45, 54, 60, 72, 90, 108, 120, 135, 180, 216, 270, 360, 540):
+        assert thinned(noisy, step).range_scatter() < 1.5 * truth
+
+
+def test_beams_on_one_straight_wall_scatter_by_their_noise_alone_even_where_they_are_few():
+    """The wall is 1 m to the left of a scanner of 9 beams, 20 degrees apart."""
+    lidar, rng = (
+        LidarModel(angle_min=np.deg2rad(10.0), angle_max=np.deg2rad(170.0), beams=9),
+        np.random.default_rng(0),
+    )
+    for noise in (0.0, 0.02):
+        ranges = 1.0 / np.sin(lidar.angles) + noise * rng.standard_normal((400, 9))
+        scans, odometry = (
+            LidarScans(np.arange(400.0), ranges),
+            Trajectory(np.arange(400.0), np.zeros((400, 3))),
+        )
+        log = Recording("wall", RobotModel(lidar=lidar), odometry=odometry, lidar=scans)
+        assert log.range_scatter() == pytest.approx(noise, rel=0.1, abs=1e-9)
