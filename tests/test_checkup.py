@@ -13,7 +13,7 @@ from pfslam_book.show.faults import clockwise, late_scans, scaled_gyro, scaled_r
 import pfslam
 from pfslam.__main__ import main
 from pfslam.evaluation.checkup import check_place, check_scene, check_up, scan_turn_fit
-from pfslam.evaluation.scenes import place_fit, scene_fit
+from pfslam.evaluation.scenes import APART, SCENE_CELL, SEEN, Scene, place_fit, scene_fit
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, LidarScans, Recording
 from pfslam.study.disturbances import first_seconds, missing_beams, range_noise, start_time
@@ -222,6 +222,29 @@ def test_a_lidar_that_is_loose_is_told(drive, degrees):
     finding = check_scene(loose(degrees, drive))
     assert (finding.ok, finding.remedy) == (False, "")
     assert finding.found.startswith("factor 1.00, turned by +0 deg, swaying by ")
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [((-3, -1), (2, 4)), ((-12, 8), (11, 10)), ((9.7, -10), (10, -9.9)), ((10, 10), (12, 13))],
+)
+def test_points_lie_as_far_from_a_scene_as_from_its_nearest_cell(low, high):
+    """By brute force; what lies beyond the drawn square counts as lying at its edge, and 0.3 m is far enough."""
+    rng = np.random.default_rng(0)
+    seen, after, ways = (
+        rng.uniform(low, high, (30, 2)),
+        rng.uniform(low, high, (40, 2)),
+        np.array([0.0, 1 - 2j]),
+    )
+
+    def cells(points):
+        return np.clip(np.floor((points + SEEN) / SCENE_CELL), 0, 2 * SEEN / SCENE_CELL - 1)
+
+    drawn = cells(seen[np.abs(seen).max(axis=1) < SEEN])
+    for way, found in zip(ways, Scene.of(seen).apart(after, ways), strict=True):
+        gaps = cells(after + [way.real, way.imag])[:, None] - drawn
+        far = SCENE_CELL * np.hypot(*np.moveaxis(gaps, -1, 0)).min(axis=1, initial=np.inf)
+        assert found == pytest.approx(np.minimum(far, APART).mean(), abs=1e-6)
 
 
 def test_a_scene_that_stands_still_has_no_direction(drive):

@@ -8,6 +8,8 @@ straight way the direction of the LiDAR shows, and in a turn its place: the fart
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from math import ceil
 
 import cv2
 import numpy as np
@@ -48,10 +50,10 @@ def scene_fit(recording: Recording) -> tuple[float, float, float] | None:
         return None
     degrees, factors = np.arange(-175.0, 181.0, 5.0), np.arange(101) / 50.0
     turns = np.exp(-1j * np.deg2rad(degrees))
-    apart = np.sum([_apart(a, b, way * turns) for a, b, way, _ in pairs], axis=0)
+    apart = np.sum([a.apart(b, way * turns) for a, b, way, _ in pairs], axis=0)
     yaw = float(_best(degrees, apart, 0.0, TELLING))
     ahead, unmoved = np.exp(-1j * np.deg2rad(yaw)), np.zeros(1)
-    apart = np.sum([_apart(a, b, way * ahead * factors) for a, b, way, _ in pairs], axis=0)
+    apart = np.sum([a.apart(b, way * ahead * factors) for a, b, way, _ in pairs], axis=0)
     factor = float(_best(factors, apart, 1.0, TELLING_FACTOR))
     if factor <= 0.1:
         return factor, 0.0, 0.0
@@ -78,11 +80,13 @@ def place_fit(recording: Recording) -> tuple[float, float] | None:
     return place.real, place.imag
 
 
-def _apart_turned(before, after, way: complex, turn: complex, places: np.ndarray) -> np.ndarray:
-    """Measure how far apart (m) two scenes are, for each further turn in ``SLACK`` and place ``(K,)`` of the LiDAR."""
+def _apart_turned(
+    scene: Scene, after: np.ndarray, way: complex, turn: complex, places: np.ndarray
+) -> np.ndarray:
+    """Measure how far (m) points lie from a scene, for further turns ``SLACK`` and places ``(K,)`` of the LiDAR."""
     turned = [transform_points([0.0, 0.0, slack], after) for slack in SLACK]
     ways = [way + (turn * np.exp(1j * slack) - 1.0) * places for slack in SLACK]
-    return np.array([_apart(before, *both) for both in zip(turned, ways, strict=True)])
+    return np.array([scene.apart(*both) for both in zip(turned, ways, strict=True)])
 
 
 def _best(answers: np.ndarray, apart: np.ndarray, stated: complex, telling: float):
@@ -91,11 +95,11 @@ def _best(answers: np.ndarray, apart: np.ndarray, stated: complex, telling: floa
     return answers[np.argmin(apart)] if better > telling * np.ptp(apart) else stated
 
 
-def _scenes(recording: Recording, turning: bool) -> Iterator[tuple[np.ndarray, np.ndarray, complex, complex]]:
+def _scenes(recording: Recording, turning: bool) -> Iterator[tuple[Scene, np.ndarray, complex, complex]]:
     """Yield pairs of scans, a stride apart on straight ways or a corner apart in turns.
 
-    Of each: the points of both, turned alike, the LiDAR's way between them, and the turn between them, as complex
-    numbers in the axes of the first.
+    Of each: the scene that the first one saw, the points of the second, turned as the first, the LiDAR's way between
+    them, and the turn between them, as complex numbers in the axes of the first.
     """
     if recording.lidar is None:
         return
@@ -110,7 +114,7 @@ def _scenes(recording: Recording, turning: bool) -> Iterator[tuple[np.ndarray, n
         if min(len(before), len(after)) > 0:
             x, y = (transform_points(motion[k], place[None]) - place)[0]
             after = transform_points([0.0, 0.0, motion[k, 2]], after)
-            yield before, after, x + 1j * y, np.exp(1j * motion[k, 2])
+            yield Scene.of(before), after, x + 1j * y, np.exp(1j * motion[k, 2])
 
 
 def _pairs(poses: np.ndarray, turning: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -130,17 +134,37 @@ def _pairs(poses: np.ndarray, turning: bool) -> tuple[np.ndarray, np.ndarray]:
     return first[good], second[good]
 
 
-def _apart(before: np.ndarray, after: np.ndarray, ways: np.ndarray) -> np.ndarray:
-    """Measure how far apart (m) two scenes ``(M, 2)`` are when moved by each of the ways, complex ``(K,)``."""
-    size = int(2 * SEEN / SCENE_CELL)
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """How far (m) each cell ``away (H, W)`` is from the nearest point that a scan saw, at most ``APART``.
 
-    def cells(points):
-        return np.clip(((points + SEEN) / SCENE_CELL).astype(int), 0, size - 1)
+    ``corner (2,)`` is the cell (ix, iy) of the first, among those of ``SCENE_CELL`` from ``-SEEN`` on. All further
+    cells are as far away as those at the edge: strangers, or beyond what is drawn.
+    """
 
-    scene = np.ones((size, size), dtype=np.uint8)
-    ix, iy = cells(before[np.abs(before).max(axis=1) < SEEN]).T
-    scene[iy, ix] = 0
-    away = cv2.distanceTransform(scene, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    points = after[:: len(after) // 180 + 1] + np.column_stack([ways.real, ways.imag])[:, None]
-    ix, iy = np.moveaxis(cells(points), -1, 0)
-    return np.minimum(SCENE_CELL * away[iy, ix], APART).mean(axis=1)
+    corner: np.ndarray
+    away: np.ndarray
+
+    @classmethod
+    def of(cls, points: np.ndarray) -> Scene:
+        """Draw the points ``(M, 2)`` of a scan."""
+        size = int(2 * SEEN / SCENE_CELL)
+        near = points[np.abs(points).max(axis=1) < SEEN]
+        cells = np.minimum(((near + SEEN) / SCENE_CELL).astype(int), size - 1)
+        if not len(cells):
+            return cls(np.zeros(2, dtype=int), np.full((1, 1), APART, dtype=np.float32))
+        margin = ceil(APART / SCENE_CELL) + 1
+        corner = np.maximum(cells.min(axis=0) - margin, 0)
+        width, height = np.minimum(cells.max(axis=0) + margin + 1, size) - corner
+        empty = np.ones((height, width), dtype=np.uint8)
+        ix, iy = (cells - corner).T
+        empty[iy, ix] = 0
+        away = cv2.distanceTransform(empty, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        return cls(corner, np.minimum(SCENE_CELL * away, APART))
+
+    def apart(self, after: np.ndarray, ways: np.ndarray) -> np.ndarray:
+        """Measure how far (m) points ``(M, 2)`` are away when moved by each of the ways, complex ``(K,)``."""
+        moved = after[:: len(after) // 180 + 1].T[:, None] + np.array([ways.real, ways.imag])[..., None]
+        ix, iy = ((moved + SEEN) / SCENE_CELL).astype(int) - self.corner[:, None, None]
+        height, width = self.away.shape
+        return self.away.take(iy.clip(0, height - 1) * width + ix.clip(0, width - 1)).mean(axis=1)
