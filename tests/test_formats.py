@@ -9,6 +9,7 @@ from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.io.carmen import load_carmen
 from pfslam.io.formats import (
     read_covariances,
+    read_known_map,
     read_map,
     read_relations,
     read_tum,
@@ -124,13 +125,20 @@ def test_map_keys_and_pixels_by_hand(tmp_path, grid):
     np.testing.assert_array_equal(pixels, [[0, 205, 205, 205], [205, 205, 205, 205], [205, 205, 205, 254]])
 
 
-def test_the_thresholds_are_probabilities(tmp_path):
-    probability = np.array([[0.651, 0.649, 0.5, 0.197, 0.195, 1.0, 0.0]])
-    with np.errstate(divide="ignore"):
-        log_odds = np.log(probability) - np.log(1.0 - probability)
-    write_map(tmp_path / "m.yaml", OccupancyGrid(GridSpec((0, 0), 1.0, (1, 7)), log_odds))
+def test_a_cell_is_exported_as_what_the_run_takes_it_for(tmp_path):
+    """Seen once is enough, as to the filter; unknown is only what was never seen, or told both ways alike."""
+    once = np.float32(0.1 * np.log(4.0))  # what one scan of the refined filter says against a cell
+    log_odds = np.array([[once, -once, 0.0, 10 * once, -10 * once, np.inf, -np.inf]], dtype=np.float32)
+    grid = OccupancyGrid(GridSpec((0, 0), 1.0, (1, 7)), log_odds)
+    write_map(tmp_path / "m.yaml", grid)
     pixels = cv2.imread(str(tmp_path / "m.pgm"), cv2.IMREAD_UNCHANGED)
-    np.testing.assert_array_equal(pixels, [[0, 205, 205, 205, 254, 0, 254]])
+    np.testing.assert_array_equal(pixels, [[0, 254, 205, 0, 254, 0, 254]])
+    # As map_server reads it, by the thresholds in the text: p = (255 - pixel) / 255.
+    p = (255.0 - pixels) / 255.0
+    np.testing.assert_array_equal((p > 0.65) * 1 - (p < 0.196), [[1, -1, 0, 1, -1, 1, -1]])
+    known = read_known_map(tmp_path / "m.yaml")
+    np.testing.assert_array_equal(known.occupied, grid.occupied)
+    np.testing.assert_array_equal(known.free, grid.free)
 
 
 def test_a_map_of_another_program(tmp_path):

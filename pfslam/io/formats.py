@@ -95,11 +95,13 @@ def numbers(path: str | Path, place: str, words: list[str], count: int) -> list[
 
 
 def map_pixels(grid: OccupancyGrid) -> np.ndarray:
-    """Draw the map as an image ``(H, W)`` uint8, row 0 at y_max: 0 occupied, 254 free, 205 unknown."""
-    probability = grid.probability
+    """Draw the map as an image ``(H, W)`` uint8, row 0 at y_max: 0 occupied, 254 free, 205 unknown.
+
+    A cell is what the run itself takes it for: what is more likely than not.
+    """
     pixels = np.full(grid.spec.shape, UNKNOWN, dtype=np.uint8)
-    pixels[probability > OCCUPIED_THRESH] = OCCUPIED
-    pixels[probability < FREE_THRESH] = FREE
+    pixels[grid.occupied] = OCCUPIED
+    pixels[grid.free] = FREE
     return pixels[::-1]
 
 
