@@ -162,11 +162,10 @@ def _off_the_wall(ranges: np.ndarray, seen: np.ndarray, apart: int, angle: float
     middle one of three is 2 a b cos(angle) / (a + b). Infinite where no three beams are ``seen`` in less than half a
     turn.
     """
-    if 2 * apart >= ranges.shape[1] or 2.0 * angle >= np.pi:
-        return np.inf
-    right, middle, left = (slice(k, ranges.shape[1] - 2 * apart + k) for k in (0, apart, 2 * apart))
+    count = max(ranges.shape[1] - 2 * apart, 0)
+    right, middle, left = (slice(k, k + count) for k in (0, apart, 2 * apart))
     triples = seen[:, right] & seen[:, middle] & seen[:, left]
-    if not triples.any():
+    if not triples.any() or 2.0 * angle >= np.pi:
         return np.inf
     triples &= ranges[:, middle] <= np.quantile(ranges[:, middle][triples], 0.25)
     a, r, b = (ranges[:, part][triples].astype(float) for part in (right, middle, left))

@@ -12,6 +12,7 @@ from pfslam.evaluation.cloud import (
     cloud_consistency,
     cloud_moments,
     covariance_consistency,
+    squared_mahalanobis,
 )
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory, compose, wrap_angle
@@ -77,6 +78,18 @@ def test_the_truth_lies_inside_as_often_as_is_claimed_and_too_little_spread_is_f
     )
     assert found.claimed_m == pytest.approx(claimed * found.actual_m, rel=0.1)
     assert found.claimed_m == pytest.approx(claimed * np.sqrt(0.06), rel=0.02)
+
+
+def test_the_ellipsoids_reach_as_far_as_chi_square_says():
+    for share, reach in CLAIMS.items():
+        np.testing.assert_allclose(reach, stats.chi2.ppf(share, [2, 3]), atol=1e-6)
+
+
+def test_distances_are_those_of_each_covariance_alone_and_infinite_where_one_is_certain():
+    errors, spreads = np.array([[0.2, 0.0, 0.0], [1.0, 2.0, 3.0], [0.0, 0.0, 0.1]]), np.stack([SPREAD] * 3)
+    spreads[1, 2] = spreads[1, :, 2] = 0.0
+    by_inverse = [e @ np.linalg.inv(SPREAD) @ e for e in errors]
+    np.testing.assert_allclose(squared_mahalanobis(errors, spreads), [by_inverse[0], np.inf, by_inverse[2]])
 
 
 def test_the_run_may_start_anywhere():

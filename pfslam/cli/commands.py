@@ -45,10 +45,6 @@ from pfslam.refined.floor import map_texture
 from pfslam.refined.health import in_doubt
 from pfslam.run import run_slam
 from pfslam.settings import changed, plain
-from pfslam.simulator import Hazards, simulate
-from pfslam.simulator.cache import cached_simulation
-from pfslam.study import read_study, run_study
-from pfslam.study.table import read_table
 
 MOSTLY = 0.5
 """Share of a drive in doubt from which its result is not to be trusted as a whole."""
@@ -107,6 +103,9 @@ def write_summary(out: Path, summary: dict[str, Any]) -> str:
 
 def simulate_command(arguments: Namespace) -> None:
     """Write ``hall`` as set 20, ``ramp`` as 21 or ``ring`` as 95, with truth and, if asked for, images."""
+    from pfslam.simulator import Hazards, simulate  # which other commands can do without
+    from pfslam.simulator.cache import cached_simulation
+
     hazards = changed(Hazards(), given(arguments, "people", "sweep", *HAZARDS), "simulate", "--")
     check_writable(arguments.out)
     bar = progress_bar("simulating")
@@ -282,6 +281,9 @@ def report_command(arguments: Namespace) -> None:
 
 def study_command(arguments: Namespace) -> int:
     """Make the runs of a study that are missing, and its table."""
+    from pfslam.study import read_study, run_study  # which other commands can do without
+    from pfslam.study.table import read_table
+
     study = read_study(arguments.file)
     out = arguments.out or Path("out") / study.name
     # Ctrl-C may meet joblib while it frees a semaphore; its tracker then warns of one that is already free. Or it meets

@@ -195,14 +195,15 @@ def growth(grid: OccupancyGrid, drawn: list[tuple[int, ScanEvent]], poses: np.nd
     kinds = np.pad(kinds, [(0, -size % n) for size in kinds.shape])
     kinds = kinds.reshape(len(kinds) // n, n, -1, n).max(axis=(1, 3))
     spec = GridSpec(grid.spec.origin, grid.spec.resolution * n, kinds.shape)
-    seen = np.full(spec.shape, len(poses) - 1)
+    seen = np.full(spec.shape, len(poses) - 1, dtype=np.int16)
     for k, event in reversed(drawn):
         ends = transform_points(poses[k], np.vstack([event.points_b, event.sensor_b]))
         inside = spec.contains(spec.world_to_cell(ends))
         if inside[-1] and len(ends := ends[inside]) > 1:
             mask, rectangle = free_cells(spec, ends[:-1], event.beams[inside[:-1]], ends[-1], "polygon")
-            seen[rectangle][cv2.dilate(mask, np.ones((3, 3), np.uint8)) > 0] = k
-    return placed(spec, np.dstack([kinds, seen % 256, seen // 256]).astype(np.uint8), ".png")
+            np.copyto(seen[rectangle], k, where=mask.view(bool))
+    first = cv2.erode(seen, np.ones((3, 3), np.uint8))  # a wall was seen together with the floor before it
+    return placed(spec, np.dstack([kinds, first % 256, first // 256]).astype(np.uint8), ".png")
 
 
 def placed(spec: GridSpec, pixels: np.ndarray, kind: str, how: Sequence[int] = ()) -> dict[str, Any]:
