@@ -128,7 +128,7 @@ def test_map_keys_and_pixels_by_hand(tmp_path, grid):
 def test_a_cell_is_exported_as_what_the_run_takes_it_for(tmp_path):
     """Seen once is enough, as to the filter; unknown is only what was never seen, or told both ways alike."""
     once = np.float32(0.1 * np.log(4.0))  # what one scan of the refined filter says against a cell
-    log_odds = np.array([[once, -once, 0.0, 10 * once, -10 * once, np.inf, -np.inf]], dtype=np.float32)
+    log_odds = np.array([[once, -once, 0.0, 1e-8, -1e-8, np.inf, -np.inf]], dtype=np.float32)
     grid = OccupancyGrid(GridSpec((0, 0), 1.0, (1, 7)), log_odds)
     write_map(tmp_path / "m.yaml", grid)
     pixels = cv2.imread(str(tmp_path / "m.pgm"), cv2.IMREAD_UNCHANGED)

@@ -99,9 +99,10 @@ def map_pixels(grid: OccupancyGrid) -> np.ndarray:
 
     A cell is what the run itself takes it for: what is more likely than not.
     """
+    probability = grid.probability
     pixels = np.full(grid.spec.shape, UNKNOWN, dtype=np.uint8)
-    pixels[grid.occupied] = OCCUPIED
-    pixels[grid.free] = FREE
+    pixels[probability > 0.5] = OCCUPIED
+    pixels[probability < 0.5] = FREE
     return pixels[::-1]
 
 
