@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,7 +24,8 @@ from pfslam.slam import Belief, SlamConfig, Step, slam_step
 class SlamResult:
     """A finished run: the estimate as it was at each used scan (never revised), the map, one ``Step`` per scan.
 
-    ``config`` is that of the run that was kept: the robust one after a second look (see ``run_slam``).
+    ``config`` is that of the run that was kept. ``second_look`` tells whether ``run_slam`` itself has made it robust,
+    because people, glass or noisy ranges mislead the scans.
     """
 
     trajectory: Trajectory
@@ -31,6 +33,7 @@ class SlamResult:
     infos: tuple[Step, ...]
     dropped: dict[str, int]
     config: SlamConfig
+    second_look: bool = False
 
     @property
     def updates(self) -> int:
@@ -97,30 +100,29 @@ def run_slam(
     ``config=None`` is ``SlamConfig.refined()``; ``rng=None`` is seed 0. ``progress(iterable, total=n)`` may wrap the
     loop, as tqdm does. Without ``keep_particles`` the infos hold no clouds, which saves memory on long runs.
 
-    A run that its scans have dragged off (``health.was_dragged``), or whose ranges scatter by more than ``NOISY``, is
-    done again with ``config.robust()``, if that differs. The second run is kept, unless more of it is in doubt and the
-    ranges are not noisy; the result's ``config`` tells. Without ``second_look`` the first run is kept in any case.
+    A run that its scans have dragged off (``health.was_dragged``) is done again with ``config.robust()``, if that
+    differs, and the second run is kept unless more of it is in doubt. It begins with the generator as the first run
+    found it, so ``config`` and seed of the result repeat it to the last bit. Where the ranges scatter by more than
+    ``NOISY`` a first look may be far off and suspect nothing: the robust run is made at once. Without ``second_look``
+    the run is made as ``config`` says, and once.
     """
     config = SlamConfig.refined() if config is None else config
     rng = np.random.default_rng(0) if rng is None else rng
-    result = _one_run(recording, config, rng, progress, keep_particles)
-    robust = config.robust(recording.range_scatter())
-    if second_look and robust != config and needs_second_look(recording, result):
-        return better_look(recording, result, _one_run(recording, robust, rng, progress, keep_particles))
-    return result
+    scatter, again, how = recording.range_scatter(), deepcopy(rng), (progress, keep_particles)
+    robust = config.robust(scatter)
+    if not second_look or robust == config:
+        return _one_run(recording, config, rng, *how)
+    if scatter > NOISY:
+        return replace(_one_run(recording, robust, rng, *how), second_look=True)
+    result = _one_run(recording, config, rng, *how)
+    if not was_dragged(result.infos):
+        return result
+    return better_look(result, replace(_one_run(recording, robust, again, *how), second_look=True))
 
 
-def needs_second_look(recording: Recording, result: SlamResult) -> bool:
-    """Whether a run is to be done again: its ranges are noisy, or its scans have dragged it off."""
-    return recording.range_scatter() > NOISY or was_dragged(result.infos)
-
-
-def better_look(recording: Recording, first: SlamResult, second: SlamResult) -> SlamResult:
-    """Choose which look to keep: the second, unless more of it is in doubt and the ranges are not noisy.
-
-    Among noisy ranges a first look may be far off and suspect nothing.
-    """
-    return second if recording.range_scatter() > NOISY else min(second, first, key=scans_in_doubt)
+def better_look(first: SlamResult, second: SlamResult) -> SlamResult:
+    """Choose which look to keep: the second, unless more of it is in doubt."""
+    return min(second, first, key=scans_in_doubt)
 
 
 def scans_in_doubt(result: SlamResult) -> int:

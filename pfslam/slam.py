@@ -329,15 +329,18 @@ class SlamConfig(Settings):
 
         With ``scatter`` (m), the standard deviation of the ranges, a beam must end farther behind a hit to have seen
         through it: four of them, which is three of the difference between two ranges. Above ``NOISY`` a line needs more
-        hits: a few that scatter look like a line that is none. Methods without lines, or with a map for each particle,
-        come back as they are.
+        hits: a few that scatter look like a line that is none. A setting that is not at its default was asked for, and
+        stays. Methods without lines, or with a map for each particle, come back as they are.
         """
         if self.lines is None or self.maps == "per-particle":
             return self
-        min_hits = 8 if scatter > NOISY else self.lines.min_hits
-        lines = LineConfig(min_hits=min_hits, elongation=1.3, independent_beams=150.0)
-        margin = max(OutlierConfig.margin, round(4.0 * scatter / self.map.resolution))
-        return replace(self, lines=lines, outliers=self.outliers or OutlierConfig(margin=margin))
+        asked = {k: v for k, v in vars(self.lines).items() if v != getattr(LineConfig, k)}
+        min_hits = 8 if scatter > NOISY else LineConfig.min_hits
+        lines = replace(LineConfig(min_hits=min_hits, elongation=1.3, independent_beams=150.0), **asked)
+        # The cap is the field's own: the few beams of a very coarse scanner scatter by metres.
+        margin = min(max(OutlierConfig.margin, round(4.0 * scatter / self.map.resolution)), 100)
+        outliers = self.outliers or OutlierConfig(margin=margin)
+        return replace(self, lines=lines, outliers=outliers)
 
     def as_dict(self) -> dict:
         """Return all settings as plain nested dictionaries, for ``summary.json`` and tables."""

@@ -12,6 +12,7 @@ from pfslam.correlation import score_field
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
 from pfslam.poses import compose, transform_points
+from pfslam.refined.lines import LineConfig
 from pfslam.refined.outliers import (
     RADIUS,
     OutlierConfig,
@@ -21,7 +22,7 @@ from pfslam.refined.outliers import (
     seen_again_or_through,
     settle_hits,
 )
-from pfslam.run import better_look, needs_second_look, run_slam, slam_steps, used_scans
+from pfslam.run import better_look, run_slam, slam_steps, used_scans
 from pfslam.simulator import Hazards, simulate
 from pfslam.slam import SlamConfig, slam_step
 
@@ -147,6 +148,19 @@ def test_noisy_ranges_must_end_farther_behind_a_hit_to_have_seen_through_it():
     assert margins == [CONFIG.margin, CONFIG.margin, 4, 8]
     cautious = replace(SlamConfig.refined(), outliers=replace(CONFIG, margin=1))
     assert cautious.robust(0.1).outliers.margin == 1
+    # Neighbours of a few beams lie on different things: the margin stays within what its field takes.
+    assert SlamConfig.refined().robust(10.0).outliers.margin == 100
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.01, 0.1, 10.0])
+def test_robust_settings_leave_what_was_asked_for(scatter):
+    asked = {"min_hits": 12, "elongation": 4.0, "independent_beams": 40.0}
+    config = replace(SlamConfig.refined(), lines=LineConfig(**asked))
+    assert config.robust(scatter).lines == config.lines
+    for name, value in asked.items():
+        robust = replace(config, lines=LineConfig(**{name: value})).robust(scatter)
+        assert getattr(robust.lines, name) == value
+        assert robust.robust(scatter) == robust
 
 
 FEW = replace(SlamConfig.refined(), particles=50)
@@ -168,8 +182,12 @@ def person_walking_ahead():
 def test_behind_a_person_who_walks_ahead_a_second_look_finds_the_way():
     data = person_walking_ahead()
     first, second = (run_slam(data, FEW, second_look=look) for look in (False, True))
-    assert needs_second_look(data, first)
     assert (first.config, second.config) == (FEW, FEW.robust())
+    assert (first.second_look, second.second_look) == (False, True)
+    again = run_slam(data, second.config)
+    np.testing.assert_array_equal(again.trajectory.poses, second.trajectory.poses)
+    np.testing.assert_array_equal(again.grid.log_odds, second.grid.log_odds)
+    assert not again.second_look
     assert trajectory_error(first.trajectory, data.truth).ate_max_m > 0.5
     assert trajectory_error(second.trajectory, data.truth).ate_max_m < 0.1
     assert len(first.distrust) == 1
@@ -220,22 +238,35 @@ def test_a_match_far_from_odometry_is_believed_if_walls_explain_it(in_the_room, 
 
 
 @pytest.mark.parametrize(("sigma", "robust"), [(0.0, False), (0.06, True)])
-def test_noisy_ranges_alone_ask_for_a_second_look(sigma, robust):
-    room = drive([(3.0, 10, 0.1)])
+def test_where_ranges_are_noisy_the_robust_run_is_made_at_once(sigma, robust):
+    room, looks = drive([(3.0, 10, 0.1)]), []
     ranges = room.lidar.ranges + np.random.default_rng(0).normal(0.0, sigma, room.lidar.ranges.shape)
-    result = run_slam(replace(room, lidar=replace(room.lidar, ranges=np.maximum(ranges, 0.0))), FEW)
-    assert (result.config.outliers is not None) == robust
+    noisy = replace(room, lidar=replace(room.lidar, ranges=np.maximum(ranges, 0.0)))
+    result = run_slam(noisy, FEW, progress=lambda steps, total: looks.append(total) or steps)
+    assert len(looks) == 1
+    assert (result.config.outliers is not None) == result.second_look == robust
+    assert run_slam(noisy, FEW, second_look=False).config == FEW
 
 
-def test_the_second_look_stands_unless_it_is_more_in_doubt_and_always_in_noise():
+def test_a_scanner_of_five_beams_which_see_five_different_things_has_robust_settings_too():
+    room = drive([(1.0, 10, 0.1)], lidar=replace(LIDAR, beams=5))
+    assert room.range_scatter() > 1.0
+    assert run_slam(room, FEW).second_look
+
+
+def test_robust_settings_that_were_asked_for_are_no_second_look():
+    result = run_slam(drive([(3.0, 10, 0.1)]), FEW.robust())
+    assert result.config.outliers is not None
+    assert not result.second_look
+
+
+def test_the_second_look_stands_unless_it_is_more_in_doubt():
     t = np.arange(10.0)
     doubts = {n: [{"from": 10.0 - n, "to": None, "reason": ""}] for n in (1, 5)}
     little, much = (SimpleNamespace(distrust=doubts[n], trajectory=SimpleNamespace(t=t)) for n in (1, 5))
-    clean, noisy = (SimpleNamespace(range_scatter=lambda s=s: s) for s in (0.01, 0.05))
-    assert better_look(clean, little, much) is little
-    assert better_look(clean, much, little) is little
-    assert better_look(clean, little, again := SimpleNamespace(**vars(little))) is again
-    assert better_look(noisy, little, much) is much
+    assert better_look(little, much) is little
+    assert better_look(much, little) is little
+    assert better_look(little, again := SimpleNamespace(**vars(little))) is again
 
 
 @pytest.mark.nightly

@@ -130,7 +130,7 @@ def judged(case: Case) -> dict[str, Any]:
         "mean_m": metres.mean(),
         "max_m": metres.max(),
         "heading_deg": np.rad2deg(rms(radians)),
-        "second_look": int(bool(result.config.outliers)),
+        "second_look": int(result.second_look),
         "doubted": doubted,
         "to_the_end": int(any(stretch["to"] is None for stretch in result.distrust)),
         "reasons": "; ".join(str(stretch["reason"]) for stretch in result.distrust),

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import copy
 import io
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -33,9 +32,10 @@ from pfslam.evaluation.trajectory import aligned_at_first, trajectory_error
 from pfslam.io.datasets import data_folder
 from pfslam.io.files import atomic_write, write_csv, write_text
 from pfslam.recording import Recording
+from pfslam.refined.health import was_dragged
 from pfslam.refined.lines import LineConfig
-from pfslam.refined.outliers import OutlierConfig
-from pfslam.run import SlamResult, better_look, needs_second_look, run_slam
+from pfslam.refined.outliers import NOISY, OutlierConfig
+from pfslam.run import SlamResult, better_look, run_slam
 from pfslam.sensors import LidarModel
 from pfslam.settings import changed
 from pfslam.simulator import Hazards, simulate
@@ -103,10 +103,10 @@ def recording_of(drive: str) -> Recording:
 
 
 @lru_cache(maxsize=4)
-def one_look(drive: str, seed: int, lidar: LidarModel, config: SlamConfig) -> tuple[SlamResult, Any]:
-    """Run once; return the result, and the random generator as the run left it."""
+def one_look(drive: str, seed: int, lidar: LidarModel, config: SlamConfig) -> SlamResult:
+    """Run once."""
     rng, recording = np.random.default_rng(seed), with_lidar(recording_of(drive), lidar)
-    return run_slam(recording, config, rng=rng, keep_particles=False, second_look=False), rng
+    return run_slam(recording, config, rng=rng, keep_particles=False, second_look=False)
 
 
 def with_lidar(recording: Recording, lidar: LidarModel) -> Recording:
@@ -120,12 +120,11 @@ def error_without(case: Case) -> dict[str, Any]:
     lidar = without.lidar(recording_of(drive).robot.lidar)
     recording = with_lidar(recording_of(drive), lidar)
     config = changed(replace(SlamConfig.refined(), every=recording.default_every), without.config)
-    result, rng = one_look(drive, seed, lidar, config)
-    if without.second_look and needs_second_look(recording, result):
+    result, noisy = one_look(drive, seed, lidar, config), recording.range_scatter() > NOISY
+    if without.second_look and (noisy or was_dragged(result.infos)):
         careful = changed(config.robust(recording.range_scatter()), without.careful)
-        rng = copy.deepcopy(rng)
-        second = run_slam(recording, careful, rng=rng, keep_particles=False, second_look=False)
-        result = better_look(recording, result, second)
+        second = one_look(drive, seed, lidar, careful)
+        result = second if noisy else better_look(result, second)
     return {ERROR: trajectory_error(result.trajectory, recording.true_path()).ate_rmse_m}
 
 
