@@ -1,8 +1,8 @@
-"""``python -m pfslam``: the command line, which ``pfslam.cli.parser`` describes."""
+"""``python -m pfslam``: the command line, whose options ``pfslam.cli.parser`` describes."""
 
 import sys
 
-from pfslam.cli.parser import main
+from pfslam.cli.main import main
 
 if __name__ == "__main__":
     sys.exit(main())

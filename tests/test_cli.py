@@ -8,7 +8,9 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from importlib import metadata
 from pathlib import Path
+from types import ModuleType
 
 import cv2
 import numpy as np
@@ -22,9 +24,10 @@ import pfslam
 from pfslam import simulator
 from pfslam.__main__ import main
 from pfslam.cli import commands, words
-from pfslam.cli.parser import THREADS
+from pfslam.cli.main import THREADS
 from pfslam.io.course import load_course, save_course
 from pfslam.io.formats import read_covariances, read_map, read_tum, write_tum
+from pfslam.io.recordings import save
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.sensors import LidarModel
@@ -143,26 +146,62 @@ def test_the_same_seed_gives_the_same_files(results, data, tmp_path):
         assert path.name == "summary.json" or first == second
 
 
-@pytest.mark.parametrize("method", ["refined", "report", "matching", "per-particle"])
-def test_a_run_is_repeated_from_its_own_summary(data, tmp_path, method):
-    line = ["run", "7", "--data", str(data), "--every", "10", "--no-texture"]
-    wishes = ["--method", method, "--seed", "3", "--set", "search.sharpness=30", "--set", "tilt = false"]
-    wishes += [] if method == "matching" else ["--particles", "4"]
-    assert main([*line, *wishes, "--out", str(tmp_path / "first")]) == 0
-    again = ["run", "7", "--data", str(data), "--no-texture", "--quiet"]
-    config = ["--config", str(tmp_path / "first" / "summary.json")]
-    assert main([*again, *config, "--out", str(tmp_path / "again")]) == 0
+def misled(tmp_path, mishap):
+    """A short drive in the box among the named mishap, as a file."""
+    drive = box_recording(seconds=8.0, images=0)
+    ranges, t = drive.lidar.ranges.copy(), drive.lidar.t - drive.lidar.t[0]
+    rng = np.random.default_rng(0)
+    if mishap == "people":  # who walk ahead: half of the beams end at one distance, whatever the robot does
+        ranges[t > 2.0, 200:-200] = 0.8
+    elif mishap == "noise":
+        ranges += rng.normal(0.0, 0.06, ranges.shape).astype(ranges.dtype)
+    elif mishap == "glass":
+        ranges[:, ::3] += rng.random(ranges[:, ::3].shape) < 0.5
+    save(replace(drive, lidar=replace(drive.lidar, ranges=ranges)), tmp_path / "drive.npz")
+    return str(tmp_path / "drive.npz")
+
+
+REPEATED = {
+    "refined": "--method refined --every 5 --particles 4 --set search.sharpness=30 --set draw_metres=inf",
+    "report": "--method report --every 10 --particles 4 --set noise.sigma_v=0.2",
+    "matching": "--method matching --set outliers=true --set outliers.gate=inf",
+    "per-particle": "--method per-particle --particles 3 --every 10 --from 1.5 --set map.clamp=inf",
+    "one look": "--no-second-look --particles 5 --set lines.min_hits=4 --from 1",
+    "robust": "--particles 5 --set outliers=true --set lines.elongation=1.5",
+}
+
+
+@pytest.mark.parametrize("mishap", ["none", "people", "noise", "glass"])
+@pytest.mark.parametrize("options", REPEATED)
+def test_a_run_is_repeated_from_its_own_summary(tmp_path, options, mishap):
+    line, options = ["run", misled(tmp_path, mishap), "--anyway", "--quiet"], REPEATED[options].split()
+    code = main([*line, *options, "--seed", "3", "--out", str(tmp_path / "first")])
+    part = ["--from", options[options.index("--from") + 1]] if "--from" in options else []
+    summary = str(tmp_path / "first" / "summary.json")
+    assert main([*line, *part, "--config", summary, "--out", str(tmp_path / "again")]) == code
     first, second = (summary_in(tmp_path / name) for name in ("first", "again"))
-    assert first["config"]["search"]["sharpness"] == 30.0
-    assert first["config"]["tilt"] is False
-    assert (first["method"], first["seed"], first["config"]["every"]) == (method, 3, 10)
-    assert first["config"]["particles"] == (1 if method == "matching" else 4)
-    assert (first["config"]["noise"]["kind"] == "ControlNoise") == (method == "report")
-    assert not (tmp_path / "first" / "texture.png").exists()
-    for name in ("config", "method", "seed", "slam"):
+    may = bool({"refined", "matching", "outliers=true"} & set(options)) and "--no-second-look" not in options
+    assert first["second_look"] == (may and mishap in ("people", "noise"))
+    for name in ("config", "method", "seed", "second_look_allowed", "slam"):
         assert first[name] == second[name]
-    for name in ("trajectory.tum", "map.pgm"):
-        assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
+    for name in ("trajectory.tum", "map.pgm", "trajectory_covariance.txt"):
+        one, other = (tmp_path / which / name for which in ("first", "again"))
+        assert one.is_file() == other.is_file() == (name in first["files"])
+        assert not one.is_file() or one.read_bytes() == other.read_bytes()
+
+
+def test_a_summary_says_whether_the_run_took_robust_settings_of_its_own(tmp_path):
+    line = ["run", misled(tmp_path, "noise"), "--particles", "4", "--every", "9", "--anyway", "--quiet"]
+    expected = {"": (True, True, True), "--no-second-look": (False, False, False)}
+    expected["--set outliers=true --no-second-look"] = (False, False, True)
+    for options, wanted in expected.items():
+        main([*line, *options.split(), "--out", str(tmp_path / "o")])
+        found = summary_in(tmp_path / "o")
+        robust = found["config"]["outliers"] is not None
+        assert (found["second_look"], found["second_look_allowed"], robust) == wanted, options
+    (tmp_path / "once.toml").write_text("second_look = false\n")
+    main([*line, "--config", str(tmp_path / "once.toml"), "--out", str(tmp_path / "o")])
+    assert summary_in(tmp_path / "o")["config"]["outliers"] is None
 
 
 def test_settings_come_from_a_file_and_options_win(data, tmp_path, capsys):
@@ -206,6 +245,7 @@ def test_linear_algebra_takes_one_thread_unless_asked(monkeypatch, asked):
         ("method = ['matching']", "a.toml", "method: found ['matching'], expected one of"),
         ("seed = true", "a.toml", "seed: found True, expected a whole number"),
         ("seed = -1", "a.toml", "seed: found -1, expected a whole number"),
+        ("second_look = 1", "a.toml", "second_look: found 1, expected true or false"),
         ("[search", "a.toml", "expected TOML"),
         ("{}", "a.json", "config: found nothing, expected the settings of a run"),
         ("[" * 9000, "a.json", "expected JSON"),
@@ -277,7 +317,7 @@ def test_a_run_that_is_not_to_be_trusted_says_so_in_one_sentence():
         ),
         (
             {"distrust": [], "second_look": True},
-            "people, glass or noise misled the scans: the run was done again with care\n",
+            "people, glass or noise mislead the scans: the run was made with robust settings\n",
         ),
     ):
         assert words.closing_words(recording, summary, "here") == sentence + end
@@ -429,6 +469,31 @@ def test_a_fault_of_ours_and_too_little_memory_are_one_line_too(monkeypatch, cap
         monkeypatch.setenv("PFSLAM_DEBUG", "1")
         with pytest.raises(ZeroDivisionError):
             main(["run", "8"])
+
+
+def test_a_package_that_is_missing_or_too_old_is_one_line(data, tmp_path, monkeypatch, capsys):
+    line = ["run", "7", "--data", str(data), "--out", str(tmp_path), "--method", "matching", "--loops"]
+    sparse = ModuleType("scipy.sparse")  # which knows nothing yet
+    with monkeypatch.context() as patch:
+        for name in [name for name in sys.modules if name.startswith("pfslam.beyond.loops")]:
+            patch.delitem(sys.modules, name)
+        patch.setitem(sys.modules, "scipy.sparse", sparse)
+        assert main(line) == 2
+        assert "pfslam: the package scipy is missing or too old (cannot import" in capsys.readouterr().err
+
+    def broken(_):
+        raise AttributeError("module 'numpy' has no attribute 'new'")
+
+    monkeypatch.setattr(commands, "run_command", broken)
+    monkeypatch.setattr(metadata, "requires", lambda _: ["numpy>=1.26", "tqdm>=4.66; extra == 'x'"])
+    for versions, said in (
+        ("1.9.9", "numpy is too old: found 1.9.9, expected 1.26"),
+        ("10.0", "a fault in pfslam"),
+    ):
+        monkeypatch.setattr(metadata, "version", {"numpy": versions, "tqdm": "4.66.1"}.get)
+        assert main(line) == (2 if versions == "1.9.9" else 1)
+        assert said in (words := capsys.readouterr().err)
+        assert words.count("\n") == 1
 
 
 def has_worker(process):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from box_recording import box_recording
 
-from pfslam.cli.parser import main
+from pfslam.__main__ import main
 from pfslam.io.course import save_course
 
 ROOT = Path(__file__).resolve().parents[1]

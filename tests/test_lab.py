@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pfslam_book import ch05
 from pfslam_book.show import lab
-from pfslam_book.show.lab import FOLDER, answer, module, packed, packed_scan, scripts, show_lab
+from pfslam_book.show.lab import FOLDER, answer, asset, module, packed, packed_scan, scripts, show_lab
 
 from pfslam.sensors import LidarModel
 
@@ -79,7 +79,7 @@ def test_an_error_of_the_reader_comes_back_as_words():
 
 @pytest.mark.parametrize(("kind", "name"), [file[:-3].split("_") for file in FILES])
 def test_every_laboratory_and_picture_is_whole(kind, name):
-    assert all(FOLDER.joinpath(script).is_file() for script in scripts(name))
+    assert all(asset(script).is_file() for script in scripts(name))
     assert len(FOLDER.joinpath(f"{name}.webp").read_bytes()) < 80_000
     assert f'{kind}("{name}"' in module(name)
     assert "http" not in module(name), "nothing is fetched"

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb as rgb
 from pfslam_book.show.artists import COLOURS, plan, sheet
-from pfslam_book.show.lab import FOLDER
 from pfslam_book.show.night import CELLS, NIGHT, PAPER, WHITE, at_night, contrast, draw_at_night
 from pfslam_book.show.pictures import to_rgb
 from pfslam_book.show.style import INK
 from pfslam_book.show.style import PAPER as DAY_PAPER
+
+from pfslam.cli import viewer
 
 
 def shares(image, colour, near=3) -> float:
@@ -40,11 +41,7 @@ def test_the_particles_are_the_lighter_blue_and_lines_are_seen_on_free_cells():
 
 
 def test_the_laboratories_have_the_same_colours_in_the_dark():
-    dark = (
-        FOLDER.joinpath("lab.css")
-        .read_text(encoding="utf-8")
-        .split('html[data-theme="dark"] .pfslam-lab,')[1]
-    )
+    dark = viewer.source("lab.css").split('html[data-theme="dark"] .pfslam-lab,')[1]
     lab = dict(re.findall(r"--lab-([a-z]+): (#[0-9a-f]{6})", dark.split("}")[0]))
     for name, ours in {
         "clear": "free",

@@ -8,7 +8,7 @@ from bag_files import LEVEL, Messages, nanoseconds, rows_of, write_bag
 from box_recording import box_recording
 
 import pfslam
-from pfslam.cli.parser import main
+from pfslam.__main__ import main
 from pfslam.errors import DataError
 from pfslam.io.selection import select
 from pfslam.poses import Trajectory

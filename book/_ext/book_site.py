@@ -317,11 +317,14 @@ def draw_hero(app, error) -> None:
 
 
 def copy_laboratories(app) -> None:
-    """The scripts of the laboratories, which are the package's, into the site."""
+    """The scripts and the style of the laboratories into the site."""
     if app.builder.format == "html":
         target = Path(app.outdir) / "_static" / "labs"
         target.mkdir(parents=True, exist_ok=True)
-        for source in Path(str(lab.FOLDER)).glob("*.[jc]s*"):
+        for source in [
+            *lab.FOLDER.glob("*.js"),
+            *(lab.asset(name) for name in ("core.js", "view.js", "lab.css")),
+        ]:
             shutil.copyfile(source, target / source.name)
 
 

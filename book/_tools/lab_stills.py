@@ -112,15 +112,16 @@ def picture_options(name: str) -> dict:
 
 def page(name: str, options: dict | None = None, theme: str = "light") -> str:
     """A page with one laboratory and nothing else, whose scripts are the files of this package."""
-    folder = Path(str(lab.FOLDER)).as_uri()
     style = (Path(__file__).parents[1] / "_static" / "pfslam.css").as_uri()
-    tags = "".join(f'<script defer src="{folder}/{script}"></script>' for script in lab.scripts(name))
+    tags = "".join(
+        f'<script defer src="{lab.asset(script).as_uri()}"></script>' for script in lab.scripts(name)
+    )
     figure = lab.page_fragment(
         lab.Laboratory(name, name, "The stored picture.", options or default_options(name))
     )
     return f"""<!doctype html><html lang="en" data-theme="{theme}"><head><meta charset="utf-8"><title>{name}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<link rel="stylesheet" href="{style}"><link rel="stylesheet" href="{folder}/lab.css">
+<link rel="stylesheet" href="{style}"><link rel="stylesheet" href="{lab.asset("lab.css").as_uri()}">
 <style>html {{--pst-color-primary: #0f57bd}} body {{max-width: 688px; margin: 0 auto; font: 16px sans-serif}}
 html[data-theme=dark] {{background: #121212; color: #eee; --pst-color-text-base: #eee; --pst-color-primary: #7db2f7}}
 </style></head>
@@ -144,7 +145,7 @@ def main(names: list[str]) -> None:
     """Write the picture of each laboratory that is named."""
     with chromium() as browser:
         for name in names or MOMENTS:
-            target = Path(str(lab.FOLDER)) / f"{name}.webp"
+            target = lab.FOLDER / f"{name}.webp"
             place = target.with_suffix(".html")
             context = browser.new_context(
                 viewport={"width": WIDTH, "height": 900}, device_scale_factor=1.5, reduced_motion="reduce"

@@ -20,13 +20,13 @@ import numpy.ma  # NumPy would load these two in the middle of a run,
 import numpy.random  # and a Ctrl-C that comes during an import can be lost
 from tqdm import tqdm
 
-from pfslam.beyond.localization import LocalizationConfig, locate
+from pfslam.beyond.localization import locate
 from pfslam.cli import words
 from pfslam.cli.figures import picture_of_search, report_figures
 from pfslam.cli.lab import lab_command as lab_command
-from pfslam.cli.page import Clouds, Ran, write_pictures
+from pfslam.cli.page import Clouds, Outcome, write_pictures
 from pfslam.cli.parser import DOUBTED, FAULT, HAZARDS, SPOILED, TOPICS
-from pfslam.cli.wishes import given, wishes
+from pfslam.cli.requested import given, requested_run, requested_search
 from pfslam.errors import DataError, need
 from pfslam.evaluation.checkup import Finding, check_up
 from pfslam.io.bags import BagOptions, choose_topics
@@ -121,13 +121,13 @@ def simulate_command(arguments: Namespace) -> None:
 
 def run_command(arguments: Namespace) -> int:
     """Run dead reckoning, the filter and the texture of a data set, unless its check-up finds what would spoil them."""
-    method, seed, config = wishes(arguments)
+    method, seed, again, config = requested_run(arguments)
     arguments.quiet |= arguments.json
     out, seconds = out_folder(arguments), dict[str, float]()
     with timed(seconds, "load"):
         recording = load_dataset(arguments)
     wants_texture = has_images(recording) if arguments.texture is None else arguments.texture
-    check_wishes(recording, wants_texture, arguments.loops)
+    check_possible(recording, wants_texture, arguments.loops)
     check_writable(out)
     findings = check_up(recording)
     if words.remedies(findings) and not arguments.anyway:
@@ -138,7 +138,8 @@ def run_command(arguments: Namespace) -> int:
     rng, clouds = np.random.default_rng(seed), Clouds(progress_bar("SLAM", arguments.quiet))
     if recording.lidar is not None:
         with timed(seconds, "slam"):
-            result = run_slam(recording, config, rng=rng, progress=clouds, keep_particles=False)
+            how = {"progress": clouds, "keep_particles": False, "second_look": again}
+            result = run_slam(recording, config, rng=rng, **how)
         if arguments.loops:
             from pfslam.beyond.loops.closing import close_loops  # SciPy takes a while to load
 
@@ -152,22 +153,25 @@ def run_command(arguments: Namespace) -> int:
         odometry = Trajectory(result.trajectory.t, odometry.at(result.trajectory.t))
     kept = config if result is None else result.config
     about = {"command": arguments.line, "dataset": recording.name, "method": method, "seed": seed}
+    about |= {"second_look_allowed": again}
     about |= {"config": replace(kept, every=kept.every or recording.default_every).as_dict()}
-    ran = Ran(recording, odometry, result, texture, revision)
-    return finished(arguments, out, about, seconds, ran, findings, clouds)
+    outcome = Outcome(recording, odometry, result, texture, revision)
+    return finished(arguments, out, about, seconds, outcome, findings, clouds)
 
 
-def finished(arguments: Namespace, out: Path, about: dict, seconds: dict, ran: Ran, findings, clouds) -> int:
+def finished(
+    arguments: Namespace, out: Path, about: dict, seconds: dict, outcome: Outcome, findings, clouds
+) -> int:
     """Write and tell what came out of a run, and return the exit code."""
-    summary = words.summarise(*ran, findings)
+    summary = words.summarise(*outcome, findings)
     with timed(seconds, "write"):
-        files = write_results(out, *ran[1:]) + write_pictures(out, about | summary, ran, clouds)
+        files = write_results(out, *outcome[1:]) + write_pictures(out, about | summary, outcome, clouds)
     text = write_summary(out, about | {"seconds": seconds, "files": [*files, "summary.json"]} | summary)
     if arguments.json:
         print(text, end="")
     elif not arguments.quiet:
-        print(words.closing_words(ran.recording, summary, out), words.to_look_at(files, out), sep="\n")
-    return DOUBTED if in_doubt(summary["distrust"], ran.odometry.t).mean() > MOSTLY else 0
+        print(words.closing_words(outcome.recording, summary, out), words.to_look_at(files, out), sep="\n")
+    return DOUBTED if in_doubt(summary["distrust"], outcome.odometry.t).mean() > MOSTLY else 0
 
 
 def stopped(findings: list[Finding]) -> int:
@@ -183,7 +187,7 @@ def has_images(recording: Recording) -> bool:
     return camera is not None and len(camera.disparity_index) > 0 and len(camera.rgb_index) > 0
 
 
-def check_wishes(recording: Recording, texture: bool, loops: bool) -> None:
+def check_possible(recording: Recording, texture: bool, loops: bool) -> None:
     """Raise ``DataError`` for a run that is asked for what its data set cannot give."""
     if texture and not has_images(recording):
         raise DataError(recording.name, "--texture", "no images", "a data set with disparity and RGB images")
@@ -214,21 +218,18 @@ def locate_command(arguments: Namespace) -> int:
 
     The exit code is 1 if it was not found.
     """
-    config = LocalizationConfig()
-    if (most := arguments.particles) is not None:
-        config = changed(replace(config, least=1), {"particles": most}, "locate", "--")
-        config = replace(config, first=10 * most, least=min(LocalizationConfig.least, most))
+    seed, config = requested_search(arguments)
     grid, seconds = read_known_map(arguments.map), dict[str, float]()
     out = out_folder(arguments, "-located")
     with timed(seconds, "load"):
         recording = load_dataset(arguments)
     check_writable(out)
     with timed(seconds, "locate"):
-        rng, bar = np.random.default_rng(arguments.seed), progress_bar("locating")
+        rng, bar = np.random.default_rng(seed), progress_bar("locating")
         result = locate(grid, recording, config, rng=rng, progress=bar, keep_particles=False)
     write_tum(out / "trajectory.tum", result.trajectory)
     write_png(out / "located.png", picture_of_search(grid, result))
-    about = {"map": str(arguments.map), "dataset": recording.name, "seed": arguments.seed}
+    about = {"map": str(arguments.map), "dataset": recording.name, "seed": seed}
     about |= {"config": replace(config, every=config.every or recording.default_every)}
     about |= {"seconds": seconds, "files": ["trajectory.tum", "located.png", "summary.json"]}
     write_summary(out, about | words.summarise_search(recording, result))

@@ -1,8 +1,7 @@
-"""A run that one can look at: one HTML file that needs no network, drawn by the stage of the book's laboratories."""
+"""A run that one can look at: one HTML file that needs no network."""
 
 from __future__ import annotations
 
-import importlib.util
 import json
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +16,7 @@ import cv2
 import numpy as np
 
 from pfslam import __version__
+from pfslam.cli import viewer
 from pfslam.cli.figures import picture_of_run
 from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec, OccupancyGrid, free_cells
@@ -82,7 +82,7 @@ def packed(values: np.ndarray) -> dict[str, str]:
     return {"type": values.dtype.name, "data": b64encode(values.tobytes()).decode()}
 
 
-class Ran(NamedTuple):
+class Outcome(NamedTuple):
     """What came out of a run."""
 
     recording: Recording
@@ -97,61 +97,57 @@ class Ran(NamedTuple):
         return self.odometry if self.result is None else self.result.trajectory
 
 
-def write_pictures(out: Path, about: dict[str, Any], ran: Ran, clouds: Clouds) -> list[str]:
-    """Write the maps with their paths, and the page where the book is installed; return the names of the files.
+def write_pictures(out: Path, about: dict[str, Any], outcome: Outcome, clouds: Clouds) -> list[str]:
+    """Write the maps with their paths, and the page; return the names of the files.
 
     ``about`` is the run's summary, without times and files.
     """
-    files, paths = [], paths_of(ran)
-    for part, suffix, other in ((ran.result, "", "revised"), (ran.revision, "_revised", "estimate")):
+    files, paths = [], paths_of(outcome)
+    for part, suffix, other in ((outcome.result, "", "revised"), (outcome.revision, "_revised", "estimate")):
         if part is not None:
             files.append(f"map{suffix}.png")
             drawn = {name: poses for name, poses in paths.items() if name != other}
             write_png(out / files[-1], picture_of_run(part.grid, drawn))
-    book = importlib.util.find_spec("pfslam_book")
-    if book is not None and book.submodule_search_locations:
-        shelf = Path(book.submodule_search_locations[0], "show", "labs")
-        write_text(out / "index.html", page(shelf, about, ran, paths, clouds))
-        files.append("index.html")
-    return files
+    write_text(out / "index.html", page(about, outcome, paths, clouds))
+    return [*files, "index.html"]
 
 
-def page(shelf: Path, about: dict[str, Any], ran: Ran, paths: dict[str, np.ndarray], clouds: Clouds) -> str:
-    """Write the page of a run as HTML, with the scripts and the style on the book's ``shelf``."""
-    t, at, texture = ran.path.t, moments(len(ran.path)), ran.texture
-    told: dict[str, Any] = {"about": about | {"version": __version__}, "t": t[at] - t[0], "scans": len(t)}
-    told |= {"numbers": at.astype(np.int32), "paths": {name: poses[at] for name, poses in paths.items()}}
-    told["distrust"] = [d | {e: d[e] and d[e] - t[0] for e in ("from", "to")} for d in about["distrust"]]
-    if ran.result is not None:
-        told |= told_by_filter(ran.result, at) | told_by_scans(ran, ran.result, at)
-        told["cloud"] = clouds.of(ran.result)
+def page(about: dict[str, Any], outcome: Outcome, paths: dict[str, np.ndarray], clouds: Clouds) -> str:
+    """Write the page of a run as HTML, with all that it needs inside."""
+    t, at, texture = outcome.path.t, moments(len(outcome.path)), outcome.texture
+    shown: dict[str, Any] = {"about": about | {"version": __version__}, "t": t[at] - t[0], "scans": len(t)}
+    shown |= {"numbers": at.astype(np.int32), "paths": {name: poses[at] for name, poses in paths.items()}}
+    shown["distrust"] = [d | {e: d[e] and d[e] - t[0] for e in ("from", "to")} for d in about["distrust"]]
+    if outcome.result is not None:
+        shown |= filter_data(outcome.result, at) | scan_data(outcome, outcome.result, at)
+        shown["cloud"] = clouds.of(outcome.result)
     if texture is not None:
         n = ceil(sqrt(texture.seen.size / PIXELS))
         pixels = np.dstack([texture.rgb[..., ::-1], 255 * texture.seen.astype(np.uint8)])[::n, ::n]
-        told["floor"] = placed(texture.spec, pixels, ".webp", [cv2.IMWRITE_WEBP_QUALITY, 80])
+        shown["floor"] = placed(texture.spec, pixels, ".webp", [cv2.IMWRITE_WEBP_QUALITY, 80])
     names = {"core": "core.js", "view": "view.js", "run": "run.js", "style": "lab.css", "frame": "run.html"}
-    parts = {name: (shelf / file).read_text(encoding="utf-8") for name, file in names.items()}
-    data = json.dumps(plain(told), default=packed).replace("<", "\\u003c")
+    parts = {name: viewer.source(file) for name, file in names.items()}
+    data = json.dumps(plain(shown), default=packed).replace("<", "\\u003c")
     # Names need not be UTF-8.
-    title = escape(ran.recording.name).encode("ascii", "xmlcharrefreplace").decode()
+    title = escape(outcome.recording.name).encode("ascii", "xmlcharrefreplace").decode()
     return Template(parts["frame"]).substitute(parts, title=title, data=data)
 
 
-def paths_of(ran: Ran) -> dict[str, np.ndarray]:
+def paths_of(outcome: Outcome) -> dict[str, np.ndarray]:
     """Return the paths ``(K, 3)`` of a run by name, moved onto one first pose; NaN where no truth is known."""
-    base, paths = ran.path, {"odometry": ran.odometry.poses}
-    if (truth := ran.recording.truth) is not None and (known := truth.covers(base.t)).any():
+    base, paths = outcome.path, {"odometry": outcome.odometry.poses}
+    if (truth := outcome.recording.truth) is not None and (known := truth.covers(base.t)).any():
         paths["truth"] = np.full_like(base.poses, np.nan)
         paths["truth"][known] = truth.at(base.t[known])
     for name, poses in paths.items():
         first = int(np.argmax(np.isfinite(poses[:, 0])))
         paths[name] = compose(compose(base.poses[first], invert(poses[first])), poses)
-    paths |= {} if ran.result is None else {"estimate": base.poses}
-    return paths | ({} if ran.revision is None else {"revised": ran.revision.trajectory.poses})
+    paths |= {} if outcome.result is None else {"estimate": base.poses}
+    return paths | ({} if outcome.revision is None else {"revised": outcome.revision.trajectory.poses})
 
 
-def told_by_filter(result: SlamResult, at: np.ndarray) -> dict[str, Any]:
-    """Tell what the steps say; of those from one moment to the next, the worst."""
+def filter_data(result: SlamResult, at: np.ndarray) -> dict[str, Any]:
+    """Collect what the steps say; of those from one moment to the next, the worst."""
     t, infos, covariances = result.trajectory.t, result.infos, result.covariances
     moved = np.zeros((len(t) + 1, 2))
     np.cumsum([info.departure for info in infos], axis=0, out=moved[1:])
@@ -166,9 +162,9 @@ def told_by_filter(result: SlamResult, at: np.ndarray) -> dict[str, Any]:
     }
 
 
-def told_by_scans(ran: Ran, result: SlamResult, at: np.ndarray) -> dict[str, Any]:
-    """Tell the scans, the maps as they grew, and which scans were found to see the same place."""
-    drive = used_scans(ran.recording, result.config)
+def scan_data(outcome: Outcome, result: SlamResult, at: np.ndarray) -> dict[str, Any]:
+    """Collect the scans, the maps as they grew, and which scans were found to see the same place."""
+    drive = used_scans(outcome.recording, result.config)
     drive = replace(drive, **{name: getattr(drive, name)[at] for name in ("scans", "t", "tilt", "motion")})
     events = list(drive.events())
     scans = np.full((len(at), BEAMS, 2), -32768, np.int16)
@@ -177,11 +173,11 @@ def told_by_scans(ran: Ran, result: SlamResult, at: np.ndarray) -> dict[str, Any
         scan[: len(points)] = whole(points, 0.01)
     drawn = [(k, event) for k, event in enumerate(events) if not result.infos[at[k]].rejected]
     maps = {"estimate": growth(result.grid, drawn, result.trajectory.poses[at])}
-    told: dict[str, Any] = {"scan": scans, "maps": maps}
-    if (revision := ran.revision) is not None:
+    shown: dict[str, Any] = {"scan": scans, "maps": maps}
+    if (revision := outcome.revision) is not None:
         maps["revised"] = growth(revision.grid, drawn, revision.trajectory.poses[at])
-        told["loops"] = revision.keys[np.column_stack([revision.loops.i, revision.loops.j])].astype(np.int32)
-    return told
+        shown["loops"] = revision.keys[np.column_stack([revision.loops.i, revision.loops.j])].astype(np.int32)
+    return shown
 
 
 def growth(grid: OccupancyGrid, drawn: list[tuple[int, ScanEvent]], poses: np.ndarray) -> dict[str, Any]:

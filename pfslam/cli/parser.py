@@ -1,20 +1,12 @@
-"""The options of every command, and what becomes of errors: one line and an exit code.
-
-Nothing else is imported before a command is known, so that ``--help`` and mistyped options are answered at once.
-"""
+"""The options of every command."""
 
 from __future__ import annotations
 
 import argparse
-import os
-import shlex
-import sys
-from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from pfslam import __version__
-from pfslam.errors import DataError, printable
 
 BAD_INPUT, INTERRUPTED, FAULT, SPOILED, DOUBTED = 2, 130, 1, 3, 4
 CODES = (
@@ -23,10 +15,6 @@ CODES = (
     "130 interrupted."
 )
 CHECK_CODES = "Exit codes: 0 no check failed, 1 at least one did, 2 the data set cannot be read."
-THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""What users set who want linear algebra in several threads: on matrices as small as ours they only wait."""
-LONGEST_LINE = 600
-"""Characters of a complaint; an argument can have any length."""
 METHODS = ("report", "refined", "per-particle", "matching")
 IMAGES = {"rgb": "colour Image", "depth": "depth Image"}
 TOPICS = {"scan": "LaserScan", "odom": "Odometry", "imu": "Imu"} | IMAGES
@@ -156,10 +144,9 @@ def _add_run(add) -> None:
     add("--particles", type=number, metavar="N", help="default 200; 30 with a map for each, 1 for matching")
     add("--every", type=number, metavar="K", help="use every K-th scan (default: about eight scans a second)")
     add("--seed", type=SEED, metavar="S", help="of the filter's random numbers (default 0)")
-    config = "settings in TOML, named as in summary.json; or the summary.json of a run that is to be repeated"
-    add("--config", type=Path, metavar="FILE", help=config)
-    one = "one setting, such as search.sharpness=30 or lines=false; may be given several times"
-    add("--set", action="append", default=[], metavar="NAME=VALUE", help=one)
+    _add_settings(add, "run", "search.sharpness=30 or lines=false")
+    again = "run again with robust settings where people, glass or noise mislead the scans (default: yes)"
+    add("--second-look", action=YES_OR_NO, help=again)
     anyway = "run even where the check-up finds what spoils a run, and say so in distrust"
     add("--anyway", action="store_true", help=anyway)
     add("--quiet", action="store_true", help="no progress and no closing words")
@@ -169,11 +156,21 @@ def _add_run(add) -> None:
     add("--texture", action=YES_OR_NO, help="map the floor's texture (default: if there are images)")
 
 
+def _add_settings(add, what: str, example: str) -> None:
+    config = (
+        f"settings in TOML, named as in summary.json; or the summary.json of a {what} that is to be repeated"
+    )
+    add("--config", type=Path, metavar="FILE", help=config)
+    one = f"one setting, such as {example}; may be given several times"
+    add("--set", action="append", default=[], metavar="NAME=VALUE", help=one)
+
+
 def _add_locate(add) -> None:
     add("--out", type=Path, metavar="DIR", help="folder to write to (default out/DATASET-located)")
     particles = "the most after the first scan, which has ten times as many (default 10000)"
     add("--particles", type=number, metavar="N", help=particles)
-    add("--seed", type=SEED, default=0, metavar="S", help="of the filter's random numbers (default 0)")
+    add("--seed", type=SEED, metavar="S", help="of the filter's random numbers (default 0)")
+    _add_settings(add, "search", "sigma=0.1 or inject=false")
 
 
 def _add_lab(add) -> None:
@@ -181,51 +178,3 @@ def _add_lab(add) -> None:
     folder = "where the chapters are copied to, unless they are there already (default pfslam-chapters)"
     add("--folder", type=Path, default=Path("pfslam-chapters"), metavar="DIR", help=folder)
     add("--copy-only", action="store_true", help="copy the chapters, and open nothing")
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code.
-
-    0 if all is well, 1 if ``check`` found something or ``locate`` did not find the robot, 4 if most of a run is in
-    doubt; after one line, 2 for bad input, 3 for data that would spoil a run, 130 for Ctrl-C, 1 for a fault.
-    """
-    _make_streams_safe()
-    try:
-        arguments = build_parser().parse_args(argv)
-        arguments.line = shlex.join(["pfslam", *(sys.argv[1:] if argv is None else argv)])
-        if not any(name in os.environ for name in THREADS):
-            os.environ |= dict.fromkeys(THREADS, "1")  # in time: NumPy is imported with the commands
-        from pfslam.cli import commands
-
-        code = getattr(commands, f"{arguments.command}_command")(arguments)
-        sys.stdout.flush()
-    except (DataError, UsageError) as error:
-        return _complain(str(error), BAD_INPUT)
-    except KeyboardInterrupt:
-        return _complain("interrupted", INTERRUPTED)
-    except BrokenPipeError:  # the reader of our output has gone
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return INTERRUPTED
-    except (OSError, MemoryError) as error:
-        return _complain(f"the system refused: {str(error) or type(error).__name__}", BAD_INPUT)
-    except Exception as error:
-        if os.environ.get("PFSLAM_DEBUG"):
-            raise
-        message = f"a fault in pfslam itself ({type(error).__name__}: {error}); PFSLAM_DEBUG=1 shows where"
-        return _complain(message, FAULT)
-    return code or 0
-
-
-def _make_streams_safe() -> None:
-    """Let a closed stream swallow what is said, and one that knows few signs write the others as numbers."""
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - it stays open
-        with suppress(AttributeError):  # a stream that somebody put in its place
-            getattr(sys, name).reconfigure(errors="backslashreplace")
-
-
-def _complain(message: str, code: int) -> int:
-    line = printable(" ".join(message.removeprefix("pfslam: ").split()))
-    print("pfslam: " + (line if len(line) <= LONGEST_LINE else line[:LONGEST_LINE] + " ..."), file=sys.stderr)
-    return code

@@ -121,7 +121,7 @@ def summarise(
         "updates": result.updates if result else 0,
         "resamplings": result.resamplings if result else 0,
         "lost": len(alarms(result.infos)) if result else 0,
-        "second_look": bool(result and result.config.outliers),
+        "second_look": bool(result and result.second_look),
         "distrust": [*doubts, *(result.distrust if result else ())],
         "covariance": _covariance(result, recording.truth) if result else None,
         "dropped": dropped,
@@ -203,7 +203,7 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
     if recording.lidar is None:
         lines.append("no LiDAR in this data set: dead reckoning only")
     if summary.get("second_look"):
-        lines.append("people, glass or noise misled the scans: the run was done again with care")
+        lines.append("people, glass or noise mislead the scans: the run was made with robust settings")
     dropped = summary.get("dropped", {}).items()
     lines += [f"left out: {count} {reason}" for reason, count in dropped if UNREADABLE in reason]
     for check in summary.get("checks_failed", ()):
@@ -218,12 +218,9 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
 
 
 def to_look_at(files: Sequence[str], out: Path) -> str:
-    """Say which files of a run show it, and why there is no page where there is none."""
+    """Say which files of a run show it."""
     shown = [str(out / name) for name in ("index.html", "map.png") if name in files]
-    missing = (
-        "" if "index.html" in files else "no index.html: the book's part of a release is not installed\n"
-    )
-    return f"{missing}to look at the run, open {' or '.join(shown)}" if shown else missing.strip()
+    return f"to look at the run, open {' or '.join(shown)}"
 
 
 def _warning(stretches: list, begin: float) -> str:

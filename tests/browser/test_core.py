@@ -4,7 +4,6 @@ Python makes inputs, random numbers and outputs with the package; Chromium runs 
 """
 
 from dataclasses import replace
-from importlib.resources import files
 from itertools import islice
 from math import inf, nan, pi
 from types import SimpleNamespace
@@ -22,6 +21,7 @@ from pfslam.beyond.loops.graph import (
     residuals,
     robust_weights,
 )
+from pfslam.cli import viewer
 from pfslam.correlation import map_correlation, score_field
 from pfslam.evaluation.checkup import turned_by_wheels
 from pfslam.evaluation.trajectory import trajectory_error
@@ -53,7 +53,7 @@ from pfslam.simulator.world import Person
 
 pytestmark = pytest.mark.browser
 
-CORE = files("pfslam_book.show").joinpath("labs/core.js").read_text(encoding="utf-8")
+CORE = viewer.source("core.js")
 CLOSE = 1e-12
 MAP = MapConfig(resolution=0.1, hit=1.1, free=0.4, clamp=2.3, rays="bresenham")
 LIDAR = LidarModel(angle_min=-2.3, angle_max=2.35, beams=61, range_max=8.0, position_b=(0.13, 0.02, 0.5))

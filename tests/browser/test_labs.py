@@ -20,6 +20,7 @@ from pfslam_book.show.style import COLOURS
 
 from pfslam.beyond.localization import KnownMap, LocalizationConfig, enough, kld_bound
 from pfslam.beyond.loops.graph import Edges, chi_square, gauss_newton_step, robust_weights
+from pfslam.cli import viewer
 from pfslam.correlation import score_field
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import LOG_4, GridSpec, MapConfig, OccupancyGrid, integrate_scan
@@ -1242,7 +1243,7 @@ def test_paper_and_pages_without_script_show_the_stored_picture(chromium, open_l
 
 
 def test_the_colours_are_those_of_the_figures():
-    css = FOLDER.joinpath("lab.css").read_text(encoding="utf-8")
+    css = viewer.source("lab.css")
     light = dict(re.findall(r"--lab-(\w+): (#\w+)", css[: css.index("}")]))
     for name in ("truth", "odometry", "estimate", "particles", "hits", "highlight"):
         assert light[name] == COLOURS[name], name

@@ -1,7 +1,7 @@
 """A laboratory: a picture that computes in the page, with buttons, sliders, mouse, finger and keys.
 
-The scripts are in the folder ``labs``: ``core.js`` holds the equations, ``view.js`` the stage, and each laboratory is a
-file of its own, ``lab_NAME.js``. A picture with a slider is less: ``picture.js`` draws axes, and ``picture_NAME.js``
+Equations and stage are those of ``pfslam.cli.viewer``. In the folder ``labs`` each laboratory is a file of its own,
+``lab_NAME.js``. A picture with a slider is less: ``picture.js`` draws axes, and ``picture_NAME.js``
 computes what stands in them. On the site they work without a kernel. In JupyterLab they need ``anywidget``; without
 it, without script and in print the reader sees the stored picture ``NAME.webp``.
 """
@@ -11,17 +11,18 @@ import html
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from importlib.resources import files
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pfslam.cli import viewer
 from pfslam.sensors import LidarModel
 
 from .pictures import output_mode
 
-FOLDER = files("pfslam_book.show").joinpath("labs")
+FOLDER = Path(__file__).parent / "labs"
 TWO_BYTES = 2**15 - 1
 
 
@@ -85,6 +86,11 @@ def scripts(name: str) -> list[str]:
     return ["core.js", "view.js", "picture.js", f"picture_{name}.js"]
 
 
+def asset(name: str) -> Path:
+    """The file of a script or style: the book's own, or the package's viewer's."""
+    return next(folder / name for folder in (FOLDER, viewer.FOLDER) if (folder / name).is_file())
+
+
 def packed(values: np.ndarray, unit: float | None = None) -> dict:
     """Numbers for a script as whole numbers of two bytes times ``unit``; without one, the largest number just fits."""
     values = np.asarray(values, dtype=float).ravel()
@@ -119,7 +125,7 @@ def live_lab(lab: Laboratory):
 
     class LiveLab(anywidget.AnyWidget):
         _esm = module(lab.name)
-        _css = FOLDER.joinpath("lab.css").read_text(encoding="utf-8")
+        _css = viewer.source("lab.css")
         name = traitlets.Unicode(lab.name).tag(sync=True)
         title = traitlets.Unicode(lab.title).tag(sync=True)
         options = traitlets.Dict(dict(lab.options)).tag(sync=True)
@@ -132,9 +138,7 @@ def live_lab(lab: Laboratory):
 
 def module(name: str) -> str:
     """The scripts of a laboratory as one module, as anywidget loads it; ``host.js`` is what calls the kernel."""
-    return "\n".join(
-        FOLDER.joinpath(script).read_text(encoding="utf-8") for script in [*scripts(name), "host.js"]
-    )
+    return "\n".join(asset(script).read_text(encoding="utf-8") for script in [*scripts(name), "host.js"])
 
 
 def answer(parts: Mapping[str, Callable], message: Mapping) -> dict:

@@ -1,0 +1,117 @@
+"""What a run or a search is asked for: settings from the command line, a file, or an earlier summary."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from argparse import Namespace
+from collections.abc import Mapping
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+from types import NoneType
+from typing import Any, TypeVar
+
+from pfslam.beyond.localization import LocalizationConfig
+from pfslam.errors import DataError
+from pfslam.io.files import read_text
+from pfslam.settings import changed, flat, options, type_of
+from pfslam.slam import PRESETS, SlamConfig
+
+T = TypeVar("T")
+
+
+def requested_run(arguments: Namespace) -> tuple[str, int, bool, SlamConfig]:
+    """Return method, seed, whether a second look is allowed, and the configuration of a run.
+
+    ``--config`` comes first, then all ``--set``, then the options with names of their own.
+    """
+    source, content = arguments.config, read_settings(arguments.config, SlamConfig)
+    method = content.pop("method", "refined") if arguments.method is None else arguments.method
+    if not isinstance(method, str) or method not in PRESETS:
+        raise DataError(source, "method", repr(method), f"one of {', '.join(PRESETS)}")
+    again = content.pop("second_look", True)
+    if not isinstance(again, bool):
+        raise DataError(source, "second_look", repr(again), "true or false")
+    again = again if arguments.second_look is None else arguments.second_look
+    seed = _seed(arguments, content)
+    content.pop("method", None)
+    config = _with_set(changed(PRESETS[method](), content, source), arguments, "run")
+    return method, seed, again, changed(config, given(arguments, "particles", "every"), "run", "--")
+
+
+def requested_search(arguments: Namespace) -> tuple[int, LocalizationConfig]:
+    """Return seed and settings of a search, from the same places as those of a run.
+
+    ``--particles`` also sets how many there are at the first scan, ten times as many, and lowers the fewest.
+    """
+    content = read_settings(arguments.config, LocalizationConfig)
+    seed = _seed(arguments, content)
+    config = changed(LocalizationConfig(), content, arguments.config)
+    if (most := arguments.particles) is not None:
+        least, config = config.least, changed(replace(config, least=1), {"particles": most}, "locate", "--")
+        config = replace(config, first=10 * most, least=min(least, most))
+    return seed, _with_set(config, arguments, "locate")
+
+
+def _seed(arguments: Namespace, content: dict[str, Any]) -> int:
+    """Take the seed out of what a file says; the option comes first, and 0 last."""
+    found = content.pop("seed", 0)
+    seed = found if arguments.seed is None else arguments.seed
+    if type(seed) is not int or not 0 <= seed < 2**63:
+        raise DataError(arguments.config, "seed", repr(seed), "a whole number from 0 on")
+    return seed
+
+
+def _with_set(config: T, arguments: Namespace, command: str) -> T:
+    """Return settings with every ``--set`` of the command line; of two for one name the last counts."""
+    values: dict[str, Any] = {}
+    for text in arguments.set:
+        name, found, value = text.partition("=")
+        if not found:
+            raise DataError(command, "--set", repr(text), "NAME=VALUE, such as noise.xy=0.05")
+        values[name.strip()] = toml_value(value.strip())
+    return changed(config, values, command, "--set ")
+
+
+def given(arguments: Namespace, *names: str) -> dict[str, Any]:
+    """Return the options that were given, by name."""
+    return {name: value for name in names if (value := getattr(arguments, name)) is not None}
+
+
+def read_settings(path: Path | None, kind: type) -> dict[str, Any]:
+    """Read settings of a ``kind`` by dotted name from a TOML file, or from the ``summary.json`` of an earlier run.
+
+    ``method``, ``seed`` and ``second_look`` are among them where the file has them. No file has no settings.
+    """
+    if path is None:
+        return {}
+    text, is_json = read_text(path), path.suffix == ".json"
+    try:
+        content = json.loads(text) if is_json else tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise DataError(path, "file", error, "JSON, as a run writes it" if is_json else "TOML") from None
+    if not is_json:
+        return dict(flat(content))
+    if not isinstance(content, Mapping) or not isinstance(content.get("config"), Mapping):
+        raise DataError(path, "config", "nothing", "the settings of a run")
+    settings = {key: _from_json(kind, key, value) for key, value in flat(content["config"]) if key != "kind"}
+    # Which kind of noise or search it was is said inside, and is switched on first.
+    kinds = {key.removesuffix(".kind"): value for key, value in settings.items() if key.endswith(".kind")}
+    rest = {key: value for key, value in settings.items() if not key.endswith(".kind")}
+    names = {"method": "method", "seed": "seed", "second_look_allowed": "second_look"}
+    return kinds | rest | {name: content[key] for key, name in names.items() if key in content}
+
+
+def _from_json(kind: type, key: str, value: Any) -> Any:
+    """Return a value as it was: JSON has no infinite number, and a summary null in its place."""
+    hint = type_of(kind, key)
+    return inf if value is None and hint is not None and NoneType not in options(hint) else value
+
+
+def toml_value(text: str) -> Any:
+    """Read a value as TOML does: a number, true or false, a list; anything else is text."""
+    try:
+        return tomllib.loads(f"x = {text}")["x"]
+    except tomllib.TOMLDecodeError:
+        return text
