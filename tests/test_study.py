@@ -5,8 +5,12 @@ import json
 import math
 import os
 import random
+import re
+import shutil
+import subprocess
 import sys
 from dataclasses import replace
+from types import FunctionType
 
 import numpy as np
 import pytest
@@ -23,6 +27,7 @@ from pfslam.study import Case, Study, make_study, read_table, run_case, run_stud
 from pfslam.study.definition import Disturbances
 from pfslam.study.disturbances import DISTURBANCES, disturb
 from pfslam.study.run import COSTS
+from pfslam.study.sources import PACKAGE, digest_of_sources, modules_behind
 
 
 @pytest.fixture(scope="module")
@@ -194,9 +199,75 @@ def test_what_is_done_is_not_run_again_unless_it_is_damaged_or_of_another_versio
     damaged, *_ = first
     damaged.write_text('{"ate_rmse_m": 0.0')
     assert rows(run_study(box_study(box, seeds=3), tmp_path, jobs=1)) == before
-    monkeypatch.setattr("pfslam.study.runner.version_key", lambda: "another")
+    monkeypatch.setattr("pfslam.study.runner.version_key", lambda run: "another")
     assert rows(run_study(box_study(box, seeds=3), tmp_path, jobs=1)) == before
     assert len(files_in(tmp_path)) == 24
+
+
+MEASURED = {
+    "mine/__init__.py": "",
+    "mine/measure.py": "from .parts import near\nimport helper\n\ndef run(case):\n    return {'a': 1}\n",
+    "mine/parts.py": "def near():\n    import mine.deep\n",
+    "mine/deep.py": "import json\n",
+    "mine/apart.py": "",
+    "helper.py": "import numpy\n",
+    "stranger.py": "",
+}
+DIGEST = """
+import importlib, sys
+from pfslam.study import sources
+run = importlib.import_module(sys.argv[1]).run if len(sys.argv) > 1 else None
+print(sources.digest_of_sources(run))
+"""
+
+
+def digest(folder, *module):
+    """The digest of the sources as a new process finds it, with a package of one's own and no git."""
+    done = subprocess.run(
+        [sys.executable, "-c", DIGEST, *module],
+        env=os.environ | {"PYTHONPATH": str(folder), "PATH": ""},
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=folder,
+    )
+    return done.stdout
+
+
+def test_an_edited_source_is_another_run_and_an_untouched_one_the_same(tmp_path):
+    """In a copy of the package outside any repository, as an installed one is."""
+    shutil.copytree(PACKAGE, tmp_path / "pfslam", ignore=shutil.ignore_patterns("__pycache__"))
+    for name, text in MEASURED.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    before = digest(tmp_path), digest(tmp_path, "mine.measure")
+    assert (digest(tmp_path), digest(tmp_path, "mine.measure")) == before
+    lines, seen = tmp_path / "pfslam" / "refined" / "lines.py", {before[0]}
+    for value in ("0.05001", "0.5"):
+        text = re.sub(r"^RHO = .*", f"RHO = {value}", lines.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        lines.write_text(text, encoding="utf-8")
+        seen.add(digest(tmp_path))
+    assert len(seen) == 3
+    base, filtered = digest(tmp_path, "mine.measure"), digest(tmp_path)
+    assert base != before[1]
+    for name, text in MEASURED.items():
+        (tmp_path / name).write_text(text + "# edited\n")
+        follows = name not in ("mine/apart.py", "stranger.py")
+        assert (digest(tmp_path, "mine.measure") != base) == follows, name
+        assert digest(tmp_path) == filtered
+        (tmp_path / name).write_text(text)
+
+
+def test_what_a_function_is_measured_with_is_found_without_libraries():
+    found = modules_behind("study_cases")
+    assert {"study_cases", "box_recording", "pfslam.study.runner"} <= set(found)
+    assert {name.partition(".")[0] for name in found} == {"study_cases", "box_recording", "rooms", "pfslam"}
+
+
+def test_a_function_that_is_in_no_file_is_refused():
+    run = FunctionType(square_root.__code__, {"__name__": "nowhere"}, "run")
+    with pytest.raises(DataError, match="run: found a function of nowhere, expected one in a file"):
+        digest_of_sources(run)
 
 
 def test_the_same_settings_under_two_labels_run_once(box, tmp_path):

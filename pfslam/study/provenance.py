@@ -6,34 +6,37 @@ import hashlib
 import json
 import platform
 import subprocess
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import cv2
 import numpy as np
+import scipy
 
 import pfslam
+from pfslam.study.sources import PACKAGE, digest_of_sources
 
-PACKAGE = Path(__file__).resolve().parents[1]
+
+@cache
+def libraries() -> dict[str, str]:
+    """Return the versions of what a run computes with, beside the sources."""
+    python = platform.python_version()
+    return {"numpy": np.__version__, "opencv": cv2.__version__, "scipy": scipy.__version__, "python": python}
 
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of all that computes; ``commit`` ends in "+" if files have changed since."""
+    """Return the versions of all that computes, for readers; ``commit`` ends in "+" if files have changed since."""
     commit = _git("log", "-1", "--format=%h")
-    return {
-        "pfslam": pfslam.__version__,
-        "commit": commit + ("+" if commit and _git("status", "--porcelain") else ""),
-        "numpy": np.__version__,
-        "opencv": cv2.__version__,
-        "python": platform.python_version(),
-    }
+    changed = "+" if commit and _git("status", "--porcelain") else ""
+    return {"pfslam": pfslam.__version__, "commit": commit + changed} | libraries()
 
 
 def _git(*words: str) -> str:
-    """Ask git about the code that results depend on; the answer is empty without git, or outside a repository."""
-    command = ["git", "-C", str(PACKAGE), *words, "--", ".", ":!cli"]
+    """Ask git about the package; the answer is empty without git, or outside a repository."""
+    command = ["git", "-C", str(PACKAGE), *words, "--", "."]
     with suppress(OSError):
         return subprocess.run(command, capture_output=True, text=True).stdout.strip()
     return ""
@@ -54,10 +57,12 @@ def machine() -> dict[str, str]:
     }
 
 
-@cache
-def version_key() -> str:
-    """Return twelve hexadecimal digits for versions and machine, so that results of others are not mixed with ours."""
-    return _digest(json.dumps([versions(), machine()], sort_keys=True))[:12]
+def version_key(run: Callable | None = None) -> str:
+    """Return twelve hexadecimal digits for the sources of a study that measures with ``run``, libraries and machine.
+
+    Results of others are not mixed with ours, nor those of an edited program with those from before.
+    """
+    return _digest(json.dumps([digest_of_sources(run), libraries(), machine()], sort_keys=True))[:12]
 
 
 def _digest(text: str) -> str:

@@ -1,6 +1,6 @@
 """All the runs of a study, on the processors of this machine or on a Dask cluster.
 
-Each run is kept in a file when it is done, under a name that follows from its settings and the versions. What is
+Each run is kept in a file when it is done, under a name that follows from its settings, sources and libraries. What is
 there is not run again, so that a study that was stopped goes on where it was; only runs that failed are tried again.
 """
 
@@ -21,6 +21,7 @@ from pfslam.io.files import check_writable, write_text
 from pfslam.study.definition import Case, Study, read_study
 from pfslam.study.provenance import machine, version_key, versions
 from pfslam.study.run import recording_key, run_case
+from pfslam.study.sources import digest_of_sources
 from pfslam.study.table import write_table
 
 Row = dict[str, Any]
@@ -64,7 +65,7 @@ def run_path(folder: Path, study: Study, case: Case) -> Path:
     Studies of filters share their runs; any other keeps its own apart.
     """
     runs = folder / ("runs" if study.run is None else f"runs_{study.name}")
-    return runs / case.key[:2] / f"{case.key}-{version_key()}.json"
+    return runs / case.key[:2] / f"{case.key}-{version_key(study.run)}.json"
 
 
 def kept(path: Path) -> Row | None:
@@ -131,6 +132,6 @@ def provenance(study: Study, rows: list[Row]) -> dict[str, Any]:
         "runs": len(rows),
         "failed": sum(bool(row["error"]) for row in rows),
         "cpu_seconds": round(sum(row.get("cpu_seconds") or 0.0 for row in rows), 1),
-        "versions": versions(),
+        "versions": versions() | {"sources": digest_of_sources(study.run)[:12]},
         "machine": machine(),
     }
