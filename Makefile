@@ -7,6 +7,7 @@ BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 LOCKED := $(VENV)/.locked
 STAMP := $(VENV)/.installed
 GRADER := $(VENV)/nbgrader
+LOWEST := $(VENV)-lowest
 SITE := _build/html
 NOTEBOOKS := $(sort $(wildcard notebooks/*.ipynb))
 WORKERS ?= 2
@@ -16,7 +17,7 @@ USUAL := not nightly and not browser and not lab
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test quick nightly lint types unit notebooks check-book check-lab lab bench studies
-.PHONY: notebook-outputs strip copies student solutions wheel release unlocked lock clean
+.PHONY: notebook-outputs strip copies student solutions wheel release smoke unlocked lowest lock clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' Makefile
@@ -105,11 +106,12 @@ student: copies  ## Write the chapters without solutions into _build/student
 
 solutions: copies  ## Write the chapters with their solutions into _build/solutions
 
-# The wheel carries the students' copies of the chapters, which `pfslam lab` opens.
+# Wheel and source distribution carry the students' copies of the chapters, which `pfslam lab` opens.
 wheel: $(STAMP) copies
 	@rm -rf build book/pfslam_book/chapters
 	@mkdir book/pfslam_book/chapters
 	@cp _build/student/*.ipynb book/pfslam_book/chapters/
+	@"$(BIN)/python" -c 'from setuptools.build_meta import build_sdist; build_sdist("dist")' > /dev/null
 	@"$(BIN)/python" -m pip wheel -q --disable-pip-version-check --no-deps --no-build-isolation -w dist .
 	@rm -rf build book/pfslam_book/chapters
 
@@ -119,7 +121,7 @@ $(SITE)/index.html:
 site.zip: $(SITE)/index.html  ## Pack the built book for a USB stick
 	@"$(BIN)/python" book/_tools/pack.py zip "$(SITE)" site.zip
 
-release: $(STAMP) site.zip student solutions  ## Wheel, site and copies of the chapters, with checksums, into dist
+release: $(STAMP) site.zip student solutions  ## Wheel, sources, site and copies of the chapters, with checksums, into dist
 	@rm -rf dist
 	@$(MAKE) wheel
 	@cp site.zip dist/pfslam-site.zip
@@ -128,15 +130,33 @@ release: $(STAMP) site.zip student solutions  ## Wheel, site and copies of the c
 	@rm dist/*.sha256
 	@"$(BIN)/python" book/_tools/pack.py sums dist
 
+SMOKE := _build/smoke
+smoke:  ## Install the wheel of dist in a fresh environment, and run it there
+	@"$(PYTHON)" -m venv --clear "$(SMOKE)"
+	@"$(SMOKE)/$(notdir $(BIN))/python" -m pip install -qq --disable-pip-version-check dist/pfslam-*.whl
+	@cd "$(SMOKE)" && "$(notdir $(BIN))/pfslam" --version
+	@cd "$(SMOKE)" && "$(notdir $(BIN))/pfslam" run hall --until 20 --no-texture --loops --out out && test -s out/index.html
+	@cd "$(SMOKE)" && "$(notdir $(BIN))/pfslam" lab --copy-only
+
 unlocked:  # In place of the locked environment one with the newest release of every dependency
 	@"$(PYTHON)" -m venv --clear "$(VENV)"
 	@"$(BIN)/python" -m pip install -qq --disable-pip-version-check -e ".[dev]"
 	@touch "$(LOCKED)" && touch "$(STAMP)"
 	@"$(BIN)/python" -m pip list
 
+# Without the book's own dependencies, so without the tests that import the book or its tools.
+OF_THE_BOOK := (import|from) pfslam_book|book/|"book"|notebook|_tools|^from (bench|copies|hero)
+lowest:  ## The package's unit tests with the lowest versions that pyproject.toml allows, in an environment of their own
+	@"$(PYTHON)" -m venv --clear "$(LOWEST)"
+	@"$(PYTHON)" book/_tools/lowest.py > "$(LOWEST)/lowest.txt"
+	@"$(LOWEST)/$(notdir $(BIN))/python" -m pip install -qq --disable-pip-version-check -c "$(LOWEST)/lowest.txt" \
+	  -e ".[plots,ros,cluster]" evo hypothesis mypy pytest pytest-xdist
+	OPENBLAS_NUM_THREADS=1 "$(LOWEST)/$(notdir $(BIN))/python" -m pytest -q -n $(WORKERS) --dist loadfile -m "$(USUAL)" \
+	  $$(grep -LE '$(OF_THE_BOOK)' tests/test_*.py)
+
 lock:  ## Renew requirements.lock from requirements.in (needs uv)
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-emit-index-url \
 	  --no-emit-find-links --custom-compile-command "make lock" -q requirements.in -o requirements.lock
 
 clean:  ## Remove everything that was built, and the environment
-	rm -rf _build "$(VENV)" site.zip site.zip.sha256 *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis out dist build
+	rm -rf _build "$(VENV)" "$(LOWEST)" site.zip site.zip.sha256 *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis out dist build

@@ -17,49 +17,19 @@ Conventions, everywhere in the package:
 
 from importlib import import_module
 
-_HOMES = {
-    "Belief": "slam",
-    "DataError": "errors",
-    "FloorTexture": "texture",
-    "GridSpec": "grid",
-    "LocalizationConfig": "beyond.localization",
-    "LocalizationResult": "beyond.localization",
-    "OccupancyGrid": "grid",
-    "Mapper": "mapper",
-    "Odometer": "events",
-    "Recording": "recording",
-    "RobotModel": "sensors",
-    "SlamConfig": "slam",
-    "SlamResult": "run",
-    "TextureConfig": "texture",
-    "Trajectory": "poses",
-    "dead_reckoning": "motion",
-    "load": "io.datasets",
-    "load_course": "io.course",
-    "locate": "beyond.localization",
-    "map_correlation": "correlation",
-    "map_texture": "refined.floor",
-    "read_known_map": "io.formats",
-    "read_tum": "io.formats",
-    "run_slam": "run",
-    "save": "io.recordings",
-    "save_course": "io.course",
-    "simulate": "simulator",
-    "slam_step": "slam",
-    "trajectory_error": "evaluation.trajectory",
-    "write_map": "io.formats",
-    "write_texture": "io.formats",
-    "write_tum": "io.formats",
-}
-__all__ = list(_HOMES)
 __version__ = "0.2.0"
+
+# Each line of the stub names one module and one name of it, once for this file and for type checkers.
+with open(f"{__path__[0]}/__init__.pyi", encoding="utf-8") as _stub:
+    _HOMES = {line.split()[-1]: line.split()[1] for line in _stub if line.startswith("from ")}
+__all__ = list(_HOMES)
 
 
 def __getattr__(name: str):
     """Import a public name when it is first used, so that ``import pfslam`` costs next to nothing."""
     if name not in _HOMES:
         raise AttributeError(f"module 'pfslam' has no attribute {name!r}")
-    value = getattr(import_module(f"pfslam.{_HOMES[name]}"), name)
+    value = getattr(import_module(_HOMES[name]), name)
     globals()[name] = value
     return value
 

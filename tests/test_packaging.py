@@ -1,11 +1,20 @@
-"""Set-up files: the lock is whole and names no host, and the wheel carries every file that is not Python."""
+"""Set-up files: the lock is whole and names no host, versions are stated once, and what is released is tested."""
 
 import hashlib
 import importlib.util
+import os
 import re
+import subprocess
+import sys
 import tomllib
 import zipfile
 from pathlib import Path
+
+import pytest
+import yaml
+from lowest import lowest
+
+import pfslam
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -39,6 +48,138 @@ def test_every_locked_package_has_hashes():
 
 def test_the_lock_names_no_host():
     assert re.findall(r"://|--index-url|--find-links|^-i ", LOCK, re.MULTILINE) == []
+
+
+def test_the_number_of_the_version_is_stated_once():
+    """Beside the package itself only the history and what a version has made say the number."""
+    number = re.compile(rf"(?<![\d.]){re.escape(pfslam.__version__)}(?![\d.])")
+    files = [*ROOT.glob("*.*"), ROOT / "Makefile", *ROOT.glob(".github/**/*.yml"), *ROOT.glob("binder/*")]
+    files += [*ROOT.glob("pfslam/**/*.py*"), *ROOT.glob("book/*.md"), *ROOT.glob("book/_*/*.*")]
+    named = {
+        path.relative_to(ROOT).as_posix() for path in files if path.suffix in TEXT and said(number, path)
+    }
+    assert named == {"pfslam/__init__.py", "CHANGELOG.md"}
+    assert re.findall("^## (.*)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)[0] == (
+        pfslam.__version__
+    )
+
+
+TEXT = {".py", ".pyi", ".md", ".toml", ".cff", ".yml", ".in", ".txt", ""}
+
+
+def said(number: re.Pattern, path: Path) -> bool:
+    return path.is_file() and bool(number.search(path.read_text(encoding="utf-8")))
+
+
+def test_addresses_are_stated_where_there_are_any_and_nowhere_else():
+    """No address is made up: the package has the one that the site has, or none."""
+    address = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))["repository"]["url"]
+    assert address in PROJECT["project"].get("urls", {"": ""}).values()
+
+
+def test_the_lowest_versions_are_those_of_the_project():
+    extras = {"a": ["pfslam[b]", "three>=3.0.1", "two>=2.1"], "b": ["four", "five==5.0"]}
+    project = {"dependencies": ["one>=1.26.0", "two>=2.1"], "optional-dependencies": extras}
+    assert lowest(project) == ["one==1.26.0", "three==3.0.1", "two==2.1"]
+    known = {line.partition("==")[0] for line in lowest(PROJECT["project"])}
+    groups = ("plots", "study", "ros", "cluster")
+    lines = [*PROJECT["project"]["dependencies"]]
+    lines += [line for group in groups for line in PROJECT["project"]["optional-dependencies"][group]]
+    assert {re.match(r"[\w.-]+", line)[0] for line in lines} - {"pfslam"} <= known
+
+
+# ---- workflows -----------------------------------------------------------------------------------
+
+
+def workflow(name: str) -> dict:
+    content = yaml.safe_load((ROOT / ".github" / "workflows" / f"{name}.yml").read_text(encoding="utf-8"))
+    return content | {"on": content[True]}  # YAML 1.1 reads the word as a truth
+
+
+def commands(job: dict) -> list[str]:
+    return [step["run"] for step in job["steps"] if "run" in step]
+
+
+def test_every_workflow_is_yaml_with_jobs_and_every_target_exists():
+    targets = set(re.findall(r"^([\w.-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    for path in (ROOT / ".github" / "workflows").iterdir():
+        for job in workflow(path.stem)["jobs"].values():
+            for line in commands(job):
+                made = line.split()[1:] if line.startswith("make ") else []
+                assert {word for word in made if "=" not in word} <= targets
+
+
+def test_tags_are_tested_and_nothing_cuts_a_publication_short():
+    ci = workflow("ci")
+    assert ci["on"]["push"]["tags"] == ["**"]
+    cancelled = ci["concurrency"]["cancel-in-progress"]
+    assert "github.ref != 'refs/heads/main'" in cancelled
+    assert "github.ref_type != 'tag'" in cancelled
+    publish = ci["jobs"]["publish"]
+    assert publish["concurrency"]["cancel-in-progress"] is False
+    assert set(publish["needs"]) == set(ci["jobs"]) - {"publish"}
+    assert any(line.startswith("make lowest") for line in commands(ci["jobs"]["lowest"]))
+
+
+def test_what_is_released_has_been_tested_and_its_wheel_has_run():
+    (job,) = workflow("release")["jobs"].values()
+    order = [re.sub(r" PYTHON=.*", "", line) for line in commands(job)]
+    release = next(k for k, line in enumerate(order) if line.startswith("gh release"))
+    assert order.index("bash .ci/run") < order.index("make release") < order.index("make smoke") < release
+    assert "concurrency" not in workflow("release")
+
+
+# ---- types ---------------------------------------------------------------------------------------
+
+USER = """import pfslam
+
+recording = pfslam.load("hall")
+result = pfslam.run_slam(recording)
+reveal_type(recording)
+reveal_type(result)
+reveal_type(result.trajectory)
+reveal_type(pfslam.dead_reckoning(recording))
+reveal_type(pfslam.map_texture(recording, result.trajectory))
+reveal_type(pfslam.SlamConfig.report())
+reveal_type(pfslam.simulate("hall").recording)
+reveal_type(pfslam.__version__)
+pfslam.run_slam("hall")
+pfslam.run_slam(recording, particles=3)
+pfslam.load()
+pfslam.run_slma(recording)
+"""
+REVEALED = [
+    "Recording",
+    "SlamResult",
+    "Trajectory",
+    "Trajectory",
+    "FloorTexture",
+    "SlamConfig",
+    "Recording",
+    "str",
+]
+WRONG = {13: "arg-type", 14: "call-arg", 15: "call-arg", 16: "attr-defined"}
+
+
+@pytest.mark.slow
+def test_a_type_checker_knows_the_interface(tmp_path):
+    """In a user's own project, with what a user has installed: sources, stub and marker."""
+    everything = "".join(f"\nreveal_type(pfslam.{name})" for name in pfslam.__all__)
+    (tmp_path / "mine.py").write_text(USER + everything, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"), "mine.py"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env=os.environ | {"MYPYPATH": str(ROOT)},
+    )
+    types = re.findall(r'note: Revealed type is "(.*)"', done.stdout)
+    assert [name.split(".")[-1] for name in types[: len(REVEALED)]] == REVEALED
+    assert len(types) == len(REVEALED) + len(pfslam.__all__)
+    assert "Any" not in types
+    errors = re.findall(r"^mine\.py:(\d+): error: .*\[([\w-]+)\]$", done.stdout, re.MULTILINE)
+    assert {int(line): kind for line, kind in errors} == WRONG
+    assert len(errors) == done.stdout.count(": error:") == len(WRONG)
 
 
 def packer():

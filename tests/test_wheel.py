@@ -5,14 +5,31 @@ import os
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
 import pytest
 from copies import CHECK, exercises, main
 
+import pfslam
+
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = ("pfslam", "book/pfslam_book", "pyproject.toml", "README.md", "LICENSE", "LICENSE-text")
+BUILT = (
+    ".git",
+    ".venv*",
+    "_build",
+    "out",
+    "dist",
+    "build",
+    "data",
+    "api",
+    "__pycache__",
+    "*.egg-info",
+    ".*_cache",
+)
+BUILT += (".hypothesis", "site.zip*", ".ipynb_checkpoints")
+PIP = (sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index")
 CHAPTER = "01_dead_reckoning.ipynb"
 # What a student does not install: asked for, it is not there.
 NOT_INSTALLED = ("myst_nb", "sphinx", "pytest")
@@ -30,18 +47,34 @@ def run(*command, **options) -> str:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> Path:
-    """The wheel, built from a copy of the sources so that nothing is left in the checkout."""
-    copy, out = tmp_path_factory.mktemp("sources"), tmp_path_factory.mktemp("wheel")
-    for name in SOURCES:
-        if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
-        else:
-            shutil.copy(ROOT / name, copy / name)
-    pip = (sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index")
-    run(*pip, "-w", out, copy)
+def tree(tmp_path_factory) -> Path:
+    """A copy of the sources, so that nothing is left in the checkout."""
+    copy = tmp_path_factory.mktemp("tree") / "pfslam"
+    return shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(*BUILT))
+
+
+def wheel_of(folder: Path, out: Path) -> Path:
+    run(*PIP, "-w", out, folder)
     (built,) = out.glob("*.whl")
     return built
+
+
+@pytest.fixture(scope="module")
+def wheel(tree, tmp_path_factory) -> Path:
+    """The wheel, built from the sources."""
+    return wheel_of(tree, tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="module")
+def unpacked(tree, tmp_path_factory) -> Path:
+    """The source distribution, built and unpacked."""
+    out = tmp_path_factory.mktemp("sources")
+    code = "import sys; from setuptools.build_meta import build_sdist; build_sdist(sys.argv[1])"
+    run(sys.executable, "-c", code, out, cwd=tree)
+    (archive,) = out.glob("*.tar.gz")
+    with tarfile.open(archive) as packed:
+        packed.extractall(out, filter="data")
+    return out / archive.name.removesuffix(".tar.gz")
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +98,30 @@ def test_the_wheel_holds_every_file_of_the_package(wheel):
             path.relative_to(root.parent).as_posix(): path for path in root.rglob("*") if path.is_file()
         }
     assert held == {name for name in files if not name.endswith(".pyc")}
+
+
+def test_the_wheel_tells_type_checkers_that_the_package_has_types(wheel):
+    assert {"pfslam/py.typed", "pfslam/__init__.pyi"} <= set(zipfile.ZipFile(wheel).namelist())
+
+
+def test_the_sources_build_the_same_wheel_and_are_whole(unpacked, tree, wheel, tmp_path):
+    assert unpacked.name == f"pfslam-{pfslam.__version__}"
+    files = {path.relative_to(tree).as_posix() for path in tree.rglob("*") if path.is_file()}
+    made = {name for name in files if ".egg-info/" in name or name.startswith("build/")}
+    assert files - made <= {path.relative_to(unpacked).as_posix() for path in unpacked.rglob("*")}
+    first, second = (zipfile.ZipFile(file) for file in (wheel, wheel_of(unpacked, tmp_path)))
+    assert {name: first.read(name) for name in first.namelist()} == {
+        name: second.read(name) for name in second.namelist()
+    }
+
+
+def test_tests_run_from_the_sources(unpacked):
+    kept = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    command = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider")
+    tests = ("tests/test_poses.py", "tests/test_packaging.py", "-m", "not slow")
+    said = run(*command, *tests, cwd=unpacked, env=kept | {"PYTHONPATH": str(unpacked)})
+    assert "passed" in said
+    assert "skipped" not in said
 
 
 def test_it_is_the_installed_package_that_runs(classroom):

@@ -33,6 +33,8 @@ from icons import cut_icons
 from pfslam_book.show import lab
 from pfslam_book.show.pictures import APART as APART_MARK
 
+import pfslam
+
 MATHJAX_PACKAGE = "sphinx-mathjax-offline"
 MATHJAX_SCRIPT = "tex-svg-full.js"  # one file, fonts and extensions inside: works from file:// too
 
@@ -337,6 +339,11 @@ def load_laboratories(app, pagename, templatename, context, doctree) -> None:
         app.add_js_file(f"labs/{script}", loading_method="defer")
 
 
+def name_version(app, docname, source) -> None:
+    """Name the wheel of this version where a page says how to install it."""
+    source[0] = source[0].replace("pfslam-VERSION-", f"pfslam-{pfslam.__version__}-")
+
+
 def read_in_parallel(app, config) -> None:
     """Let the cores share the chapters; two extensions that change no page as it is read do not say that they can."""
     for name in ("sphinx_multitoc_numbering", "sphinx_jupyterbook_latex"):
@@ -375,6 +382,7 @@ def setup(app):
     app.connect("config-inited", show_addresses)
     app.connect("html-page-context", describe_page)
     app.connect("html-page-context", reach_tables)
+    app.connect("source-read", name_version)
     app.connect("builder-inited", copy_laboratories)
     app.connect("html-page-context", load_laboratories)
     app.connect("build-finished", finish_site)

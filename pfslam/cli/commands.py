@@ -138,8 +138,9 @@ def run_command(arguments: Namespace) -> int:
     rng, clouds = np.random.default_rng(seed), Clouds(progress_bar("SLAM", arguments.quiet))
     if recording.lidar is not None:
         with timed(seconds, "slam"):
-            how = {"progress": clouds, "keep_particles": False, "second_look": again}
-            result = run_slam(recording, config, rng=rng, **how)
+            result = run_slam(
+                recording, config, rng=rng, progress=clouds, keep_particles=False, second_look=again
+            )
         if arguments.loops:
             from pfslam.beyond.loops.closing import close_loops  # SciPy takes a while to load
 

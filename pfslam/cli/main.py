@@ -66,10 +66,9 @@ def _unmet(error: Exception) -> str:
 
     with suppress(metadata.PackageNotFoundError):  # a checkout that is not installed
         for need in metadata.requires("pfslam") or ():
-            package, least = re.match(r"([\w.-]+)(?:\[.*?\])?(?:>=([\d.]+))?", need).groups()
-            with suppress(metadata.PackageNotFoundError):  # of an extra
-                found = metadata.version(package)
-                if least and _numbers(found) < _numbers(least):
+            package, _, least = need.partition(";")[0].partition(">=")
+            with suppress(metadata.PackageNotFoundError):  # of an extra, or one with other limits
+                if _numbers(found := metadata.version(package.strip())) < _numbers(least):
                     return f"the package {package} is too old: found {found}, expected {least} or newer"
     return ""
 
