@@ -395,6 +395,44 @@ def test_a_bad_map_is_one_clear_line(files, capsys, change, words):
     assert not (files / "out").exists()
 
 
+def located(files, out, *options):
+    line = ["locate", str(files / "room.yaml"), str(files / "drive.npz"), "--out", str(files / out)]
+    assert main([*line, *options]) in (0, 1)
+    return json.loads((files / out / "summary.json").read_text())
+
+
+def test_a_search_takes_settings_and_is_repeated_from_its_summary(files):
+    (files / "mine.toml").write_text("sigma = 0.25\nseed = 4\nrandom = 0.2\n")
+    asked = ["--config", str(files / "mine.toml"), "--particles", "700", "--set", "sigma=0.3"]
+    first = located(files, "a", *asked, "--set", "noise.xy=0.03", "--set", "inject=false")
+    again = located(files, "b", "--config", str(files / "a" / "summary.json"))
+    assert first["config"] == again["config"]
+    wanted = {"sigma": 0.3, "random": 0.2, "particles": 700, "first": 7000, "least": 500, "inject": False}
+    assert {name: first["config"][name] for name in wanted} == wanted
+    assert (first["config"]["noise"]["xy"], first["seed"], again["seed"]) == (0.03, 4, 4)
+    assert (files / "a/trajectory.tum").read_bytes() == (files / "b/trajectory.tum").read_bytes()
+    other = located(files, "c", "--config", str(files / "a" / "summary.json"), "--seed", "5")
+    assert other["seed"] == 5
+    assert (files / "a/trajectory.tum").read_bytes() != (files / "c/trajectory.tum").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--set", "sigma=0"], "locate: --set sigma: found 0, expected a number from 0.001"),
+        (["--set", "sigma"], "locate: --set: found 'sigma', expected NAME=VALUE"),
+        (["--set", "lines=false"], "key: found '--set lines', expected a field of LocalizationConfig"),
+        (["--particles", "0"], "locate: --particles: found 0"),
+        (["--config", "none.toml"], "none.toml"),
+    ],
+)
+def test_bad_settings_of_a_search_are_one_line(files, capsys, options, words):
+    assert main(["locate", str(files / "room.yaml"), str(files / "drive.npz"), *options]) == 2
+    complaint = capsys.readouterr().err
+    assert words in complaint
+    assert complaint.count("\n") == 1
+
+
 @pytest.mark.slow
 def test_another_building_is_not_found(files, tmp_path, capsys):
     """A room that is half a metre longer and wider, and has no pillars."""
