@@ -150,7 +150,7 @@ lowest:  ## The package's unit tests with the lowest versions that pyproject.tom
 	@"$(PYTHON)" -m venv --clear "$(LOWEST)"
 	@"$(PYTHON)" book/_tools/lowest.py > "$(LOWEST)/lowest.txt"
 	@"$(LOWEST)/$(notdir $(BIN))/python" -m pip install -qq --disable-pip-version-check -c "$(LOWEST)/lowest.txt" \
-	  -e ".[plots,ros,cluster]" evo hypothesis mypy pytest pytest-xdist
+	  -e ".[plots,ros,cluster]" evo hypothesis pytest pytest-xdist
 	OPENBLAS_NUM_THREADS=1 "$(LOWEST)/$(notdir $(BIN))/python" -m pytest -q -n $(WORKERS) --dist loadfile -m "$(USUAL)" \
 	  $$(grep -LE '$(OF_THE_BOOK)' tests/test_*.py)
 
