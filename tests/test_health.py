@@ -15,6 +15,7 @@ from pfslam.refined.health import (
     ALONG_METRES,
     LEAST_PAST,
     UNSURE_METRES,
+    Steps,
     alarms,
     distrust,
     in_doubt,
@@ -179,6 +180,12 @@ def test_an_odometry_that_scans_often_correct_as_far_says_nothing_against_them(s
     assert [found["from"] for found in distrust(steady(**later))] == [206 / 8] * doubted
 
 
+def test_what_scans_correct_later_does_not_excuse_what_they_did_before():
+    later = pulled(0.03, 0.1, slice(100, 116))
+    later["departure"][200:, 1] = 0.04
+    assert [found["from"] for found in distrust(steady(**later))] == [106 / 8]
+
+
 def test_an_odometry_that_stands_still_is_named():
     """All of the 0.1 m between two scans comes from the scans: after the tenth it is a metre, and a little."""
     (found,) = distrust(steady(departure=np.tile([0.1, 0.0], (400, 1))))
@@ -277,6 +284,46 @@ def test_reasons_come_in_order_of_time():
     found = distrust(infos(scores, matched=seen, drawn=seen, **pulled(0.04, 0.1, slice(100, 120))))
     assert [d["from"] for d in found] == sorted(d["from"] for d in found)
     assert [d["reason"].split()[0] for d in found] == ["scans", "no", "scans"]
+
+
+def eventful():
+    """A run with all there is to doubt: lost, dragged, blind, unsure, along a bare corridor, and a pause."""
+    scores, seen = ordinary(400), np.ones(400, dtype=bool)
+    seen[150:180], scores[300:320] = False, 0.3
+    covariances = [None if k < 20 else np.diag([0.01 * k, 0.01, 0.1]) for k in range(400)]
+    free = [np.array([1.0, 0.0]) if 180 <= k < 300 else None for k in range(400)]
+    changes = pulled(0.04, 0.1, slice(100, 120)) | {"covariance": covariances, "free_direction": free}
+    return paused(infos(scores, matched=seen, drawn=seen, rejected=~seen, **changes), 10.0, 2.0)
+
+
+def test_asked_after_each_scan_or_seldom_steps_say_what_a_list_of_them_says():
+    run = eventful()
+    often, seldom = Steps(), Steps(run[:1])
+    for k, step in enumerate(run):
+        often.append(step)
+        assert distrust(often) == distrust(run[: k + 1])
+    for step in run[1:]:
+        seldom.append(step)
+    assert distrust(seldom) == distrust(Steps.of_columns(seldom.columns)) == distrust(run)
+    assert len({stretch["reason"][:12] for stretch in distrust(run)}) == 6
+    assert was_dragged(often) == was_dragged(run)
+    np.testing.assert_array_equal(lost(often), lost(run))
+    np.testing.assert_array_equal(score_deviation(often), score_deviation(run))
+
+
+def test_steps_that_are_kept_are_read_back_as_they_were():
+    run, kept = eventful(), Steps()
+    for step in run:
+        kept.append(step)
+    kept.append(run[0])
+    kept.cut(400)
+    assert len(kept) == 400
+    for found, expected in zip([*kept[:390], *[kept[k] for k in range(-10, 0)]], run, strict=True):
+        for name, value in vars(expected).items():
+            np.testing.assert_array_equal(getattr(found, name), value, err_msg=name)
+            assert (getattr(found, name) is None) == (value is None)
+    with pytest.raises(IndexError):
+        kept[400]
 
 
 # Whole runs

@@ -15,7 +15,9 @@ show the way along, and a covariance of the estimate that has become large.
 from __future__ import annotations
 
 from bisect import insort
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import fields
 from typing import TypedDict
 
 import numpy as np
@@ -46,6 +48,148 @@ LEAST_SPREAD = 0.005
 """A run whose scores hardly differ is not judged more finely than this."""
 
 
+SCORES = ("score", "aligned_score")
+SHAPES: dict[str, tuple[int, ...]] = {
+    "estimate": (3,),
+    "free_direction": (2,),
+    "departure": (2,),
+    "covariance": (3, 3),
+}
+KINDS = {"int": int, "bool": bool}
+COLUMNS = {
+    f.name: np.dtype((KINDS.get(str(f.type), float), SHAPES.get(f.name, ())))
+    for f in fields(Step)
+    if f.name != "particles"
+}
+"""The columns of ``Steps``: all fields of a ``Step`` but the cloud. Where there is no direction or covariance, NaN."""
+OPTIONAL = ("free_direction", "covariance")
+Columns = Mapping[str, np.ndarray]
+
+
+class Steps(Sequence[Step]):
+    """The steps of a run without their clouds, kept as columns that grow, and what verdicts have found in them so far.
+
+    >>> steps = Steps([Step(0.0, np.zeros(3), None, 1.0, 500, 0, drawn=True)])
+    >>> len(steps), steps[-1].beams, steps.columns["drawn"].tolist()
+    (1, 500, [True])
+    """
+
+    def __init__(self, infos: Iterable[Step] = ()):
+        infos = list(infos)
+        self._rows = {name: _column(name, [getattr(info, name) for info in infos]) for name in COLUMNS}
+        self._count, nothing = (
+            len(infos),
+            {"deviation": np.zeros((0, 2)), "sigma": np.zeros(0), "moved": np.zeros(0)},
+        )
+        self._judged = nothing, [_Past(), _Past()]
+        self.judged()
+
+    @classmethod
+    def of_columns(cls, columns: Columns) -> Steps:
+        """Make the steps that had these ``columns``."""
+        steps = cls()
+        steps._rows, steps._count = dict(columns), len(columns["t"])
+        steps.judged()
+        return steps
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, k):
+        if isinstance(k, slice):
+            return [self[i] for i in range(*k.indices(len(self)))]
+        found = {name: column[k] for name, column in self.columns.items()}
+        fields = {name: value.copy() if value.shape else value.item() for name, value in found.items()}
+        return Step(particles=None, **fields | {n: None for n in OPTIONAL if np.isnan(found[n]).all()})
+
+    def append(self, step: Step) -> None:
+        """Add the next step: whole, or not at all."""
+        k = self._count
+        if k == len(self._rows["t"]):
+            room = {
+                name: np.zeros_like(rows, shape=(k + 64, *rows.shape[1:]))
+                for name, rows in self._rows.items()
+            }
+            self._rows = {name: np.concatenate([rows, room[name]]) for name, rows in self._rows.items()}
+        for name, column in self._rows.items():
+            value = getattr(step, name)
+            column[k] = np.nan if value is None else value
+        self._count = k + 1
+
+    def cut(self, count: int) -> None:
+        """Keep the first ``count`` steps, of which the verdicts may have asked already, and none of the others."""
+        self._count = count
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """What happened at each scan, ``(K, ...)`` by the names in ``COLUMNS``."""
+        return {name: column[: self._count] for name, column in self._rows.items()}
+
+    def judged(self) -> dict[str, np.ndarray]:
+        """Return the columns, and with them what follows from each scan and its past; only new scans are looked at.
+
+        ``deviation (K, 2)`` is that of both scores (see ``score_deviation``), ``sigma (K,)`` the standard deviation (m)
+        of the position along its worst direction, and ``moved (K,)`` the length of the step (m, a radian as a metre).
+        """
+        columns, (judged, pasts) = self.columns, self._judged
+        done = len(judged["sigma"])
+        if done < self._count:
+            new, pasts = {name: column[done:] for name, column in columns.items()}, deepcopy(pasts)
+            before = columns["estimate"][np.maximum(np.arange(done, self._count) - 1, 0)]
+            found = {
+                "deviation": np.column_stack(
+                    [past.judge(new, name) for past, name in zip(pasts, SCORES, strict=True)]
+                ),
+                "sigma": _sigma(new["covariance"]),
+                "moved": np.linalg.norm(between(before, new["estimate"]), axis=1),
+            }
+            judged = {name: np.concatenate([judged[name], found[name]]) for name in found}
+            self._judged = judged, pasts
+        return columns | judged
+
+
+def _column(name: str, values: list) -> np.ndarray:
+    kind = COLUMNS[name]
+    if name in OPTIONAL:
+        values = [np.full(kind.shape, np.nan) if value is None else value for value in values]
+    return np.array(values, kind.base).reshape(-1, *kind.shape)
+
+
+class _Past:
+    """The ordinary scores of a run so far: the last ones, in order of time and by size."""
+
+    def __init__(self):
+        self.scores: list[float] = []
+        self.ordered: list[float] = []
+        self.middle, self.spread = 0.0, 1.0
+
+    def judge(self, columns: Columns, name: str) -> np.ndarray:
+        """Return the deviations ``(K,)`` of the next scans' scores, and take in those that are ordinary."""
+        found = np.full(len(columns["t"]), np.nan)
+        for k in np.flatnonzero(columns["matched"]):
+            score = float(columns[name][k])
+            if len(self.scores) >= LEAST_PAST:
+                found[k] = (score - self.middle) / self.spread
+            if columns["drawn"][k] and not found[k] < LOST_BELOW:
+                self.scores.append(score)
+                insort(self.ordered, score)
+                if len(self.scores) > PAST:
+                    self.ordered.remove(self.scores.pop(0))
+                low, self.middle = self.ordered[len(self.scores) // 20], self.ordered[len(self.scores) // 2]
+                self.spread = max((self.middle - low) / 1.645, LEAST_SPREAD)
+        return found
+
+
+def _sigma(covariances: np.ndarray) -> np.ndarray:
+    """Return the standard deviation ``(K,)`` (m) of each position along its worst direction, 0 where it is not kept."""
+    positions = np.where(np.isnan(covariances[:, :1, :1]), 0.0, covariances[:, :2, :2])
+    return np.sqrt(np.linalg.eigvalsh(positions)[:, 1])
+
+
+def _judged(infos: Sequence[Step]) -> dict[str, np.ndarray]:
+    return (infos if isinstance(infos, Steps) else Steps(infos)).judged()
+
+
 def score_deviation(infos: Sequence[Step], name: str = "score") -> np.ndarray:
     """Measure how far each score ``(K,)`` lies from the median of those before it, in spreads; below 0 is worse.
 
@@ -55,24 +199,7 @@ def score_deviation(infos: Sequence[Step], name: str = "score") -> np.ndarray:
     there is too little past. Scans drawn into the map make up the past, so that a robot that stands and sees the same
     thing a thousand times does not narrow it; scans that were lost themselves do not.
     """
-    past: list[float] = []
-    ordered: list[float] = []  # the same, by size
-    found = np.full(len(infos), np.nan)
-    middle, spread = 0.0, 1.0
-    for k, info in enumerate(infos):
-        if not info.matched:
-            continue
-        score = getattr(info, name)
-        if len(past) >= LEAST_PAST:
-            found[k] = (score - middle) / spread
-        if info.drawn and not found[k] < LOST_BELOW:
-            past.append(score)
-            insort(ordered, score)
-            if len(past) > PAST:
-                ordered.remove(past.pop(0))
-            low, middle = ordered[len(past) // 20], ordered[len(past) // 2]
-            spread = max((middle - low) / 1.645, LEAST_SPREAD)
-    return found
+    return _judged(infos)["deviation"][:, SCORES.index(name)]
 
 
 def lost(infos: Sequence[Step]) -> np.ndarray:
@@ -80,32 +207,36 @@ def lost(infos: Sequence[Step]) -> np.ndarray:
 
     An odometry that stands still takes the particles from where the lines lead: then they fit badly, the estimate not.
     """
-    both = [score_deviation(infos, name) < LOST_BELOW for name in ("score", "aligned_score")]
-    return both[0] & both[1] & ~_settling(infos)
+    return _fell(_judged(infos))
 
 
-def _silence(infos: Sequence[Step]) -> float:
+def _fell(run: Columns) -> np.ndarray:
+    particles, estimate = run["deviation"].T < LOST_BELOW
+    return particles & estimate & ~_settling(run["t"])
+
+
+def _silence(t: np.ndarray) -> float:
     """Return from how many seconds on a time without scans is one that this recording is not used to."""
-    usual = float(np.median(np.diff([info.t for info in infos]))) if len(infos) > 1 else 0.0
+    usual = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     return max(BLIND_SECONDS, 5.0 * usual)
 
 
-def _settling(infos: Sequence[Step]) -> np.ndarray:
+def _settling(t: np.ndarray) -> np.ndarray:
     """Which scans ``(K,)`` bool are the first after a silence."""
-    t = np.array([info.t for info in infos])
-    first = np.flatnonzero(np.diff(t, prepend=t[:1]) > _silence(infos))
-    return np.isin(np.arange(len(t)), first[:, None] + np.arange(SETTLING))
+    pauses, found = np.diff(t, prepend=t[:1]), np.zeros(len(t) + SETTLING, dtype=bool)
+    if (pauses > BLIND_SECONDS).any():  # no silence is shorter
+        found[np.flatnonzero(pauses > _silence(t))[:, None] + np.arange(SETTLING)] = True
+    return found[: len(t)]
 
 
 def alarms(infos: Sequence[Step]) -> np.ndarray:
     """List the times ``(A,)`` (s) at which the robot was found to be lost; falls within 5 s are one alarm."""
-    times: list[float] = []
-    last = -np.inf
-    for info, fell in zip(infos, lost(infos), strict=True):
-        if fell:
-            times += [info.t] if info.t - last > ONE_ALARM else []
-            last = info.t
-    return np.array(times)
+    return _alarms(_judged(infos))
+
+
+def _alarms(run: Columns) -> np.ndarray:
+    t = run["t"][_fell(run)]
+    return t[np.diff(t, prepend=-np.inf) > ONE_ALARM]
 
 
 Distrust = TypedDict("Distrust", {"from": float, "to": float | None, "reason": str})
@@ -155,7 +286,8 @@ def distrust(infos: Sequence[Step]) -> list[Distrust]:
     An error that is drawn into the map stays there, so only blindness ends: when the scans fit again, the estimate is
     back where it was in the map.
     """
-    signs = _still(infos), _lost(infos), _dragged(infos), _blind(infos), _along(infos), _unsure(infos)
+    run = _judged(infos)
+    signs = _still(run), _lost(run), _dragged(run), _blind(run), _along(run), _unsure(run)
     return sorted((stretch for sign in signs for stretch in sign), key=lambda d: d["from"])
 
 
@@ -172,70 +304,81 @@ def was_dragged(infos: Sequence[Step]) -> bool:
 
     Only scans before the first alarm count: where a robot was carried off, scans contradict odometry and are right.
     """
-    when = alarms(infos)
-    before = [info for info in infos if len(when) == 0 or info.t < when[0]]
-    return any(True for _ in _dragged(before, SUSPECT_METRES, SUSPECT_UNEXPLAINED))
+    run = _judged(infos)
+    before = run["t"] < min(_alarms(run), default=np.inf)
+    before_alarm = {name: column[before] for name, column in run.items()}
+    return any(True for _ in _dragged(before_alarm, SUSPECT_METRES, SUSPECT_UNEXPLAINED))
 
 
-def _steps(infos: Sequence[Step]) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far the estimate came up to each scan, and what part of that was the scan's doing, both ``(K, 2)``."""
-    poses = np.array([info.estimate[:2] for info in infos]).reshape(-1, 2)
-    return np.diff(poses, axis=0, prepend=poses[:1]), np.array([i.departure for i in infos]).reshape(-1, 2)
+def _ways(estimates: np.ndarray) -> np.ndarray:
+    """Return how far ``(K, 2)`` (m) the estimate came up to each scan."""
+    return np.diff(estimates[:, :2], axis=0, prepend=estimates[:1, :2])
 
 
-def _still(infos: Sequence[Step]) -> Iterator[Distrust]:
+def _still(run: Columns) -> Iterator[Distrust]:
     """Find the time at which scans have moved the estimate a metre, and the odometry hardly anything.
 
     Scans count by where they led: those with noise go to and fro.
     """
-    step, departure = _steps(infos)
-    by_odometry = np.cumsum(np.hypot(*(step - departure).T))
+    departure = run["departure"]
     by_scans = np.hypot(*np.cumsum(departure, axis=0).T)
     found = by_scans > STILL_METRES
-    if found.any() and by_odometry[k := int(np.argmax(found))] < STILL_SHARE * by_scans[k]:
-        yield {"from": float(infos[k].t), "to": None, "reason": "the odometry stands still while scans move"}
+    if not found.any():
+        return
+    k = int(np.argmax(found))
+    by_odometry = np.hypot(*(_ways(run["estimate"][: k + 1]) - departure[: k + 1]).T).cumsum()
+    if by_odometry[k] < STILL_SHARE * by_scans[k]:
+        yield {"from": float(run["t"][k]), "to": None, "reason": "the odometry stands still while scans move"}
 
 
-def _lost(infos: Sequence[Step]) -> Iterator[Distrust]:
-    if len(when := alarms(infos)):
+def _lost(run: Columns) -> Iterator[Distrust]:
+    if len(when := _alarms(run)):
         reason = "scans fit the map far worse than before: the robot is lost, or was moved by hand"
         yield {"from": float(when[0]), "to": None, "reason": reason}
 
 
 def _dragged(
-    infos: Sequence[Step], least_metres: float = DRAGGED_METRES, least_share: float = DRAGGED_UNEXPLAINED
+    run: Columns, least_metres: float = DRAGGED_METRES, least_share: float = DRAGGED_UNEXPLAINED
 ) -> Iterator[Distrust]:
     """Find the first time at which scans drag the estimate from its odometry while no wall explains part of them.
 
     An odometry that scans have often corrected as far while walls explained them is bad, and says nothing against them.
     Nor does one that old walls contradict: wheels have slipped, with somebody in view.
     """
-    matched = [info for info in infos if info.matched]
-    t = np.array([info.t for info in matched])
-    step, departure = _steps(matched)
-    far = np.hypot(*step.T) > 0.02
-    shares = (departure * step)[far].sum(axis=1) / np.square(step[far]).sum(axis=1)
-    scale = np.median(shares) if far.any() else 0.0
-    departure = departure - scale * step if abs(scale) > SCALE_OFF else departure
-    departure = np.where(_settling(matched)[:, None], 0.0, departure)
-    sums = np.zeros((len(t) + 1, 3))
-    np.cumsum(np.column_stack([departure, [info.unexplained for info in matched]]), axis=0, out=sums[1:])
+    kept = "t", "estimate", "departure", "unexplained", "old_walls"
+    matched = np.flatnonzero(run["matched"])
+    t, estimate, departure, unexplained, old_walls = (run[name].take(matched, axis=0) for name in kept)
     since = np.searchsorted(t, t - DRAGGED_WITHIN)
     scans = np.arange(len(t)) + 1 - since
-    total = sums[1:] - sums[since]
-    metres, unexplained = np.hypot(total[:, 0], total[:, 1]), total[:, 2] / scans
-    enough = scans >= DRAGGED_SCANS
+    unexplained, enough = _added_up(unexplained, since) / scans, scans >= DRAGGED_SCANS
+    strange = (unexplained > least_share) & enough & (old_walls < BACK_ON_WALLS)
+    if not strange.any():
+        return
+    (dx, dy), (x, y) = departure.T, _ways(estimate).T
+    far = np.flatnonzero(np.hypot(x, y) > 0.02)
+    shares = (dx * x + dy * y)[far] / (x * x + y * y)[far]
+    scale = np.median(shares) if len(far) else 0.0
+    scale = scale if abs(scale) > SCALE_OFF else 0.0
+    settling = _settling(t)
+    dx, dy = np.where(settling, 0.0, dx - scale * x), np.where(settling, 0.0, dy - scale * y)
+    metres = np.hypot(_added_up(dx, since), _added_up(dy, since))
     calm = enough & (unexplained <= SUSPECT_UNEXPLAINED)
-    for k in np.flatnonzero((metres > least_metres) & (unexplained > least_share) & enough):
-        before = metres[:k][calm[:k]]
-        usual = (before >= metres[k]).sum() > USUAL_SHARE * len(before)
-        if usual or matched[k].old_walls >= BACK_ON_WALLS:
+    as_far = np.flatnonzero(calm & (metres > least_metres))
+    for k in np.flatnonzero(strange & (metres > least_metres)):
+        before = metres[as_far[: np.searchsorted(as_far, k)]]
+        if np.count_nonzero(before >= metres[k]) > USUAL_SHARE * np.count_nonzero(calm[:k]):
             continue
         dragged = f"scans moved the estimate {metres[k]:.2f} m from its odometry"
         why = f"while {100 * unexplained[k]:.0f} % of the beams met what the map does not have"
         reason = f"{dragged} within {DRAGGED_WITHIN:.0f} s, {why}"
         yield {"from": float(t[k]), "to": None, "reason": reason}
         return
+
+
+def _added_up(values: np.ndarray, since: np.ndarray) -> np.ndarray:
+    """Add up the values ``(K,)`` to each scan from the one at the index ``since (K,)`` on."""
+    sums = np.append(0.0, np.cumsum(values))
+    return sums[1:] - sums[since]
 
 
 def farther_than_usual(poses: np.ndarray) -> np.ndarray:
@@ -247,20 +390,22 @@ def farther_than_usual(poses: np.ndarray) -> np.ndarray:
     return steps > 2.0 * np.median(steps) if len(steps) else steps > 0.0
 
 
-def _blind(infos: Sequence[Step]) -> Iterator[Distrust]:
+def _blind(run: Columns) -> Iterator[Distrust]:
     """Find the times without a scan to go by, from the last one that was matched to the next."""
-    since, missing = infos[0].t if infos else 0.0, ""
-    poses = np.array([info.estimate for info in [*infos[:1], *infos]]).reshape(-1, 3)
-    silence, far = _silence(infos), farther_than_usual(poses)
-    for info, moved in zip(infos, far, strict=True):
-        if not (info.matched or info.drawn):
-            missing = BELIEVED if info.rejected or missing == BELIEVED else "with enough beams"
-            continue
-        if info.t - since > (BLIND_SECONDS if missing else silence if moved else max(silence, LONGEST_PAUSE)):
-            yield _blindness(since, info.t, float(info.t), missing or "was recorded")
-        since, missing = info.t, ""
-    if missing and infos[-1].t - since > BLIND_SECONDS:
-        yield _blindness(since, infos[-1].t, None, missing)
+    t, used = run["t"], run["matched"] | run["drawn"]
+    seen = np.flatnonzero(used)
+    # A stretch goes up to each scan that was used, and the last one to the end.
+    since, until = np.append(t[:1], t[seen]), np.append(t[seen], t[-1:])
+    if not (until - since > BLIND_SECONDS).any():
+        return
+    ends = np.append(seen, len(t))
+    blind, rejected = np.diff(ends, prepend=-1) > 1, np.append(0, np.cumsum(run["rejected"] & ~used))
+    why = np.where(np.diff(rejected[ends], prepend=0) > 0, BELIEVED, "with enough beams")
+    silence, far = _silence(t), run["moved"] > 2.0 * np.median(run["moved"])  # as in farther_than_usual
+    pause = np.where(far[seen], silence, max(silence, LONGEST_PAUSE))
+    for k in np.flatnonzero(until - since > np.where(blind, BLIND_SECONDS, np.append(pause, np.inf))):
+        to = float(until[k]) if k < len(seen) else None
+        yield _blindness(since[k], until[k], to, why[k] if blind[k] else "was recorded")
 
 
 def _blindness(begin: float, end: float, to: float | None, missing: str) -> Distrust:
@@ -268,26 +413,23 @@ def _blindness(begin: float, end: float, to: float | None, missing: str) -> Dist
     return {"from": float(begin), "to": to, "reason": reason}
 
 
-def _along(infos: Sequence[Step]) -> Iterator[Distrust]:
+def _along(run: Columns) -> Iterator[Distrust]:
     """Find the first time at which most of the way was driven where no wall shows how far."""
-    if len(infos) < 2:
+    metres = np.hypot(*_ways(run["estimate"]).T)
+    driven, along = np.cumsum(metres), np.cumsum(metres * ~np.isnan(run["free_direction"][:, 0]))
+    if not len(along) or along[-1] <= ALONG_METRES:
         return
-    poses = np.array([info.estimate[:2] for info in infos])
-    metres = np.append(0.0, np.hypot(*np.diff(poses, axis=0).T))
-    silent = metres * [info.free_direction is not None for info in infos]
-    driven, along = np.cumsum(metres), np.cumsum(silent)
     since = np.searchsorted(driven, driven - ALONG_WITHIN)
     found = along - along[since] > ALONG_METRES
     if found.any():
         driven_so = f"{ALONG_METRES:.0f} m driven where no wall shows the way along"
         reason = f"{driven_so}: the wheels alone tell how far"
-        yield {"from": float(infos[int(np.argmax(found))].t), "to": None, "reason": reason}
+        yield {"from": float(run["t"][int(np.argmax(found))]), "to": None, "reason": reason}
 
 
-def _unsure(infos: Sequence[Step]) -> Iterator[Distrust]:
+def _unsure(run: Columns) -> Iterator[Distrust]:
     """Find the first time at which the covariance of the estimate leaves the position open."""
-    positions = [np.zeros((2, 2)) if i.covariance is None else i.covariance[:2, :2] for i in infos]
-    sigma = np.sqrt(np.linalg.eigvalsh(positions)[:, 1]) if positions else np.zeros(0)
+    sigma = run["sigma"]
     if (above := sigma > UNSURE_METRES).any():
         reason = f"the walls seen fix the position no better than to {sigma.max():.1f} m (standard deviation)"
-        yield {"from": float(infos[int(np.argmax(above))].t), "to": None, "reason": reason}
+        yield {"from": float(run["t"][int(np.argmax(above))]), "to": None, "reason": reason}
