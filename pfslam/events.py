@@ -12,9 +12,9 @@ import numpy as np
 
 from pfslam.errors import DataError
 from pfslam.motion import Controls, controls, dead_reckoning, motion_model
-from pfslam.poses import Trajectory, between, compose, invert, rotation_matrix
+from pfslam.poses import Trajectory, between, rotation_matrix
 from pfslam.recording import Recording
-from pfslam.refined.jumps import jumped, left_out
+from pfslam.refined.jumps import FASTEST, jumped, left_out, rejoined
 from pfslam.refined.sweep import deskewed, motion_during
 from pfslam.refined.tilt import FLOOR_CLEARANCE, estimate_tilt
 from pfslam.sensors import LidarModel, RobotModel, scan_points, scan_points_3d
@@ -122,7 +122,7 @@ class Odometer:
 
     Either wheel counts and yaw rates, or the poses of an odometry, each in the order of its stamps (s). The events are
     those of a ``Drive`` over the whole recording, to the last bit, but for the lean of the body, which the node may
-    know and hands over.
+    know and hands over. The first begins at its own scan, or at the first sample with ``from_odometry``.
 
     >>> odometer = Odometer(RobotModel())
     >>> odometer.add_pose(10.0, [0.0, 0.0, 0.0])
@@ -132,20 +132,30 @@ class Odometer:
     (1081, [0.05, 0.0, 0.0])
     """
 
-    def __init__(self, robot: RobotModel):
-        self.robot = robot
+    def __init__(self, robot: RobotModel, from_odometry: bool = False):
+        self.robot, self.from_odometry = robot, from_odometry
         self.previous: float | None = None
         """Stamp of the last event."""
         self.jumps = 0
         """How many steps of the odometry were left out as jumps (see ``pfslam.refined.jumps``)."""
         self._first: np.ndarray | None = None
         self._last: np.ndarray | None = None
+        self._speed = FASTEST
         self._wheels: list[tuple[float, float]] = []  # stamp, distance since the first reading
         self._waiting: list[tuple[float, float]] = []  # yaw rates whose stamps the wheels have not passed yet
         self._travelled = self._start = self._distance = 0.0
         self._t: list[float] = []
         self._poses: list[np.ndarray] = []
         self._inputs: list[tuple[float, float]] = []  # speed and yaw rate up to each stamp but the first
+
+    def copy(self) -> Odometer:
+        """Return an odometer that has taken the same samples and goes on by itself."""
+        other = Odometer(self.robot)
+        kept = {
+            name: value.copy() if isinstance(value, list) else value for name, value in vars(self).items()
+        }
+        vars(other).update(kept)
+        return other
 
     def add_pose(self, t: float, pose) -> None:
         """Add a pose ``(3,)`` (m, m, rad) of the robot's own odometry, in whatever frame that has."""
@@ -155,8 +165,9 @@ class Odometer:
             self._first = pose
         else:
             step, dt = between(self._last, pose), t - self._t[-1]
-            if jumped(step, dt):
-                step, self._first = np.zeros(3), compose(pose, invert(self._poses[-1]))
+            jump, self._speed = jumped(float(np.hypot(step[0], step[1])), dt, self._speed)
+            if jump:
+                step, self._first = np.zeros(3), rejoined(pose, self._poses[-1])
                 self.jumps += 1
             self._inputs.append((step[0] / dt, step[2] / dt))
         self._last = pose
@@ -194,19 +205,20 @@ class Odometer:
         """Return the event of a scan with ``ranges (B,)`` (m); ``DataError`` while the odometry does not reach it.
 
         ``tilt`` is the (pitch, roll) of the body in rad. Where the last beams come after the last sample, the robot is
-        taken to go on as it did up to there; who can wait asks ``reaches``.
+        taken to go on as it did up to there; who can wait asks ``reaches``. Scans come in the order of their stamps.
         """
         lidar = self.robot.lidar
         if not self._t or not self._t[0] <= t <= self._t[-1]:
             found = f"[{self._t[0]:.6f}, {self._t[-1]:.6f}] s" if self._t else "no sample"
             raise DataError("Odometer.event", "odometry", found, f"samples on both sides of {t:.6f} s")
-        # One more knot, so that a time on the last sample is read off like those on the others, not interpolated.
+        if self.previous is not None and t <= self.previous:
+            raise DataError("Odometer.event", "stamp", f"{t!r} after {self.previous!r}", "increasing times")
         ahead, inputs = 0.5 * abs(lidar.sweep) or 1.0, np.array(self._inputs).reshape(-1, 2)
         v, omega = inputs[-1] if len(inputs) else (0.0, 0.0)
         beyond = motion_model(self._poses[-1], v, omega, ahead)
         knots = np.append(self._t, self._t[-1] + ahead)
         odometry = Trajectory(knots, np.array([*self._poses, beyond]))
-        begin = t if self.previous is None else self.previous
+        begin = (self._t[0] if self.from_odometry else t) if self.previous is None else self.previous
         motion = between(*odometry.at(np.array([begin, t])))
         motion[:2] *= np.cos(tilt[0])
         v, omega, dt = Controls(knots[:-1], *inputs.T).during(begin, t)

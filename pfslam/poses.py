@@ -253,11 +253,10 @@ class Trajectory:
             raise DataError(
                 "Trajectory.at", "t", f"{worst:.6f} s", f"a time in [{self.t[0]:.6f}, {self.t[-1]:.6f}] s"
             )
-        if len(self.t) == 1:
-            return np.broadcast_to(self.poses[0], times.shape + (3,)).copy()
-        i = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 2)
-        part = (times - self.t[i]) / (self.t[i + 1] - self.t[i])
-        a, b = self.poses[i], self.poses[i + 1]
+        i = np.searchsorted(self.t, times, side="right") - 1
+        j = np.minimum(i + 1, len(self.t) - 1)  # the last pose is read off as it is, like the others
+        part = (times - self.t[i]) / np.where(i < j, self.t[j] - self.t[i], 1.0)
+        a, b = self.poses[i], self.poses[j]
         dx, dy, turn = np.moveaxis(b - a, -1, 0)
         turn = wrap_angle(turn)
         # A part of an arc is a chord that is shorter, and points back by half of the turn that is still to come.

@@ -153,19 +153,22 @@ def test_an_odometer_fed_sample_by_sample_makes_the_events_of_the_drive_to_the_l
 
 
 def test_jumps_of_an_odometry_are_left_out_and_counted_and_the_odometer_leaves_them_out_too():
+    """Set back to zero twice; the odometer makes the events of the drive to the last bit."""
     recording = told(drive(LEGS), 0.0)
     poses = recording.truth.poses.copy()
-    poses[200:] = between(poses[200], poses[200:])
+    for k in (200, 350):
+        poses[k:] = between(poses[k], poses[k:])
+    assert np.hypot(*(poses[200] - poses[199])[:2]) > 0.4
     recording = replace(recording, encoders=None, imu=None, odometry=Trajectory(recording.truth.t, poses))
-    assert np.hypot(*(poses[200] - poses[199])[:2]) > 0.3
     sound = replace(recording, odometry=recording.truth)
     whole, odometer = Drive.of(recording, tilt=False), Odometer(recording.robot)
-    assert whole.dropped == {"jumps of the odometry": 1}
+    assert whole.dropped == {"jumps of the odometry": 2}
     assert Drive.of(sound, tilt=False).dropped == {}
     for t, pose in zip(recording.truth.t, poses, strict=True):
         odometer.add_pose(t, pose)
-    np.testing.assert_allclose(whole.odometry.poses, odometer._poses, atol=1e-9)
-    assert odometer.jumps == 1
+    assert odometer.jumps == 2
+    for i, expected in zip(whole.scans, whole.events(), strict=True):
+        same_event(odometer.event(expected.t, recording.lidar.ranges[i]), expected)
 
 
 def jittered(recording):
@@ -193,3 +196,17 @@ def test_an_odometer_refuses_what_it_cannot_use():
     odometer.add_pose(2.0, [1.0, 0.0, 0.0])
     with pytest.raises(DataError, match=r"samples on both sides of 2.1"):
         odometer.event(2.1, np.full(1081, 2.0))
+    odometer.event(1.5, np.full(1081, 2.0))
+    for t in (1.5, 1.2):
+        with pytest.raises(DataError, match=rf"stamp: found {t} after 1.5, expected increasing times"):
+            odometer.event(t, np.full(1081, 2.0))
+
+
+def test_a_copy_of_an_odometer_goes_on_by_itself():
+    one = Odometer(RobotModel())
+    one.add_pose(1.0, [0.0, 0.0, 0.0])
+    other = one.copy()
+    for odometer, x in ((one, 0.1), (other, 0.2)):
+        odometer.add_pose(2.0, [x, 0.0, 0.0])
+        odometer.event(1.0, np.full(1081, 2.0))
+        assert odometer.event(2.0, np.full(1081, 2.0)).motion[0] == pytest.approx(x)

@@ -204,3 +204,35 @@ def test_short_steps_and_slow_ones_are_no_jumps():
     poses = np.array([[0, 0, 0], [0.25, 0, 0], [2.25, 0, 0], [2.25, 0, 3.0]])
     assert not jumps(Trajectory([0.0, 0.01, 1.01, 1.02], poses)).any()
     assert jumps(Trajectory([0.0, 0.01, 0.11, 0.12], poses)).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("rate", [50.0, 20.0, 8.0, 5.0])
+@pytest.mark.parametrize("metres", [0.5, 1.0, 1.2, 3.0])
+def test_a_jump_is_one_at_any_rate(rate, metres):
+    """At five a second a robot that brakes or speeds up with 1 g comes 0.2 m farther than one that does not."""
+    t = np.arange(0.0, 10.0, 1.0 / rate)
+    path = Trajectory(t, np.column_stack([0.8 * t, 0.0 * t, 0.0 * t]))
+    assert not jumps(path).any()
+    k = len(t) // 2
+    assert np.flatnonzero(jumps(set_to(path, k, (0.8 * t[k] + metres, 0.0, 0.0)))).tolist() == [k - 1] * (
+        metres > 0.3 + 0.5 * 9.81 / rate**2
+    )
+
+
+@pytest.mark.parametrize("rate", [50.0, 8.0, 4.0, 2.0, 1.0])
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_robot_that_hurries_does_not_jump(rate, backwards):
+    """From rest to 10 m/s with half a g, or from there to rest; a log may begin in the middle of it."""
+    t = np.arange(-2.0, 2.001, 1.0 / rate)
+    way = 0.25 * 9.81 * np.maximum(t, 0.0) ** 2
+    way = way[::-1] if backwards else way
+    for begin in range(len(t) - 1):
+        poses = np.column_stack([way, 0.0 * t, 0.0 * t])[begin:]
+        assert not jumps(Trajectory(t[begin:], poses)).any()
+
+
+def test_two_odometries_on_one_topic_jump_to_and_fro_for_as_long_as_they_like():
+    """Five metres, fifty times a second, for a minute: the robot is not thought to be faster and faster."""
+    t = 0.02 * np.arange(3000)
+    poses = np.column_stack([5.0 * (np.arange(3000) % 2), 0.0 * t, 0.0 * t])
+    assert jumps(Trajectory(t, poses)).all()

@@ -110,6 +110,13 @@ def test_a_chain_of_transforms_leads_between_any_two_frames_of_a_tree(seed, coun
 TURN = Trajectory([0.0, 1.0, 3.0], [[0, 0, 3.12], [1, 2, -3.12], [3, 2, -3.1]])
 
 
+@given(arrays(float, st.tuples(st.integers(1, 6), st.just(3)), elements=st.floats(-3.0, 3.0)))
+def test_at_its_own_stamps_a_trajectory_has_its_own_poses_to_the_last_bit(poses):
+    """At the last one, too: a node that sees no farther reads the same pose as a run that does."""
+    path = Trajectory(0.1 * np.arange(len(poses)), poses)
+    np.testing.assert_array_equal(path.at(path.t), path.poses)
+
+
 def test_trajectory_interpolates_and_takes_the_short_way_round():
     # From 3.12 to -3.12 the short way is 2 pi - 6.24 forward, through pi.
     np.testing.assert_allclose(TURN.at(0.25), [0.25, 0.5, 3.12 + 0.25 * (2 * np.pi - 6.24)])

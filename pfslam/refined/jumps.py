@@ -6,26 +6,39 @@ before, scans may find.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
-from pfslam.poses import Trajectory, between, compose
+from pfslam.poses import Trajectory, between, compose, invert
+from pfslam.sensors import STANDARD_GRAVITY
 
-JUMP_METRES, JUMP_SPEED = 0.3, 10.0
-"""A step that is longer (m) and faster (m/s) than this is no motion of a robot indoors."""
+JUMP_METRES = 0.3
+"""A step may be so much longer (m) than the robot can have come: stamps come late, and scans take back as much."""
+FASTEST = 10.0
+"""No robot indoors is faster (m/s). Nothing else is known of it at the first step."""
 
 
-def jumped(step: np.ndarray, dt) -> np.ndarray:
-    """Which steps ``(..., 3)`` of an odometry, each over ``dt`` s, are jumps ``(...)``.
+def jumped(metres: float, dt: float, speed: float) -> tuple[bool, float]:
+    """Tell whether a step of an odometry over ``dt`` s is a jump, and how fast (m/s) the robot may be after it.
 
-    Turns tell nothing: in logs whose stamps are not exact, robots turn by 30 degrees within a few milliseconds.
+    ``speed`` is what the step before gave, ``FASTEST`` at the first. A robot comes as far as this speed and an
+    acceleration of 1 g allow, because wheels hold by friction; so the rate of the samples does not matter. Turns tell
+    nothing: in logs whose stamps are not exact, robots turn by 30 degrees within a few milliseconds.
     """
-    metres = np.hypot(step[..., 0], step[..., 1])
-    return (metres > JUMP_METRES) & (metres > JUMP_SPEED * dt)
+    farthest = JUMP_METRES + speed * dt + 0.5 * STANDARD_GRAVITY * dt * dt
+    return metres > farthest, min(metres / dt, speed + STANDARD_GRAVITY * dt, FASTEST)
 
 
 def jumps(odometry: Trajectory) -> np.ndarray:
     """Which steps ``(K - 1,)`` of an odometry are jumps."""
-    return jumped(between(odometry.poses[:-1], odometry.poses[1:]), np.diff(odometry.t))
+    step, speed = between(odometry.poses[:-1], odometry.poses[1:]), FASTEST
+    found = np.zeros(len(step), dtype=bool)
+    for k, way in enumerate(
+        zip(np.hypot(*step[:, :2].T).tolist(), np.diff(odometry.t).tolist(), strict=True)
+    ):
+        found[k], speed = jumped(*way, speed)
+    return found
 
 
 def left_out(odometry: Trajectory | None) -> dict[str, int]:
@@ -42,8 +55,13 @@ def steps(odometry: Trajectory) -> np.ndarray:
 def joined(odometry: Trajectory) -> Trajectory:
     """Return an odometry from the origin on that goes on from where it was after each jump."""
     poses = between(odometry.poses[0], odometry.poses)
-    if jumps(odometry).any():
-        step, poses = steps(odometry), np.zeros_like(poses)
-        poses[1:, 2] = np.cumsum(step[:, 2])
-        poses[1:, :2] = np.cumsum(compose(poses[:-1], step)[:, :2], axis=0)
+    after = [*np.flatnonzero(jumps(odometry)) + 1, len(poses)]
+    for begin, end in pairwise(after):
+        frame = rejoined(odometry.poses[begin], poses[begin - 1])
+        poses[begin:end] = between(frame, odometry.poses[begin:end])
     return Trajectory(odometry.t, poses)
+
+
+def rejoined(pose: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Return the frame ``(3,)`` in which the ``pose (3,)`` after a jump is where the robot was ``before (3,)`` it."""
+    return compose(pose, invert(before))
