@@ -16,32 +16,31 @@ PLACE = (0.1, 0.0, 0.3)
 
 
 class Loop:
-    """Scans wait for the odometry, then the mapper takes them; a drive that was saved is gone on with."""
+    """Odometry goes to the mapper as it comes, and scans wait for it; a drive that was saved is gone on with."""
 
     def __init__(self, file, place=PLACE):
         self.file, self.place = Path(file), place
         self.mapper = pfslam.Mapper.load(file) if self.file.exists() else None
-        self.scans, self.odometry = deque(), deque(maxlen=500)
+        self.scans, self.odometry, self.last = deque(), deque(maxlen=500), 0.0
 
     def on_odometry(self, message):
         p, q = message.pose.pose.position, message.pose.pose.orientation
         t = stamp(message)
-        if not self.odometry or t > self.odometry[-1][0]:
-            self.odometry.append((t, p.x, p.y, 2.0 * np.arctan2(q.z, q.w)))
+        if t > self.last:  # a message may come twice
+            self.odometry.append((t, (p.x, p.y, 2.0 * np.arctan2(q.z, q.w))))
+            self.last = t
+        while self.mapper and self.odometry:  # until the first scan they wait
+            self.mapper.add_odometry(*self.odometry.popleft())
 
     def on_scan(self, message):
         """Keep a scan, and yield a step for each one whose time has come."""
-        self.scans.append(message)
-        while self.scans and self.odometry:
-            sweep = (len(self.scans[0].ranges) - 1) * self.scans[0].time_increment
-            t = stamp(self.scans[0]) + 0.5 * sweep  # ROS stamps the first beam
-            if t > self.odometry[-1][0]:
-                return
-            scan, known = self.scans.popleft(), np.array(self.odometry)
-            if t < known[0, 0]:
-                continue
-            self.mapper = self.mapper or pfslam.Mapper(self.lidar_of(scan, sweep))
-            yield self.mapper.add(t, scan.ranges, pfslam.Trajectory(known[:, 0], known[:, 1:]).at(t))
+        sweep = (len(message.ranges) - 1) * message.time_increment
+        self.mapper = self.mapper or pfslam.Mapper(self.lidar_of(message, sweep))
+        self.scans.append((stamp(message) + 0.5 * sweep, message.ranges))  # ROS stamps the first beam
+        while self.scans and self.mapper.reaches(self.scans[0][0]):
+            t, ranges = self.scans.popleft()
+            if self.mapper.covers(t):
+                yield self.mapper.add(t, ranges)
 
     def lidar_of(self, scan, sweep):
         last = scan.angle_min + (len(scan.ranges) - 1) * scan.angle_increment

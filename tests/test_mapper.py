@@ -1,17 +1,20 @@
 """A mapper that is fed scan by scan is the run over all scans, and one that was saved is one that was not."""
 
+import sys
 from dataclasses import replace
 from zipfile import ZipFile
 
 import numpy as np
 import pytest
-from rooms import SQUARE, drive
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from rooms import ROOM, SQUARE, drive, scan
 
 import pfslam
 from pfslam.errors import DataError
-from pfslam.io.beliefs import LAYERS
-from pfslam.poses import Trajectory, compose
-from pfslam.recording import LidarScans
+from pfslam.io.beliefs import LAYERS, STEPS
+from pfslam.poses import Trajectory, between, compose
+from pfslam.recording import LidarScans, Recording
 from pfslam.slam import SlamConfig
 
 
@@ -62,7 +65,7 @@ def assert_same(found, expected):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CONFIGS)
-def test_a_mapper_is_the_run_to_the_last_bit_and_so_is_one_saved_at_any_time(name, tmp_path):
+def test_a_mapper_is_the_run_to_the_last_bit(name):
     config = CONFIGS[name]
     whole = pfslam.run_slam(DRIVE, replace(config, every=1), second_look=False)
     mapper = mapped(config=config)
@@ -71,13 +74,190 @@ def test_a_mapper_is_the_run_to_the_last_bit_and_so_is_one_saved_at_any_time(nam
     if whole.covariances is not None:
         np.testing.assert_array_equal(mapper.covariance, whole.covariances[-1])
     assert mapper.doubt == next((d["reason"] for d in whole.distrust if d["to"] is None), None)
-    resumed, path = pfslam.Mapper(DRIVE.robot.lidar, config), tmp_path / "belief.npz"
-    for k, sample in enumerate(samples()):
-        if k in (0, 1, 2, len(mapper.steps) // 2):
-            resumed.save(path)
-            resumed = pfslam.Mapper.load(path)
-        resumed.add(*sample)
-    assert_same(resumed, mapper)
+
+
+def eventful():
+    """The drive as a node gets it, with a sample at, before and after each scan: ("odometry" or "scan", arguments).
+
+    Odometry is set back to zero on the way, and for some scans no beam returns.
+    """
+    t, path, blind = DRIVE.lidar.t, DRIVE.odometry, np.full(361, np.nan)
+    for k in range(1, len(t) - 1):
+        for stamp in (t[k] - 0.03, t[k], t[k] + 0.03):
+            yield "odometry", (stamp, path.at(stamp) if k < 30 else between(path.poses[30], path.at(stamp)))
+        yield "scan", (t[k], blind if 40 <= k < 50 else DRIVE.lidar.ranges[k])
+
+
+def feed(mapper, what, arguments):
+    return mapper.add(*arguments) if what == "scan" else mapper.add_odometry(*arguments)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["robust", "report"])
+def test_a_mapper_that_is_saved_and_loaded_after_every_sample_is_one_that_was_not(name, tmp_path):
+    """Before the first scan, while no beam returns, after a jump of the odometry, and with samples that wait."""
+    config = replace(CONFIGS[name], particles=20)
+    resumed, whole = (pfslam.Mapper(DRIVE.robot.lidar, config) for _ in range(2))
+    for what, arguments in eventful():
+        resumed.save(tmp_path / "belief.npz")
+        resumed = pfslam.Mapper.load(tmp_path / "belief.npz")
+        for one in (resumed, whole):
+            feed(one, what, arguments)
+    assert_same(resumed, whole)
+    assert resumed.odometer.jumps == whole.odometer.jumps == 1
+    assert sum(not step.matched for step in whole.steps[1:]) == 10
+
+
+WHEN = st.floats(-0.5, 9.5)
+
+
+@pytest.mark.slow
+@settings(max_examples=25)
+@given(
+    name=st.sampled_from(list(CONFIGS)),
+    stamps=st.one_of(
+        st.sampled_from([0.02, 0.125, 0.5, 1.3]).map(lambda step: np.arange(0.0, 9.0, step)),
+        st.sets(WHEN, min_size=2, max_size=40).map(sorted).map(np.array),
+    ),
+    scans=st.sets(WHEN, min_size=1, max_size=12),
+    on_samples=st.sets(st.integers(0, 400), max_size=6),
+    sweep=st.sampled_from([0.0, 0.05, -0.05]),
+    jump=st.sampled_from([0.0, 2.0]),
+    last=st.booleans(),
+)
+def test_a_mapper_fed_with_every_sample_is_the_run_to_the_last_bit(
+    name, stamps, scans, on_samples, sweep, jump, last
+):
+    """Scans come before, between, on and after samples. With a sweep, those at the end wait for what never comes."""
+    assume((np.diff(stamps) > 1e-6).all())
+    truth, config = (
+        drive(SQUARE).truth,
+        replace(CONFIGS[name], every=1, particles=1 if name == "matching" else 10),
+    )
+    poses = compose(np.array([3.0, 4.0, 1.0]), truth.at(np.clip(stamps, 0.0, 9.0)) * [1.02, 1.02, 1.0])
+    poses[len(poses) // 2 :] = compose([jump, 0.0, 0.5 * jump], poses[len(poses) // 2 :])
+    on_samples |= {len(stamps) - 1} if last else set()
+    at = sorted(scans | {float(stamps[k % len(stamps)]) for k in on_samples})
+    at = np.array([t for t in at if t + 0.5 * abs(sweep) <= stamps[-1] or not sweep])
+    assume(len(at) and (np.diff(at) > 1e-6).all() and (at >= stamps[0]).any() and (at <= stamps[-1]).any())
+    assume(Trajectory(stamps, poses).covers(at).any())
+    ranges = np.array([scan(ROOM, truth.at(np.clip(t, 0.0, 9.0))) for t in at])
+    robot = replace(DRIVE.robot, lidar=replace(DRIVE.robot.lidar, sweep=sweep))
+    log = Recording("log", robot, odometry=Trajectory(stamps, poses), lidar=LidarScans(at, ranges))
+    whole = pfslam.run_slam(log, config, second_look=False)
+    mapper, waiting, steps = pfslam.Mapper(robot.lidar, config), list(zip(at, ranges, strict=True)), []
+    for sample in zip(stamps, poses, strict=True):
+        mapper.add_odometry(*sample)
+        while waiting and mapper.reaches(waiting[0][0]):
+            t, values = waiting.pop(0)
+            steps += [mapper.add(t, values)] if mapper.covers(t) else []
+    assert len(steps) == len(whole.infos)
+    for found, expected in zip(steps, whole.infos, strict=True):
+        for part in ("estimate", "covariance", "score", "effective_sample_size"):
+            np.testing.assert_array_equal(getattr(found, part), getattr(expected, part), err_msg=part)
+        np.testing.assert_array_equal(found.particles.poses, expected.particles.poses)
+        np.testing.assert_array_equal(found.particles.log_weights, expected.particles.log_weights)
+    np.testing.assert_array_equal(mapper.grid.log_odds, whole.grid.log_odds)
+    assert mapper.odometer.jumps == whole.dropped.get("jumps of the odometry", 0)
+    assert all(t > stamps[-1] for t, _ in waiting)
+
+
+@pytest.mark.parametrize("metres", [0.5, 1.0, 1.2, 3.0])
+@pytest.mark.parametrize("rate", [8.0, 50.0])
+def test_a_jump_of_the_odometry_is_left_out_at_the_rate_of_scans_too(metres, rate):
+    """A drive at 0.48 m/s, whose odometry jumps ahead after four seconds of nine; scans come eight times a second."""
+    truth, lidar = drive(SQUARE).truth, DRIVE.robot.lidar
+    t = np.arange(0.0, 9.0, 1.0 / rate)
+    poses = truth.at(t)
+    poses[t > 4.0] = compose([metres, 0.0, 0.0], poses[t > 4.0])
+    mapper = pfslam.Mapper(lidar, replace(SlamConfig.refined(), particles=20))
+    for stamp, pose in zip(t, poses, strict=True):
+        mapper.add_odometry(stamp, pose)
+    for stamp in np.arange(0.0, t[-1], 0.125):
+        mapper.add(stamp, scan(ROOM, truth.at(stamp)))
+    assert mapper.odometer.jumps == 1
+    expected = truth.at(mapper.steps[-1].t)
+    np.testing.assert_allclose(mapper.pose[:2], expected[:2], atol=0.02)
+
+
+# What raises leaves no trace
+# ------------------------------------------------------------------------------------------------
+
+
+def raises_at(line, function, *arguments):
+    """Call the function, and press Ctrl-C before the package's so-many-th line; False if the map is drawn before.
+
+    A map is written in place, and has to be left alone from then on.
+    """
+    left = [line]
+
+    def traced(frame, event, _):
+        name = frame.f_code.co_name
+        if "pfslam" not in frame.f_code.co_filename or left[0] < 0:
+            return None
+        if event == "call" and name == "draw":
+            left[0] = -1
+        elif event == "line":
+            left[0] -= 1
+            if left[0] == 0:
+                raise KeyboardInterrupt
+        return traced
+
+    before = sys.gettrace()
+    sys.settrace(traced)
+    try:
+        function(*arguments)
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fed", [True, False], ids=["fed", "handed over"])
+@pytest.mark.parametrize("before", [0, 1, 35, 45], ids=["first", "second", "after a jump", "blind"])
+def test_a_step_that_is_interrupted_at_any_line_leaves_everything_as_it_was(before, fed, tmp_path):
+    config = replace(CONFIGS["robust"], particles=10)
+    samples = [*eventful()]
+    at = [k for k, (what, _) in enumerate(samples) if what == "scan"][before]
+    mappers = [pfslam.Mapper(DRIVE.robot.lidar, config) for _ in range(2)]
+    for mapper in mappers:
+        for what, arguments in samples[:at]:
+            feed(mapper, what, arguments)
+    bad, good = mappers
+    t, ranges = samples[at][1]
+    scan_of = (t, ranges) if fed else (t + 0.04, ranges, samples[at - 1][1][1])
+    good.save(tmp_path / "good.npz")
+    line = interrupted = 1
+    while raises_at(line, bad.add, *scan_of):
+        bad.save(tmp_path / "bad.npz")
+        assert (tmp_path / "bad.npz").read_bytes() == (tmp_path / "good.npz").read_bytes()
+        line, interrupted = line + 1 + line // 10, interrupted + 1
+    assert interrupted > 10
+    for mapper in (pfslam.Mapper.load(tmp_path / "good.npz"), good):
+        mapper.add(*scan_of)
+    again = pfslam.Mapper.load(tmp_path / "bad.npz")
+    again.add(*scan_of)
+    assert_same(again, good)
+
+
+@pytest.mark.parametrize("after", [0, 20])
+def test_a_range_that_no_map_can_hold_leaves_everything_as_it_was(after):
+    """Nor is the motion that led to that scan forgotten."""
+    lidar = replace(DRIVE.robot.lidar, range_max=1e4)
+    bad, good = (pfslam.Mapper(lidar, replace(SlamConfig.refined(), particles=10)) for _ in range(2))
+    for k, (t, ranges, pose) in enumerate(samples()[:40]):
+        ranges = np.where(ranges < 60.0, ranges, np.nan)
+        if k == after:
+            spoilt = ranges.copy()
+            spoilt[5] = spoilt[200] = 9999.0
+            with pytest.raises(DataError, match="at most 400000000 cells"):
+                bad.add(t, spoilt, pose)
+            continue
+        for mapper in (bad, good):
+            mapper.add(t, ranges, pose)
+    assert_same(bad, good)
 
 
 def test_a_file_of_a_mapper_is_the_same_whenever_it_is_written(tmp_path):
@@ -120,6 +300,8 @@ BAD = {
     "no stamp": ((np.nan, RANGES, (0.0, 0.0, 0.0)), "finite numbers"),
     "an earlier stamp": ((0.5, RANGES, (0.0, 0.0, 0.0)), "stamp: found 0.5 after 1.0, expected increasing"),
     "the same stamp": ((1.0, RANGES, (0.0, 0.0, 0.0)), "stamp: found 1.0 after 1.0, expected increasing"),
+    "the same scan without a pose": ((1.0, RANGES), "stamp: found 1.0 after 1.0, expected increasing"),
+    "no odometry as far": ((2.0, RANGES), r"found \[1.0+, 1.0+\] s, expected samples on both sides of 2.0"),
 }
 
 
@@ -165,7 +347,7 @@ def written(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("name", ["told", "seal", *LAYERS])
+@pytest.mark.parametrize("name", ["told", "seal", *LAYERS, *STEPS])
 @pytest.mark.parametrize("how", ["cut", "absent", "objects", "one bit", "another type"])
 def test_a_damaged_file_gives_one_clear_error(written, tmp_path, name, how):
     with np.load(written) as archive:

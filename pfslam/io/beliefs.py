@@ -1,7 +1,7 @@
 """A filter in the middle of its drive, in one ``.npz`` file of plain numbers: read back, it goes on to the last bit.
 
-The layers of the map are arrays; all that is small is JSON, kept as its UTF-8 bytes in the array ``told``. The array
-``seal`` is a check sum over both, so that a file is either the one that was written or refused.
+The layers of the map and the columns of the steps are arrays; all that is small is JSON, kept as its UTF-8 bytes in the
+array ``told``. The array ``seal`` is a check sum over them, so that a file is the one that was written, or refused.
 """
 
 from __future__ import annotations
@@ -19,14 +19,16 @@ from pfslam.grid import Canvas, GridSpec
 from pfslam.io.files import read_npz, write_npz
 from pfslam.map import Map
 from pfslam.particles import Particles
+from pfslam.refined.health import COLUMNS, Steps
 from pfslam.refined.outliers import WaitingScan
 from pfslam.sensors import LidarModel, RobotModel
 from pfslam.settings import changed, flat, plain, value_of
-from pfslam.slam import Belief, SlamConfig, Step
+from pfslam.slam import Belief, SlamConfig
 
-FORMAT = b"pfslam belief 3"
+FORMAT = b"pfslam belief 4"
 """Changes with the layout, and the seal with it."""
 LAYERS = ("log_odds", "scores", "slots", "sums", "first", "drawn")
+STEPS = {f"step_{name}": name for name in COLUMNS}
 
 
 def write_belief(
@@ -35,7 +37,7 @@ def write_belief(
     rng: np.random.Generator,
     odometer: Odometer,
     belief: Belief,
-    steps: list[Step],
+    steps: Steps,
 ) -> None:
     """Write all that the next scan needs, whole or not at all."""
     state, map = rng.bit_generator.state, belief.map
@@ -49,18 +51,18 @@ def write_belief(
         "particles": vars(belief.particles),
         "belief": [belief.estimate, belief.variance, belief.covariance, belief.corrected],
         "map": [map.spec.origin, map.drawn_at, [vars(scan) for scan in map.waiting]],
-        "steps": [vars(step) for step in steps],
     }
     text = json.dumps(told, default=lambda value: value.tolist())
     moments, drawn = map.moments, np.reshape(map.drawn, (-1, 3, 3))
     layers = map.grid.log_odds, map.field.values, moments.slots.values, moments.sums, moments.first, drawn
     arrays = {"told": np.frombuffer(text.encode(), dtype=np.uint8)} | dict(zip(LAYERS, layers, strict=True))
+    arrays |= {key: steps.columns[name] for key, name in STEPS.items()}
     write_npz(path, **arrays, seal=_seal(arrays))
 
 
-def read_belief(path: str | Path) -> tuple[SlamConfig, np.random.Generator, Odometer, Belief, list[Step]]:
+def read_belief(path: str | Path) -> tuple[SlamConfig, np.random.Generator, Odometer, Belief, Steps]:
     """Read what ``write_belief`` wrote; ``DataError`` for any other file."""
-    data = read_npz(path, ("told", *LAYERS, "seal"))
+    data = read_npz(path, ("told", *LAYERS, *STEPS, "seal"))
     if not np.array_equal(data.pop("seal"), _seal(data)):
         expected = "what Mapper.save of this version wrote"
         raise DataError(path, "seal", "one of other numbers than the file's", expected)
@@ -83,7 +85,7 @@ def read_belief(path: str | Path) -> tuple[SlamConfig, np.random.Generator, Odom
     map.waiting = tuple(WaitingScan(**_arrays(scan)) for scan in waiting)
     estimate, variance, covariance, corrected = (_array(value) for value in told["belief"])
     belief = Belief(particles, estimate, map, variance, covariance, corrected)
-    return config, rng, odometer, belief, [Step(**_arrays(step)) for step in told["steps"]]
+    return config, rng, odometer, belief, Steps.of_columns({name: data[key] for key, name in STEPS.items()})
 
 
 def _settings(settings: Any) -> dict[str, Any]:
