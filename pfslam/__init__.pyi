@@ -6,7 +6,6 @@ from pfslam.beyond.localization import locate as locate
 from pfslam.correlation import map_correlation as map_correlation
 from pfslam.errors import DataError as DataError
 from pfslam.evaluation.trajectory import trajectory_error as trajectory_error
-from pfslam.events import Odometer as Odometer
 from pfslam.grid import GridSpec as GridSpec
 from pfslam.grid import OccupancyGrid as OccupancyGrid
 from pfslam.io.course import load_course as load_course
@@ -18,11 +17,12 @@ from pfslam.io.formats import write_map as write_map
 from pfslam.io.formats import write_texture as write_texture
 from pfslam.io.formats import write_tum as write_tum
 from pfslam.io.recordings import save as save
-from pfslam.mapper import Mapper as Mapper
 from pfslam.motion import dead_reckoning as dead_reckoning
 from pfslam.poses import Trajectory as Trajectory
 from pfslam.recording import Recording as Recording
 from pfslam.refined.floor import map_texture as map_texture
+from pfslam.refined.mapper import Mapper as Mapper
+from pfslam.refined.odometer import Odometer as Odometer
 from pfslam.run import SlamResult as SlamResult
 from pfslam.run import run_slam as run_slam
 from pfslam.sensors import RobotModel as RobotModel

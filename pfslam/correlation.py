@@ -1,33 +1,24 @@
-"""How well a scan fits a map: the definition of the score, and the field of scores that a map gives.
+"""How well a scan fits a map: the definition of the count, and the best perturbation of every particle by it.
 
-The definition counts scan end points on occupied cells, pose by pose. ``search.volume`` gives the same integers a
-thousand times faster.
+The definition counts scan end points on occupied cells, pose by pose. ``pfslam.search`` gives the same integers for
+hundreds of perturbations of hundreds of particles, a thousand times faster.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isqrt
+from typing import Annotated
 
-import cv2
 import numpy as np
 
-from pfslam.grid import GridSpec
-
-FIELD_REACH = 4
-"""Cells beyond which an occupied cell has no influence on the likelihood field (exp(-8) is a third of a step)."""
-
-CREDIT = {
-    "occupied": np.array([1.0]),
-    "distance": np.rint(1000.0 * np.exp(-0.5 * np.arange(FIELD_REACH**2 + 1))),
-}
-"""By kind of field: the score of an end point at squared distance 0, 1, 2, ... (cells) from the nearest occupied cell.
-
-Sums over up to 16,777 beams stay below 2^24, where float32 counts exactly.
-"""
-
-NEAR = {"occupied": 1.0, "distance": float(CREDIT["distance"][4])}
-"""By kind of field: the least score of an end point that a wall explains: on a wall, or up to two cells away."""
+from pfslam.errors import DataError
+from pfslam.grid import GridSpec, OccupancyGrid
+from pfslam.particles import Particles
+from pfslam.poses import wrap_angle
+from pfslam.search.boxes import MAX_SCORES
+from pfslam.search.lattice import Lattice, Window
+from pfslam.search.volume import BoxScores, search
+from pfslam.settings import Range, Settings
 
 
 def map_correlation(occupied: np.ndarray, spec: GridSpec, points_w: np.ndarray) -> int:
@@ -45,76 +36,103 @@ def map_correlation(occupied: np.ndarray, spec: GridSpec, points_w: np.ndarray) 
     return int(np.count_nonzero(occupied[iy, ix]))
 
 
-@dataclass(frozen=True, eq=False)
-class ScoreField:
-    """What one end point scores in each cell: ``values (H, W)`` float32, whole numbers from 0 to ``top``."""
+@dataclass(frozen=True)
+class Perturbations(Settings):
+    """The poses that are tried around each particle; the step in x and y is one cell of the map."""
 
-    values: np.ndarray
-    kind: str
+    cells: Annotated[int, Range(0, 10_000)] = 4
+    """Steps each way in x and y: 4 of 0.05 m."""
+    yaws: Annotated[int, Range(0, 10_000)] = 4
+    """Steps each way in heading."""
+    yaw_step: Annotated[float, Range(1e-5, 1.0)] = 0.005
+    """Step of the heading (rad)."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        check_window(type(self).__name__, self.cells, self.yaws)
+
+
+def check_window(kind: str, cells: int, yaws: int) -> None:
+    """Raise ``DataError`` for a window of more poses than can be scored at once."""
+    poses = (2 * cells + 1) ** 2 * (2 * yaws + 1)
+    if poses > MAX_SCORES:
+        raise DataError(kind, "cells, yaws", f"{poses} poses in a window", f"at most {MAX_SCORES}")
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """The particles after the search, the counts ``(N,)`` of end points on walls there, and how many were looked at.
+
+    Counts are whole numbers as float32, in which the search adds them up.
+    """
+
+    particles: Particles
+    counts: np.ndarray
+    beams: int
 
     @property
-    def top(self) -> int:
-        """The score of an end point that falls on an occupied cell."""
-        return int(CREDIT[self.kind][0])
+    def log_likelihood(self) -> np.ndarray:
+        """The logarithms ``(N,)`` of the counts, which Eq. 12 takes for likelihoods; -inf where nothing was met."""
+        with np.errstate(divide="ignore"):
+            return np.log(self.counts)
+
+    @property
+    def score(self) -> np.ndarray:
+        """The share ``(N,)`` of end points on walls, from 0 to 1."""
+        return self.counts / max(self.beams, 1)
 
 
-def score_field(occupied: np.ndarray, kind: str) -> ScoreField:
-    """Make the field of scores for occupied cells ``(H, W)`` bool.
+class OccupiedCells:
+    """What an end point scores in each cell by Eq. 9: 1 where the cell is occupied, else 0.
 
-    "occupied": 1 on occupied cells, 0 elsewhere: the report's count. "distance": 1000 exp(-d^2 / 2) with d the distance
-    in cells to the nearest occupied cell, cut off at 4 cells. This is the likelihood field of Thrun, Burgard and Fox
-    ("Probabilistic Robotics", 6.4): a near miss scores too, so the best pose is not decided by how a wall happens to
-    fall into cells.
+    Only the piece of the map that a search looks at is computed.
     """
-    if not occupied.any():
-        return ScoreField(np.zeros(occupied.shape, dtype=np.float32), kind)
-    credit = np.zeros(256, dtype=np.float32)
-    credit[: len(CREDIT[kind])] = CREDIT[kind]
-    return ScoreField(cv2.LUT(squared_distance(occupied, _reach(kind)), credit), kind)
+
+    def __init__(self, grid: OccupancyGrid):
+        self.log_odds, self.shape = grid.log_odds, grid.spec.shape
+
+    def __getitem__(self, piece) -> np.ndarray:
+        return self.log_odds[piece] > 0
 
 
-def squared_distance(occupied: np.ndarray, reach: int) -> np.ndarray:
-    """Square the distance (cells) to the nearest occupied cell, ``(H, W)`` uint8; above ``reach**2`` if it is farther.
+def best_perturbations(
+    grid: OccupancyGrid,
+    points_b: np.ndarray,
+    particles: Particles,
+    config: Perturbations,
+    rng: np.random.Generator,
+) -> Match:
+    """Move each particle to the perturbation at which most end points ``(M, 2)`` (body, m) lie on walls.
 
-    d^2 = dx^2 + dy^2 is separable: the nearest along each row first, then along the columns of the result.
-
-    >>> squared_distance(np.array([[True, False, False], [False, False, False]]), reach=2)
-    array([[0, 1, 4],
-           [1, 2, 5]], dtype=uint8)
+    The perturbations of a particle are centred on the lattice pose nearest to it and scored there, so that particles
+    share scores; the particle takes the step and keeps its offset. Among equals one is drawn; where nothing is met the
+    particle stays. With no end points, no particle moves and nothing is drawn from ``rng``.
     """
-    height, width = occupied.shape
-    # All rows in one line, with gaps between them that are too wide to see across.
-    squared = np.full((height, width + reach), reach**2 + 1, dtype=np.uint8)
-    squared[:, :width][occupied] = 0
-    lines = squared.reshape(-1)
-    for stride in (1, width + reach):
-        before = lines.copy()
-        for k in range(1, reach + 1):
-            farther, by = before + k**2, k * stride
-            np.minimum(lines[by:], farther[:-by], out=lines[by:])
-            np.minimum(lines[:-by], farther[by:], out=lines[:-by])
-    return squared[:, :width]
+    poses, counts = particles.poses.copy(), np.zeros(len(particles), dtype=np.float32)
+    if len(points_b) == 0:
+        return Match(particles, counts, 0)
+    lattice = Lattice(grid.spec.resolution, config.yaw_step)
+    window = Window(config.cells, config.yaws)
+    # One random number for each particle, drawn here: how the search groups particles must not change their numbers.
+    tie_breaks = rng.random(len(particles))
+    for box in search(OccupiedCells(grid), grid.spec, points_b, particles.poses, lattice, window):
+        for part in box.in_parts():
+            some = part.members
+            step, counts[some] = best_step(part, window, tie_breaks[some])
+            poses[some] += lattice.pose(step)
+    poses[:, 2] = wrap_angle(poses[:, 2])
+    return Match(Particles(poses, particles.log_weights), counts, len(points_b))
 
 
-def renew_field(field: ScoreField, log_odds: np.ndarray, rectangle: tuple[slice, slice]) -> None:
-    """Renew a score field, in place, after the cells in ``rectangle`` of the map's ``log_odds (H, W)`` have changed.
+def best_step(box: BoxScores, window: Window, tie_breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the lattice step ``(n, 3)`` of greatest score for each particle of a box, and that score ``(n,)``.
 
-    Only around them is it computed again, so the cost does not depend on the size of the map.
+    ``tie_breaks (n,)`` from 0 to 1 choose among equals. Where nothing scores, nothing is known: the step is zero.
     """
-    reach = _reach(field.kind)
-    (inner, outer) = (_widened(rectangle, log_odds.shape, n * reach) for n in (1, 2))
-    fresh = score_field(log_odds[outer] > 0, field.kind).values
-    inside = tuple(slice(i.start - o.start, i.stop - o.start) for i, o in zip(inner, outer, strict=True))
-    field.values[inner] = fresh[inside]
-
-
-def _reach(kind: str) -> int:
-    """Return how many cells away from an occupied cell an end point may lie and still score."""
-    return isqrt(len(CREDIT[kind]) - 1)
-
-
-def _widened(rectangle: tuple[slice, slice], shape: tuple[int, int], by: int) -> tuple[slice, slice]:
-    rows, columns = (
-        slice(max(r.start - by, 0), min(r.stop + by, n)) for r, n in zip(rectangle, shape, strict=True)
-    )
-    return rows, columns
+    best = box.scores.max(axis=1)
+    row, tied = np.nonzero(box.scores == best[:, None])
+    count = np.bincount(row, minlength=len(best))
+    first = np.cumsum(count) - count
+    choice = tied[first[box.node_of] + np.floor(tie_breaks * count[box.node_of]).astype(np.int64)]
+    choice[best[box.node_of] == 0] = window.centre
+    return window.steps()[choice], best[box.node_of]

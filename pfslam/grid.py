@@ -111,6 +111,7 @@ class GridSpec:
         points = np.atleast_2d(points_w)
         low = np.floor((points.min(axis=0) - margin) / resolution)
         high = np.ceil((points.max(axis=0) + margin) / resolution)
+        check_cells("map", high - low, "to hold all that was seen")
         width, height = (high - low).astype(int)
         return cls(tuple(low * resolution), resolution, (max(height, 1), max(width, 1)))
 
@@ -278,32 +279,18 @@ def free_cells(spec: GridSpec, points_w: np.ndarray, beams: np.ndarray, sensor_w
 
 
 def integrate_scan(
-    grid: OccupancyGrid,
-    points_w: np.ndarray,
-    beams: np.ndarray,
-    sensor_w: np.ndarray,
-    config: MapConfig,
-    hits: np.ndarray | None = None,
+    grid: OccupancyGrid, points_w: np.ndarray, beams: np.ndarray, sensor_w: np.ndarray, config: MapConfig
 ) -> tuple[slice, slice]:
     """Write one scan into the map, in place, and return the rectangle of cells that it touched. Implements Eq. 15.
 
     Arguments as in ``free_cells``; the points must lie inside the grid (see ``GridSpec.covering``). Every cell is
     written once per scan, hit or free, and a hit wins: a wall seen at a grazing angle must not be rubbed out by the
-    neighbouring beams of the scan that found it. ``hits (H, 2)`` are drawn in place of the end points if given.
+    neighbouring beams of the scan that found it.
     """
     mask, rectangle = free_cells(grid.spec, points_w, beams, sensor_w, config.rays)
     change = mask * np.float32(-config.free)
     ix, iy = grid.spec.world_to_cell(points_w).T
-    change[iy - rectangle[0].start, ix - rectangle[1].start] = config.hit if hits is None else 0.0
-    log_odds = grid.log_odds
-    change += log_odds[rectangle]
-    np.clip(change, -config.clamp, config.clamp, out=log_odds[rectangle])
-    if hits is not None and len(hits):
-        ix, iy = grid.spec.world_to_cell(hits).T
-        log_odds[iy, ix] = np.minimum(log_odds[iy, ix] + np.float32(config.hit), config.clamp)
-        rows, columns = rectangle
-        rectangle = (
-            slice(min(rows.start, iy.min()), max(rows.stop, iy.max() + 1)),
-            slice(min(columns.start, ix.min()), max(columns.stop, ix.max() + 1)),
-        )
+    change[iy - rectangle[0].start, ix - rectangle[1].start] = config.hit
+    change += grid.log_odds[rectangle]
+    np.clip(change, -config.clamp, config.clamp, out=grid.log_odds[rectangle])
     return rectangle

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.poses import Trajectory, wrap_angle
+from pfslam.poses import Trajectory, between, wrap_angle
 from pfslam.recording import Encoders, Recording
-from pfslam.refined.jumps import joined, steps
 from pfslam.sensors import EncoderModel
 
 
@@ -69,7 +68,8 @@ def controls(recording: Recording) -> Controls:
     because the distance is not known there.
     """
     if recording.odometry is not None:
-        t, step = recording.odometry.t, steps(recording.odometry)
+        t, poses = recording.odometry.t, recording.odometry.poses
+        step = between(poses[:-1], poses[1:])
         return Controls(t, step[:, 0] / np.diff(t), step[:, 2] / np.diff(t))
     encoders, imu = recording.wheels_and_gyro()
     inside = (imu.t >= encoders.t[0]) & (imu.t <= encoders.t[-1])
@@ -129,9 +129,9 @@ def integrate(controls: Controls, start=(0.0, 0.0, 0.0), model=motion_model) -> 
 def dead_reckoning(recording: Recording, inputs: Controls | None = None) -> Trajectory:
     """Integrate wheels and gyro as if they were free of errors, from (0, 0, 0): Eq. 5 without noise.
 
-    A log that holds odometry poses returns those, moved to start at the origin; after a jump it goes on from where it
-    was. ``inputs`` are the recording's ``controls``, for callers that have them already.
+    A log that holds odometry poses returns those, moved to start at the origin. ``inputs`` are the recording's
+    ``controls``, for callers that have them already.
     """
-    if recording.odometry is not None:
-        return joined(recording.odometry)
+    if (odometry := recording.odometry) is not None:
+        return Trajectory(odometry.t, between(odometry.poses[0], odometry.poses))
     return integrate(controls(recording) if inputs is None else inputs)

@@ -13,13 +13,10 @@ from typing import Annotated, Literal
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.events import ScanEvent
 from pfslam.motion import motion_model
-from pfslam.poses import compose, wrap_angle
 from pfslam.settings import Range, Settings
 
 MAX_PARTICLES = 100_000
-NoiseSize = Annotated[float, Range(0.0, 100.0)]
 Scheme = Literal["systematic", "stratified", "multinomial", "residual"]
 
 
@@ -65,12 +62,6 @@ class Particles:
         """Put ``n`` particles at one pose ``(3,)`` with equal weights 1 / n: the report's start."""
         return cls(np.tile(np.asarray(pose, dtype=float), (n, 1)), np.zeros(n))
 
-    def shifted(self, step: np.ndarray) -> Particles:
-        """Return the cloud moved as a whole by ``step (3,)`` (m, m, rad), weights unchanged."""
-        poses = self.poses + step
-        poses[:, 2] = wrap_angle(poses[:, 2])
-        return Particles(poses, self.log_weights)
-
 
 @dataclass(frozen=True)
 class ControlNoise(Settings):
@@ -84,52 +75,6 @@ class ControlNoise(Settings):
     sigma_v: Annotated[float, Range(0.0, 100.0)] = sqrt(0.1)
     sigma_omega: Annotated[float, Range(0.0, 100.0)] = sqrt(0.02)
     per_root_second: bool = False
-
-    def predict(
-        self, particles: Particles, event: ScanEvent, rng: np.random.Generator
-    ) -> tuple[Particles, np.ndarray]:
-        """Drive every particle through the controls of an event, Eq. 11 at each sample.
-
-        Also returns the variance ``(2,)`` (m^2, rad^2) that the noise added to position, along each axis, and heading.
-        """
-        v, omega, dt = event.controls
-        for k in range(len(v)):
-            particles = predict(particles, v[k], omega[k], dt[k], self, rng)
-        spread = np.sum(dt) if self.per_root_second else np.sum(dt**2)
-        return particles, np.array([self.sigma_v, self.sigma_omega]) ** 2 * spread
-
-
-@dataclass(frozen=True)
-class MotionNoise(Settings):
-    """Noise on the motion between two scans, whose size grows with the metres moved and the radians turned."""
-
-    xy: NoiseSize = 0.02
-    xy_per_metre: NoiseSize = 0.08
-    yaw: NoiseSize = 0.005
-    yaw_per_radian: NoiseSize = 0.05
-    yaw_per_metre: NoiseSize = 0.06
-    sampled: bool = True
-    """Whether particles are moved by noise of this size. If not, it only sets the search window and the prior."""
-
-    def sigmas(self, metres: float, radians: float) -> tuple[float, float]:
-        """Return the standard deviations (m, rad) of position (each axis) and heading."""
-        return (
-            self.xy + self.xy_per_metre * metres,
-            self.yaw + self.yaw_per_radian * radians + self.yaw_per_metre * metres,
-        )
-
-    def predict(
-        self, particles: Particles, event: ScanEvent, rng: np.random.Generator
-    ) -> tuple[Particles, np.ndarray]:
-        """Move every particle by an event's motion with noise of its own: Eq. 11 with one control per scan.
-
-        Also returns the variance ``(2,)`` (m^2, rad^2) of position, along each axis, and heading.
-        """
-        sigma_xy, sigma_yaw = self.sigmas(float(np.hypot(*event.motion[:2])), abs(float(event.motion[2])))
-        sigmas = np.array([sigma_xy, sigma_xy, sigma_yaw])
-        noise = sigmas * rng.standard_normal((len(particles), 3)) if self.sampled else np.zeros(3)
-        moved = Particles(compose(particles.poses, event.motion + noise), particles.log_weights)
-        return moved, np.array([sigma_xy, sigma_yaw]) ** 2
 
 
 def log_sum_exp(values: np.ndarray) -> float:

@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.poses import apply_transform, roll_pitch_yaw, rotation_matrix, transform
+from pfslam.poses import roll_pitch_yaw, rotation_matrix, transform
 from pfslam.settings import Range, Settings
 
 STANDARD_GRAVITY = 9.80665  # m/s^2 in one g
@@ -205,29 +205,20 @@ def nearest_ranges(angles: np.ndarray, first: float, increment: float, ranges: n
     return np.where(k < len(ranges), np.asarray(ranges)[np.minimum(k, len(ranges) - 1)], np.nan)
 
 
-def scan_points(ranges: np.ndarray, lidar: LidarModel, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
-    """End points ``(M, 2)`` of the valid beams in the body frame, seen from above. Implements Eq. 7.
+def scan_points(ranges: np.ndarray, lidar: LidarModel) -> np.ndarray:
+    """End points ``(M, 2)`` of the valid beams of a scan, in the body frame (m). Implements Eq. 7.
 
-    ``ranges`` is ``(beams,)`` in metres. ``pitch`` and ``roll`` (rad) tilt the body on a slope; the points are
-    then those of the level body frame with the same heading.
+    ``ranges`` is ``(beams,)`` in metres. The floor is taken to be flat and the LiDAR to be level.
     """
-    return scan_points_3d(ranges, lidar, pitch, roll)[:, :2]
-
-
-def scan_points_3d(
-    ranges: np.ndarray, lidar: LidarModel, pitch: float = 0.0, roll: float = 0.0
-) -> np.ndarray:
-    """End points ``(M, 3)`` of the valid beams in the level body frame; z is the height above the wheels' ground."""
     ranges = np.asarray(ranges, dtype=float)
     valid = lidar.valid(ranges)
-    points_l = ranges[valid][:, None] * _beam_directions(lidar).compress(valid, axis=0)
-    points_b = points_l + lidar.position_b
-    return apply_transform(transform(rotation_matrix(roll, pitch)), points_b) if pitch or roll else points_b
+    points_l = ranges[valid][:, None] * beam_directions(lidar).compress(valid, axis=0)
+    return points_l + lidar.position_b[:2]
 
 
 @lru_cache(maxsize=8)
-def _beam_directions(lidar: LidarModel) -> np.ndarray:
-    """Unit vectors ``(beams, 3)`` along the beams in the LiDAR frame, made once for all scans of a scanner."""
-    directions = np.stack([np.cos(lidar.angles), np.sin(lidar.angles), np.zeros(lidar.beams)], axis=-1)
+def beam_directions(lidar: LidarModel) -> np.ndarray:
+    """Unit vectors ``(beams, 2)`` along the beams in the LiDAR frame, made once for all scans of a scanner."""
+    directions = np.stack([np.cos(lidar.angles), np.sin(lidar.angles)], axis=-1)
     directions.flags.writeable = False
     return directions

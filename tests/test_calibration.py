@@ -139,7 +139,7 @@ def test_wheels_and_a_gyro_that_drifts_get_back_what_the_walls_tell():
     assert again.drive_bias == pytest.approx(found.drive_bias, abs=0.001)
     assert again.gyro_scale == pytest.approx(1.0, abs=0.005)
     # Where only odometry speaks, nothing is learned from it; and the run must be that of the recording.
-    silent = tuple(replace(info, free_direction=np.array([1.0, 0.0])) for info in result.infos)
+    silent = tuple(replace(info, silent_direction=np.array([1.0, 0.0])) for info in result.infos)
     nothing = calibrate(recording, replace(result, infos=silent))
     assert (nothing.wheel_scale, nothing.wheel_scale_error, nothing.straight_metres) == (1.0, np.inf, 0.0)
     with pytest.raises(DataError, match="the run of this recording"):

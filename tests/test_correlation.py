@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from pfslam.correlation import ScoreField, map_correlation, renew_field, score_field
 from pfslam.grid import GridSpec
 from pfslam.poses import transform_points
-from pfslam.refined.search import boxes, volume
-from pfslam.refined.search.boxes import cheapest_boxes
-from pfslam.refined.search.lattice import Lattice, Window
-from pfslam.refined.search.volume import search
+from pfslam.search import boxes, volume
+from pfslam.search.boxes import cheapest_boxes
+from pfslam.search.lattice import Lattice, Window
+from pfslam.search.volume import search
 
 SPEC = GridSpec((-1.0, -2.0), 0.5, (8, 6))
 

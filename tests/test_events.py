@@ -48,7 +48,7 @@ def off_the_walls(recording):
     return np.concatenate(
         [
             distance_to_walls(transform_points(recording.truth.at(event.t), event.points_b))
-            for event in used_scans(recording, CONFIG).events()
+            for event in CONFIG.used_scans(recording).events()
         ]
     )
 
@@ -81,7 +81,7 @@ def test_first_middle_and_last_beam_by_hand(beam):
 def test_the_events_of_a_drive_add_up_to_its_odometry(config, legs):
     recording = drive(legs)
     used, pose, odometry = (
-        list(used_scans(recording, config).events()),
+        list(config.used_scans(recording).events()),
         np.zeros(3),
         dead_reckoning(recording),
     )
@@ -97,7 +97,7 @@ def test_the_events_of_a_drive_add_up_to_its_odometry(config, legs):
 def test_a_run_begins_at_its_first_scan_or_for_the_report_at_the_first_stamp_of_the_odometry():
     recording, late = drive(LEGS), drive(LEGS).lidar
     recording = replace(recording, lidar=LidarScans(late.t[10:], late.ranges[10:]))
-    first, report = (next(used_scans(recording, c).events()) for c in (CONFIG, SlamConfig.report()))
+    first, report = (next(c.used_scans(recording).events()) for c in (CONFIG, SlamConfig.report()))
     np.testing.assert_array_equal(first.motion, np.zeros(3))
     assert first.controls[2].sum() == 0.0
     odometry = dead_reckoning(recording)

@@ -23,8 +23,9 @@ from pfslam.refined.health import (
     score_deviation,
     was_dragged,
 )
+from pfslam.refined.record import RefinedStep
 from pfslam.run import run_slam
-from pfslam.slam import SlamConfig, Step
+from pfslam.slam import SlamConfig
 from pfslam.study.disturbances import first_seconds, kidnap
 
 README = Path(__file__).resolve().parents[1] / "README.md"
@@ -36,7 +37,7 @@ def steady(count=400, **what):
     changes = [{name: values[k] for name, values in what.items()} for k in range(count)]
     ordinary_step = {"matched": True, "drawn": True, "score": 0.95}
     return [
-        Step(k / 8, np.array([0.1 * k, 0.0, 0.0]), None, 1.0, 500, 0, **(ordinary_step | change))
+        RefinedStep(k / 8, np.array([0.1 * k, 0.0, 0.0]), None, 1.0, 500, **(ordinary_step | change))
         for k, change in enumerate(changes)
     ]
 
@@ -261,7 +262,7 @@ def test_a_silence_in_which_the_robot_went_no_farther_than_usual_is_no_reason_fo
 def test_ten_metres_of_bare_corridor_are_in_doubt_and_nine_are_not():
     for metres, flagged in ((0.9 * ALONG_METRES, False), (1.1 * ALONG_METRES, True)):
         free = [np.array([1.0, 0.0]) if 100 <= k < 100 + 10 * metres else None for k in range(400)]
-        found = distrust(steady(free_direction=free))
+        found = distrust(steady(silent_direction=free))
         assert bool(found) == flagged
         assert all(d["to"] is None and "no wall shows the way along" in d["reason"] for d in found)
 
@@ -292,7 +293,7 @@ def eventful():
     seen[150:180], scores[300:320] = False, 0.3
     covariances = [None if k < 20 else np.diag([0.01 * k, 0.01, 0.1]) for k in range(400)]
     free = [np.array([1.0, 0.0]) if 180 <= k < 300 else None for k in range(400)]
-    changes = pulled(0.04, 0.1, slice(100, 120)) | {"covariance": covariances, "free_direction": free}
+    changes = pulled(0.04, 0.1, slice(100, 120)) | {"covariance": covariances, "silent_direction": free}
     return paused(infos(scores, matched=seen, drawn=seen, rejected=~seen, **changes), 10.0, 2.0)
 
 

@@ -115,7 +115,7 @@ def test_alignment_finds_the_true_pose_from_a_known_offset(world, heading, offse
     found = aligned(hits, pose + offset, points_b=seen_from(pose, hits))
     assert (np.abs([*(found.pose - pose)[:2], wrap_angle(found.pose[2] - pose[2])]) <= 10 * STOP).all()
     assert -np.pi < found.pose[2] <= np.pi
-    assert found.free_direction is None
+    assert found.silent_direction is None
     assert len(found.fit.residual) > len(hits) // 2
 
 
@@ -178,7 +178,7 @@ def test_one_round_is_the_weighted_least_squares_step_of_the_definition(monkeypa
     for share, silent in ((shares[0] * (1 - 1e-6), False), (shares[0] * (1 + 1e-6), True)):
         monkeypatch.setattr(module, "DEGENERATE_BELOW", float(share))
         found = align_to_lines(moments, points_b, start, start, CONFIG)
-        assert (found.free_direction is not None) == silent
+        assert (found.silent_direction is not None) == silent
 
 
 @pytest.mark.parametrize("hits", [np.zeros((0, 2)), [[5.5, 5.5], [5.0, -5.0]]])
@@ -189,7 +189,7 @@ def test_without_lines_the_pose_is_left_alone(hits):
     )
     np.testing.assert_array_equal(found.pose, start)
     assert found.fit is None
-    assert found.free_direction is None
+    assert found.silent_direction is None
 
 
 @pytest.mark.parametrize("world", [0.0, 0.3, np.pi / 2, 2.0, -0.3])
@@ -199,7 +199,7 @@ def test_length_of_a_bare_corridor_is_silent_and_taken_from_the_odometry(world):
     start = TRUE_POSE + [*(0.03 * across + 0.08 * along), 0.01]
     odometry = TRUE_POSE + [*(-0.05 * across + 0.02 * along), 0.0]
     found = aligned(hits, start, odometry)
-    assert abs(found.free_direction @ along) == pytest.approx(1.0, abs=1e-6)
+    assert abs(found.silent_direction @ along) == pytest.approx(1.0, abs=1e-6)
     moved = found.pose[:2] - TRUE_POSE[:2]
     assert moved @ along == pytest.approx(0.02, abs=1e-6)
     assert abs(moved @ across) <= 10 * STOP[0]
@@ -209,7 +209,7 @@ def test_length_of_a_bare_corridor_is_silent_and_taken_from_the_odometry(world):
 def test_end_wall_with_a_twentieth_of_the_beams_gives_the_corridor_its_length():
     hits = np.vstack([CORRIDOR, line(4.6, -0.4, 4.6, 0.4)])
     found = aligned(hits, TRUE_POSE + [0.02, 0.0, 0.0], odometry=np.zeros(3))
-    assert found.free_direction is None
+    assert found.silent_direction is None
     assert (np.abs(found.pose - TRUE_POSE) <= 10 * STOP).all()
 
 
@@ -252,7 +252,7 @@ def test_along_a_corridor_odometry_has_the_say_and_across_it_the_walls():
     points_b = seen_from(ahead, CORRIDOR)
     found = align_to_lines(moments, points_b, ahead, ahead + [0.05, 0.02, 0.0], WEIGHED, VARIANCE)
     np.testing.assert_allclose(found.pose, ahead + [0.05, 0.0, 0.0], atol=2e-3)
-    assert abs(found.free_direction[0]) == pytest.approx(1.0, abs=1e-6)
+    assert abs(found.silent_direction[0]) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_walls_all_round_outvote_odometry_unless_that_is_sure():

@@ -8,8 +8,8 @@ import pytest
 from pfslam.correlation import score_field
 from pfslam.grid import GridSpec
 from pfslam.poses import transform_points, wrap_angle
-from pfslam.refined.search.lattice import Lattice, Window
-from pfslam.refined.search.matching import SearchConfig, match, window_for
+from pfslam.search.lattice import Lattice, Window
+from pfslam.refined.matching import SearchConfig, match, window_for
 from pfslam.slam import SlamConfig
 
 SPEC = GridSpec((-1.013, -1.021), 0.05, (40, 41))
@@ -150,8 +150,8 @@ def test_headings_across_pi_come_back_wrapped():
 def test_how_the_particles_are_parted_does_not_change_where_any_of_them_goes(monkeypatch, config):
     occupied, points, poses = case(10, particles=60)
     together = matched(occupied, points, poses, config)
-    monkeypatch.setattr("pfslam.refined.search.matching.CHUNK", 5 * 729)
-    monkeypatch.setattr("pfslam.refined.search.boxes.MAX_SCORES", 8 * 729)
+    monkeypatch.setattr("pfslam.refined.matching.CHUNK", 5 * 729)
+    monkeypatch.setattr("pfslam.search.boxes.MAX_SCORES", 8 * 729)
     apart = matched(occupied, points, poses, config)
     for field in ("poses", "log_likelihood", "score"):
         np.testing.assert_array_equal(getattr(apart, field), getattr(together, field))

@@ -22,7 +22,7 @@ from pfslam.motion import (
 )
 from pfslam.poses import Trajectory, between, compose, wrap_angle
 from pfslam.recording import Encoders, Imu, Recording
-from pfslam.refined.jumps import jumps
+from pfslam.io.jumps import jumps
 from pfslam.sensors import EncoderModel, ImuModel, RobotModel
 
 ROUND_OFF = 1e-9

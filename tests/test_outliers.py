@@ -202,7 +202,7 @@ def in_the_room():
     """A belief after thirty scans of a room in which nothing moves, and the event that follows."""
     room = drive(CURVES)
     belief, _ = list(slam_steps(room, ROBUST, np.random.default_rng(0)))[29]
-    return belief, list(used_scans(room, ROBUST).events())[30]
+    return belief, list(ROBUST.used_scans(room).events())[30]
 
 
 def step(belief, event):

@@ -24,7 +24,7 @@ def owners(histories):
 
 def test_heirs_of_one_history_have_its_map_and_do_not_write_into_one_anothers():
     config = replace(CONFIG, draw_metres=0.0, draw_radians=0.0, resample_below=0.0)
-    events, rng = used_scans(SHORT, config).events(), np.random.default_rng(1)
+    events, rng = config.used_scans(SHORT).events(), np.random.default_rng(1)
     histories, _ = per_particle_step(Histories.start(config), next(events), config, rng)
     assert owners(histories) == 6
     histories, info = per_particle_step(histories, next(events), config, rng)
@@ -67,7 +67,7 @@ def test_scan_matching_needs_no_random_numbers():
     one, other = (run_slam(SHORT, SlamConfig.matching(), rng=np.random.default_rng(seed)) for seed in (5, 6))
     np.testing.assert_array_equal(one.trajectory.poses, other.trajectory.poses)
     assert one.resamplings == 0
-    events = list(used_scans(SHORT, SlamConfig.matching()).events())
+    events = list(SlamConfig.matching().used_scans(SHORT).events())
     particles = Belief.start(SlamConfig.matching()).particles
     moved, variance = MotionNoise(sampled=False).predict(particles, events[1], np.random.default_rng(0))
     np.testing.assert_array_equal(moved.poses[0], compose(particles.poses[0], events[1].motion))

@@ -15,8 +15,8 @@ from pfslam.errors import DataError
 from pfslam.grid import MapConfig
 from pfslam.particles import RESAMPLERS, ControlNoise, Scheme
 from pfslam.refined.floor import map_texture
-from pfslam.refined.search.boxes import MAX_SCORES
-from pfslam.refined.search.matching import SearchConfig
+from pfslam.search.boxes import MAX_SCORES
+from pfslam.refined.matching import SearchConfig
 from pfslam.run import run_slam
 from pfslam.sensors import LidarModel, RobotModel
 from pfslam.settings import Range, Settings, changed, plain

@@ -22,7 +22,7 @@ from pfslam.motion import dead_reckoning
 from pfslam.particles import ControlNoise, MotionNoise, Particles, effective_sample_size
 from pfslam.poses import average_pose, between, compose, transform_points
 from pfslam.recording import LidarScans
-from pfslam.refined.search.matching import match
+from pfslam.refined.matching import match
 from pfslam.run import run_slam, slam_steps, used_scans
 from pfslam.sensors import ImuModel
 from pfslam.slam import Belief, SlamConfig, slam_step
@@ -67,7 +67,7 @@ def state_after(recording, config, steps, seed=0):
 
 
 def event_number(k, config, recording=DRIVE):
-    return list(used_scans(recording, config).events())[k]
+    return list(config.used_scans(recording).events())[k]
 
 
 @PRESETS
@@ -265,7 +265,7 @@ def test_uncertainty_adds_up_while_scans_are_missing_and_ends_with_a_match(monke
         return match(field, spec, points, poses, sigmas, *rest)
 
     monkeypatch.setattr("pfslam.map.match", noted)
-    events = list(used_scans(SHORT, config).events())
+    events = list(config.used_scans(SHORT).events())
     one = [np.square(config.noise.sigmas(np.hypot(*e.motion[:2]), abs(e.motion[2]))) for e in events]
     run = slam_steps(blinded(SHORT, [4, 5]), config, np.random.default_rng(0))
     variance = [state.variance for state, _ in run]
@@ -277,7 +277,7 @@ def test_uncertainty_adds_up_while_scans_are_missing_and_ends_with_a_match(monke
 def test_variance_of_white_noise_is_the_sum_over_its_samples(per_root_second):
     # Per sample: sum of (dt sigma)^2. As a density: the variance grows with time, whatever the rate.
     noise = ControlNoise(0.3, 0.2, per_root_second)
-    event = list(used_scans(SHORT, REFINED).events())[3]
+    event = list(REFINED.used_scans(SHORT).events())[3]
     dt = event.controls[2]
     spread = dt.sum() if per_root_second else (dt**2).sum()
     after, variance = noise.predict(Particles.at(np.zeros(3), 20_000), event, np.random.default_rng(0))
@@ -294,7 +294,7 @@ def test_noise_between_scans_is_sigma_times_the_draw_in_the_particles_own_frame(
             return np.full(shape, 2.0)
 
     noise = MotionNoise(0.01, 0.1, 0.02, 0.2, 0.3)
-    event = replace(list(used_scans(SHORT, REFINED).events())[3], motion=np.array([0.3, 0.4, -0.25]))
+    event = replace(list(REFINED.used_scans(SHORT).events())[3], motion=np.array([0.3, 0.4, -0.25]))
     after, variance = noise.predict(Particles.at([1.0, 2.0, np.pi / 2], 3), event, Twos())
     expected = [1.0 - (0.4 + 0.12), 2.0 + (0.3 + 0.12), np.pi / 2 - 0.25 + 0.44]
     np.testing.assert_allclose(after.poses, np.tile(expected, (3, 1)), rtol=1e-12)
@@ -322,7 +322,7 @@ def test_a_scan_that_scores_nothing_leaves_the_weights_and_is_counted():
     # Eight metres of blank between two rooms: the second scan's end points fall on cells that no scan has
     # touched.
     config = replace(SlamConfig.report(0.0, 0.0), particles=6)
-    event = next(used_scans(SHORT, config).events())
+    event = next(config.used_scans(SHORT).events())
     state, _ = slam_step(Belief.start(config), event, config, np.random.default_rng(0))
     weights = np.log([1.0, 2, 3, 4, 5, 6])
     state = replace(state, particles=Particles(state.particles.poses + [80.0, 0, 0], weights))

@@ -238,7 +238,7 @@ def test_floor_beams_are_left_out_and_wall_beams_are_levelled():
 
 def test_wheels_measure_along_a_slope_and_the_map_is_seen_from_above():
     config = replace(SlamConfig.refined(), every=20)
-    flat, leans = (used_scans(load("ramp"), replace(config, tilt=tilt)) for tilt in (False, True))
+    flat, leans = (replace(config, tilt=tilt).used_scans(load("ramp")) for tilt in (False, True))
     shorter = np.cos(leans.tilt[:, :1])
     assert shorter.min() < 0.95
     np.testing.assert_allclose(
@@ -246,7 +246,7 @@ def test_wheels_measure_along_a_slope_and_the_map_is_seen_from_above():
     )
     for plain, event, share in zip(flat.events(), leans.events(), shorter, strict=True):
         np.testing.assert_allclose(event.controls[0], share * plain.controls[0])
-    assert not used_scans(load("hall"), config).tilt.any()
+    assert not config.used_scans(load("hall")).tilt.any()
 
 
 @pytest.mark.parametrize("up", [(0, 0, 1), (0.6, 0, 0.8), (0, -1, 0), (0.1, 0.2, -0.95), (0, 0, -1)])

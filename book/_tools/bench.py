@@ -19,11 +19,10 @@ from pathlib import Path
 import numpy as np
 
 from pfslam.cli.parser import METHODS
+from pfslam.events import UsedScans
 from pfslam.io.datasets import load
 from pfslam.io.recordings import save
 from pfslam.recording import LidarScans, Recording
-from pfslam.run import used_scans as drive_of
-from pfslam.slam import SlamConfig
 from pfslam.study.provenance import machine, versions
 
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1")
@@ -54,7 +53,7 @@ def whole_run(*options: str | Path) -> tuple[float, float]:
 
 def used_scans(recording: Recording, every: int) -> int:
     """Count the scans that a run processes."""
-    return len(drive_of(recording, replace(SlamConfig.refined(), every=every)).t)
+    return len(UsedScans.of(recording, every))
 
 
 def methods(name: str, recording: Recording) -> Iterator[str]:

@@ -16,11 +16,10 @@ import cv2
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.events import Drive, ScanEvent
+from pfslam.events import ScanEvent
 from pfslam.grid import OccupancyGrid
 from pfslam.particles import (
     MAX_PARTICLES,
-    MotionNoise,
     Particles,
     effective_sample_size,
     reweight,
@@ -28,6 +27,8 @@ from pfslam.particles import (
 )
 from pfslam.poses import Trajectory, average_pose, compose, transform_points, wrap_angle
 from pfslam.recording import Recording
+from pfslam.refined.events import LevelledScans
+from pfslam.refined.noise import MotionNoise, predicted
 from pfslam.settings import Range, Settings
 from pfslam.slam import MAX_EVERY
 
@@ -218,7 +219,7 @@ def localization_step(
         ahead = Particles(compose(before.poses, motion), before.log_weights)
         info = LocalizationInfo(event.t, *densest(ahead), ahead, len(ahead), used=False)
         return replace(state, pending=motion), info
-    particles, _ = config.noise.predict(before, replace(event, motion=motion), rng)
+    particles, _ = predicted(before, replace(event, motion=motion), config.noise, rng)
     particles, evidence = reweight(particles, known.log_likelihood(particles.poses, event.points_b))
     fit = float(np.exp(evidence / config.effective_beams))
     slow = EXPECTED if state.slow is None else state.slow + SLOW * (fit - state.slow)
@@ -333,12 +334,12 @@ def locate(
     """
     config = LocalizationConfig() if config is None else config
     rng = np.random.default_rng(0) if rng is None else rng
-    drive = Drive.of(recording, config.every)
+    scans = LevelledScans.of(recording, config.every)
     known = KnownMap.of(grid, config)
     start = start or Particles(spread(grid, config.first, rng), np.zeros(config.first))
     state, infos = LocalizationState(start), []
-    for event in progress(drive.events(), total=len(drive)) if progress else drive.events():
+    for event in progress(scans.events(), total=len(scans)) if progress else scans.events():
         state, info = localization_step(state, event, known, rng)
         infos.append(info if keep_particles else replace(info, particles=None))
     t, poses = zip(*((info.t, info.estimate) for info in infos), strict=True)
-    return LocalizationResult(Trajectory(np.array(t), np.array(poses)), tuple(infos), config, drive.dropped)
+    return LocalizationResult(Trajectory(np.array(t), np.array(poses)), tuple(infos), config, scans.dropped)

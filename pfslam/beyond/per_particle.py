@@ -8,28 +8,78 @@ Resampling copies whole histories: the first heir of a particle keeps its map, e
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
+from math import inf
+from typing import Annotated, Any
 
 import numpy as np
 
 from pfslam.events import ScanEvent
 from pfslam.grid import OccupancyGrid
-from pfslam.particles import RESAMPLERS, Particles, effective_sample_size, reweight
-from pfslam.slam import Belief, SlamConfig, Step, slam_step
+from pfslam.particles import MAX_PARTICLES, RESAMPLERS, Particles, effective_sample_size, reweight
+from pfslam.poses import compose
+from pfslam.refined.events import RefinedEvent
+from pfslam.refined.filling import filled
+from pfslam.refined.map import Prior, RefinedMap
+from pfslam.refined.step import RefinedBelief, RefinedConfig, RefinedStep, refined_step
+from pfslam.settings import Range
+
+Count = Annotated[int, Range(1, MAX_PARTICLES)]
+Distance = Annotated[float, Range(0.0, inf)]
+
+
+@dataclass(frozen=True)
+class PerParticleConfig(RefinedConfig):
+    """The settings of the accurate filter with a map for each particle, drawn from that particle's own path."""
+
+    particles: Count = 30
+    draw_metres: Distance = 0.2
+    draw_radians: Distance = 0.1
+
+    def start(self) -> Histories:  # type: ignore[override]
+        """Make the hypotheses before the first scan."""
+        return Histories.start(self)
+
+    def step(self, belief: Any, event: Any, rng: np.random.Generator) -> tuple[Any, RefinedStep]:
+        """Process one scan: ``per_particle_step``."""
+        return per_particle_step(belief, event, self, rng)
+
+    def robust(self, scatter: float = 0.0) -> PerParticleConfig:
+        """Return the same settings: a second look is made for one map."""
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis(RefinedBelief):
+    """One particle with its own map. What odometry says of it is its own prediction, noise and all.
+
+    Along a direction in which walls say nothing, and where there are no scans, the hypotheses therefore differ.
+    """
+
+    def predict(self, event: ScanEvent, config: RefinedConfig, rng: np.random.Generator) -> Prior:
+        """Move the particle by the motion of an event, with noise of its own."""
+        prior = super().predict(event, config, rng)
+        return replace(prior, pose=prior.particles.poses[0])
 
 
 @dataclass(frozen=True, eq=False)
 class Histories:
-    """N hypotheses: ``beliefs`` with one particle and one map each, and their normalised ``log_weights (N,)``."""
+    """N hypotheses, their normalised ``log_weights (N,)``, and the heaviest of them before they were resampled.
 
-    beliefs: tuple[Belief, ...]
+    The map of ``best`` is the run's map, because maps cannot be averaged.
+    """
+
+    beliefs: tuple[RefinedBelief, ...]
     log_weights: np.ndarray
+    best: RefinedBelief
 
     @classmethod
-    def start(cls, config: SlamConfig) -> Histories:
+    def start(cls, config: PerParticleConfig) -> Histories:
         """Make the hypotheses before the first scan: all alike, sharing one empty map."""
-        alike = (Belief.start(replace(config, particles=1)),) * config.particles
-        return cls(alike, np.full(len(alike), -np.log(len(alike))))
+        one = Hypothesis.start(replace(config, particles=1))
+        return cls((one,) * config.particles, np.full(config.particles, -np.log(config.particles)), one)
 
     @property
     def particles(self) -> Particles:
@@ -37,41 +87,65 @@ class Histories:
         return Particles(np.array([belief.estimate for belief in self.beliefs]), self.log_weights)
 
     @property
-    def best(self) -> Belief:
-        """The heaviest hypothesis, whose map is the run's map: maps cannot be averaged."""
-        return self.beliefs[int(np.argmax(self.log_weights))]
+    def map(self) -> RefinedMap:
+        """The map of the heaviest hypothesis."""
+        return self.best.map
 
     @property
     def grid(self) -> OccupancyGrid:
-        """The map of the heaviest hypothesis."""
-        return self.best.grid
+        """The occupancy grid of that map."""
+        return self.map.grid
 
 
 def per_particle_step(
-    histories: Histories, event: ScanEvent, config: SlamConfig, rng: np.random.Generator
-) -> tuple[Histories, Step]:
+    histories: Histories, event: RefinedEvent, config: PerParticleConfig, rng: np.random.Generator
+) -> tuple[Histories, RefinedStep]:
     """Take one scan for every hypothesis by itself, weigh each by its fit to its own map, and resample histories."""
     # Until there is a map, the hypotheses do not differ: one step serves all, and each gets a copy of the map.
     if histories.best.map.is_empty:
-        belief, step = slam_step(histories.best, event, config, rng)
+        belief, step = refined_step(histories.best, event, config, rng)
         everyone = np.zeros(len(histories.beliefs), dtype=int)
-        histories = Histories(heirs([belief], everyone), histories.log_weights)
+        histories = Histories(heirs([belief], everyone), histories.log_weights, belief)
         return histories, replace(step, particles=histories.particles)
-    taken = [slam_step(belief, event, config, rng) for belief in histories.beliefs]
-    beliefs, steps = [belief for belief, _ in taken], [step for _, step in taken]
+    beliefs, steps = compared(histories.beliefs, event, config, rng)
     cloud = Particles(np.array([belief.estimate for belief in beliefs]), histories.log_weights)
     cloud, evidence = reweight(cloud, np.array([step.log_evidence for step in steps]))
-    n_eff = effective_sample_size(cloud.weights)
-    best = steps[int(np.argmax(cloud.log_weights))]
-    step = replace(best, particles=cloud, effective_sample_size=n_eff, log_evidence=evidence)
+    n_eff, heaviest = effective_sample_size(cloud.weights), int(np.argmax(cloud.log_weights))
+    odometry = compose(histories.beliefs[heaviest].estimate, event.motion)
+    step = replace(
+        steps[heaviest],
+        particles=cloud,
+        effective_sample_size=n_eff,
+        log_evidence=evidence,
+        departure=cloud.poses[heaviest, :2] - odometry[:2],
+    )
     if n_eff > config.resample_below * len(beliefs):
-        return Histories(tuple(beliefs), cloud.log_weights), step
+        return Histories(tuple(beliefs), cloud.log_weights, beliefs[heaviest]), step
     ancestors = RESAMPLERS[config.resampler](cloud.weights, rng)
     even = np.full(len(beliefs), -np.log(len(beliefs)))
-    return Histories(heirs(beliefs, ancestors), even), replace(step, resampled=True)
+    return Histories(heirs(beliefs, ancestors), even, beliefs[heaviest]), replace(step, resampled=True)
 
 
-def heirs(beliefs: list[Belief], ancestors: np.ndarray) -> tuple[Belief, ...]:
+def compared(
+    beliefs: Sequence[RefinedBelief], event: RefinedEvent, config: PerParticleConfig, rng: np.random.Generator
+) -> tuple[list[RefinedBelief], list[RefinedStep]]:
+    """Take one scan for every hypothesis; draw only when all are done, so that an error leaves every map as it was."""
+    undrawn = replace(config, particles=1, draw_metres=inf, draw_radians=inf)
+    taken = [refined_step(belief, event, undrawn, rng) for belief in beliefs]
+    event, done, steps = filled(event, config.beam_spacing), [belief for belief, _ in taken], []
+    drawn = [
+        step.matched and belief.map.has_moved(belief.estimate, config.draw_metres, config.draw_radians)
+        for belief, step in taken
+    ]
+    for belief in compress(done, drawn):
+        belief.map.check_room(event, belief.estimate)
+    for belief in compress(done, drawn):
+        belief.map.draw(event, belief.estimate, belief.covariance)
+    steps = [replace(step, drawn=draws) for (_, step), draws in zip(taken, drawn, strict=True)]
+    return done, steps
+
+
+def heirs(beliefs: Sequence[RefinedBelief], ancestors: np.ndarray) -> tuple[RefinedBelief, ...]:
     """Return the beliefs with numbers ``ancestors (N,)``; no two of them share a map."""
     first = set(np.unique(ancestors, return_index=True)[1].tolist())
     chosen = [beliefs[k] for k in ancestors]

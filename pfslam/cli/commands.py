@@ -43,6 +43,7 @@ from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.refined.floor import map_texture
 from pfslam.refined.health import in_doubt
+from pfslam.refined.run import judged
 from pfslam.run import run_slam
 from pfslam.settings import changed, plain
 
@@ -138,9 +139,10 @@ def run_command(arguments: Namespace) -> int:
     rng, clouds = np.random.default_rng(seed), Clouds(progress_bar("SLAM", arguments.quiet))
     if recording.lidar is not None:
         with timed(seconds, "slam"):
-            result = run_slam(
+            found = run_slam(
                 recording, config, rng=rng, progress=clouds, keep_particles=False, second_look=again
             )
+            result = judged(recording, found)
         if arguments.loops:
             from pfslam.beyond.loops.closing import close_loops  # SciPy takes a while to load
 

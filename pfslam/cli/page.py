@@ -26,7 +26,7 @@ from pfslam.particles import Particles
 from pfslam.poses import Trajectory, compose, invert, transform_points
 from pfslam.recording import Recording
 from pfslam.refined.health import DRAGGED_METRES, DRAGGED_WITHIN
-from pfslam.run import SlamResult, used_scans
+from pfslam.refined.run import RefinedResult
 from pfslam.settings import plain
 from pfslam.texture import FloorTexture
 
@@ -58,7 +58,7 @@ class Clouds:
                 kept.append((step.estimate, thinned(step.particles, step.estimate)))
             yield belief, step
 
-    def of(self, result: SlamResult) -> np.ndarray:
+    def of(self, result: RefinedResult) -> np.ndarray:
         """Return the clouds ``(F, CLOUD, 2)`` of the run that was kept: a second look has clouds of its own."""
         run = next(run for run in self.runs if run[0][0] is result.infos[0].estimate)
         return np.array([cloud for _, cloud in run])
@@ -87,7 +87,7 @@ class Outcome(NamedTuple):
 
     recording: Recording
     odometry: Trajectory
-    result: SlamResult | None
+    result: RefinedResult | None
     texture: FloorTexture | None
     revision: Revision | None
 
@@ -146,7 +146,7 @@ def paths_of(outcome: Outcome) -> dict[str, np.ndarray]:
     return paths | ({} if outcome.revision is None else {"revised": outcome.revision.trajectory.poses})
 
 
-def filter_data(result: SlamResult, at: np.ndarray) -> dict[str, Any]:
+def filter_data(result: RefinedResult, at: np.ndarray) -> dict[str, Any]:
     """Collect what the steps say; of those from one moment to the next, the worst."""
     t, infos, covariances = result.trajectory.t, result.infos, result.covariances
     moved = np.zeros((len(t) + 1, 2))
@@ -162,11 +162,11 @@ def filter_data(result: SlamResult, at: np.ndarray) -> dict[str, Any]:
     }
 
 
-def scan_data(outcome: Outcome, result: SlamResult, at: np.ndarray) -> dict[str, Any]:
+def scan_data(outcome: Outcome, result: RefinedResult, at: np.ndarray) -> dict[str, Any]:
     """Collect the scans, the maps as they grew, and which scans were found to see the same place."""
-    drive = used_scans(outcome.recording, result.config)
-    drive = replace(drive, **{name: getattr(drive, name)[at] for name in ("scans", "t", "tilt", "motion")})
-    events = list(drive.events())
+    used = result.config.used_scans(outcome.recording)
+    of_each = [name for name in ("scans", "t", "tilt", "motion") if hasattr(used, name)]
+    events = list(replace(used, **{name: getattr(used, name)[at] for name in of_each}).events())
     scans = np.full((len(at), BEAMS, 2), -32768, np.int16)
     for scan, event in zip(scans, events, strict=True):
         points = event.points_b[:: ceil(len(event.points_b) / BEAMS) or 1]

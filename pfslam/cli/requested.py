@@ -10,34 +10,34 @@ from dataclasses import replace
 from math import inf
 from pathlib import Path
 from types import NoneType
-from typing import Any, TypeVar
+from typing import Any
 
 from pfslam.beyond.localization import LocalizationConfig
 from pfslam.errors import DataError
 from pfslam.io.files import read_text
+from pfslam.methods import METHODS, preset
+from pfslam.refined.step import RefinedConfig, with_changes
 from pfslam.settings import changed, flat, options, type_of
-from pfslam.slam import PRESETS, SlamConfig
-
-T = TypeVar("T")
 
 
-def requested_run(arguments: Namespace) -> tuple[str, int, bool, SlamConfig]:
+def requested_run(arguments: Namespace) -> tuple[str, int, bool, Any]:
     """Return method, seed, whether a second look is allowed, and the configuration of a run.
 
     ``--config`` comes first, then all ``--set``, then the options with names of their own.
     """
-    source, content = arguments.config, read_settings(arguments.config, SlamConfig)
+    source, content = arguments.config, read_settings(arguments.config, RefinedConfig)
     method = content.pop("method", "refined") if arguments.method is None else arguments.method
-    if not isinstance(method, str) or method not in PRESETS:
-        raise DataError(source, "method", repr(method), f"one of {', '.join(PRESETS)}")
+    if not isinstance(method, str) or method not in METHODS:
+        raise DataError(source, "method", repr(method), f"one of {', '.join(METHODS)}")
     again = content.pop("second_look", True)
     if not isinstance(again, bool):
         raise DataError(source, "second_look", repr(again), "true or false")
     again = again if arguments.second_look is None else arguments.second_look
     seed = _seed(arguments, content)
     content.pop("method", None)
-    config = _with_set(changed(PRESETS[method](), content, source), arguments, "run")
-    return method, seed, again, changed(config, given(arguments, "particles", "every"), "run", "--")
+    config = with_changes(preset(method), content, source)
+    config = with_changes(config, _set_values(arguments, "run"), "run", "--set ")
+    return method, seed, again, with_changes(config, given(arguments, "particles", "every"), "run", "--")
 
 
 def requested_search(arguments: Namespace) -> tuple[int, LocalizationConfig]:
@@ -51,7 +51,7 @@ def requested_search(arguments: Namespace) -> tuple[int, LocalizationConfig]:
     if (most := arguments.particles) is not None:
         least, config = config.least, changed(replace(config, least=1), {"particles": most}, "locate", "--")
         config = replace(config, first=10 * most, least=min(least, most))
-    return seed, _with_set(config, arguments, "locate")
+    return seed, changed(config, _set_values(arguments, "locate"), "locate", "--set ")
 
 
 def _seed(arguments: Namespace, content: dict[str, Any]) -> int:
@@ -63,15 +63,15 @@ def _seed(arguments: Namespace, content: dict[str, Any]) -> int:
     return seed
 
 
-def _with_set(config: T, arguments: Namespace, command: str) -> T:
-    """Return settings with every ``--set`` of the command line; of two for one name the last counts."""
+def _set_values(arguments: Namespace, command: str) -> dict[str, Any]:
+    """Return what every ``--set`` of the command line says, by name; of two for one name the last counts."""
     values: dict[str, Any] = {}
     for text in arguments.set:
         name, found, value = text.partition("=")
         if not found:
             raise DataError(command, "--set", repr(text), "NAME=VALUE, such as noise.xy=0.05")
         values[name.strip()] = toml_value(value.strip())
-    return changed(config, values, command, "--set ")
+    return values
 
 
 def given(arguments: Namespace, *names: str) -> dict[str, Any]:

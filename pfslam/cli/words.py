@@ -20,7 +20,7 @@ from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.refined.floor import UNREADABLE
 from pfslam.refined.health import alarms
-from pfslam.run import SlamResult
+from pfslam.refined.run import RefinedResult
 from pfslam.texture import FloorTexture
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def _lidar(recording: Recording) -> list[str]:
 def summarise(
     recording: Recording,
     odometry: Trajectory,
-    result: SlamResult | None,
+    result: RefinedResult | None,
     texture: FloorTexture | None,
     revision: Revision | None = None,
     findings: Sequence[Finding] = (),
@@ -145,7 +145,7 @@ def summarise(
     return summary
 
 
-def _covariance(result: SlamResult, truth: Trajectory | None) -> dict[str, float] | None:
+def _covariance(result: RefinedResult, truth: Trajectory | None) -> dict[str, float] | None:
     """Say how well the run knows its poses (m, deg), and with truth whether it is right about that."""
     covariances = result.covariances
     if covariances is None:

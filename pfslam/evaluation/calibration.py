@@ -15,7 +15,7 @@ import numpy as np
 from pfslam.errors import DataError
 from pfslam.poses import between, compose
 from pfslam.recording import Recording
-from pfslam.run import SlamResult, used_scans
+from pfslam.run import SlamResult
 
 WINDOW = 1.0
 """Length (s) of the pieces in which stillness is checked: long against the gyro's memory of a few samples."""
@@ -151,13 +151,13 @@ def matched_motion(recording: Recording, result: SlamResult) -> tuple[np.ndarray
     Only blocks count in which every scan was matched and no direction was left to odometry: where the map says
     nothing, the estimate is the odometry, and comparing the two would prove whatever one likes.
     """
-    motions = used_scans(recording, result.config).motion
+    motions = result.config.used_scans(recording).motion
     trajectory, infos = result.trajectory, result.infos
     if len(motions) != len(infos):
         raise DataError(
             "calibrate", "result", f"{len(infos)} scans", f"the run of this recording: {len(motions)}"
         )
-    usable = np.array([info.matched and info.free_direction is None for info in infos])
+    usable = np.array([info.matched and info.silent_direction is None for info in infos])
     odometry, matched, seconds = [], [], []
     for i, j in _whole_pieces(trajectory.t, BLOCK):
         if usable[i + 1 : j + 1].all():

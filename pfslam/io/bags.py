@@ -21,9 +21,9 @@ from pfslam.errors import DataError, naming
 from pfslam.io.headings import with_better_headings
 from pfslam.io.loading import GRAVITY_LIMIT, LONGEST_SWEEP, POSE_LIMIT, Log
 from pfslam.io.topics import IMAGE, IMU, ODOMETRY, SCAN, TF, Beams, Topic, frame_of, list_topics, read_topics
+from pfslam.io.upright import upright
 from pfslam.poses import Trajectory, chain_transforms, quaternion_to_rotation, rotation_matrix, transform
 from pfslam.recording import Imu, LidarScans, Recording, RgbdStream
-from pfslam.refined.tilt import upright
 from pfslam.sensors import MAX_BEAMS, STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel, nearest_ranges
 from pfslam.texture import disparity_from_depth_image
 

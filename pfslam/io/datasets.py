@@ -13,6 +13,7 @@ from pfslam.errors import DataError
 from pfslam.io.bags import BagOptions, load_bag
 from pfslam.io.carmen import load_carmen
 from pfslam.io.course import load_course, numbers_in
+from pfslam.io.jumps import without_jumps
 from pfslam.io.recordings import load_recording
 from pfslam.io.topics import INDEX
 from pfslam.recording import Recording, image_pairs
@@ -45,7 +46,13 @@ def load(
     >>> recording.lidar.ranges.shape[1]
     1081
     """
-    text = str(dataset)
+    return without_jumps(_load(str(dataset), data_dir, bag, progress))
+
+
+def _load(
+    text: str, data_dir: str | Path | None, bag: BagOptions | None, progress: Callable | None
+) -> Recording:
+    """Load a recording as it was logged."""
     reads = _reader(text)
     if bag not in (None, BagOptions()) and reads is not load_bag:
         expected = "a .bag, .mcap or .db3 file or its folder"

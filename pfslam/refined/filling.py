@@ -8,17 +8,19 @@ the wall between two beams, which then is a line in the map and in the scan.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
 from pfslam.events import ScanEvent
 from pfslam.poses import wrap_angle
 
+E = TypeVar("E", bound=ScanEvent)
 STEEPEST = 12.0
 """Neighbours lie on one wall unless their ranges say that it is seen at a sharper angle: the tangent of 85 degrees."""
 
 
-def filled(event: ScanEvent, spacing: float) -> ScanEvent:
+def filled(event: E, spacing: float) -> E:
     """Put points on the wall between neighbouring beams, so that they are at most ``spacing`` (rad) apart; 0: none.
 
     A point has the number of the beam before it. Nothing is filled in where beams between have no return, nor where the

@@ -23,7 +23,7 @@ from typing import TypedDict
 import numpy as np
 
 from pfslam.poses import between
-from pfslam.slam import Step
+from pfslam.refined.record import RefinedStep
 
 LEAST_PAST = 50
 """Scans that must have been drawn, while the robot moved, before any scan is judged."""
@@ -51,30 +51,30 @@ LEAST_SPREAD = 0.005
 SCORES = ("score", "aligned_score")
 SHAPES: dict[str, tuple[int, ...]] = {
     "estimate": (3,),
-    "free_direction": (2,),
+    "silent_direction": (2,),
     "departure": (2,),
     "covariance": (3, 3),
 }
 KINDS = {"int": int, "bool": bool}
 COLUMNS = {
     f.name: np.dtype((KINDS.get(str(f.type), float), SHAPES.get(f.name, ())))
-    for f in fields(Step)
+    for f in fields(RefinedStep)
     if f.name != "particles"
 }
-"""The columns of ``Steps``: all fields of a ``Step`` but the cloud. Where there is no direction or covariance, NaN."""
-OPTIONAL = ("free_direction", "covariance")
+"""The columns of ``Steps``: all fields of a step but the cloud. Where there is no direction or covariance, NaN."""
+OPTIONAL = ("silent_direction", "covariance")
 Columns = Mapping[str, np.ndarray]
 
 
-class Steps(Sequence[Step]):
+class Steps(Sequence[RefinedStep]):
     """The steps of a run without their clouds, kept as columns that grow, and what verdicts have found in them so far.
 
-    >>> steps = Steps([Step(0.0, np.zeros(3), None, 1.0, 500, 0, drawn=True)])
+    >>> steps = Steps([RefinedStep(0.0, np.zeros(3), None, 1.0, 500, drawn=True)])
     >>> len(steps), steps[-1].beams, steps.columns["drawn"].tolist()
     (1, 500, [True])
     """
 
-    def __init__(self, infos: Iterable[Step] = ()):
+    def __init__(self, infos: Iterable[RefinedStep] = ()):
         infos = list(infos)
         self._rows = {name: _column(name, [getattr(info, name) for info in infos]) for name in COLUMNS}
         self._count, nothing = (
@@ -100,9 +100,9 @@ class Steps(Sequence[Step]):
             return [self[i] for i in range(*k.indices(len(self)))]
         found = {name: column[k] for name, column in self.columns.items()}
         fields = {name: value.copy() if value.shape else value.item() for name, value in found.items()}
-        return Step(particles=None, **fields | {n: None for n in OPTIONAL if np.isnan(found[n]).all()})
+        return RefinedStep(particles=None, **fields | {n: None for n in OPTIONAL if np.isnan(found[n]).all()})
 
-    def append(self, step: Step) -> None:
+    def append(self, step: RefinedStep) -> None:
         """Add the next step: whole, or not at all."""
         k = self._count
         if k == len(self._rows["t"]):
@@ -186,11 +186,11 @@ def _sigma(covariances: np.ndarray) -> np.ndarray:
     return np.sqrt(np.linalg.eigvalsh(positions)[:, 1])
 
 
-def _judged(infos: Sequence[Step]) -> dict[str, np.ndarray]:
+def _judged(infos: Sequence[RefinedStep]) -> dict[str, np.ndarray]:
     return (infos if isinstance(infos, Steps) else Steps(infos)).judged()
 
 
-def score_deviation(infos: Sequence[Step], name: str = "score") -> np.ndarray:
+def score_deviation(infos: Sequence[RefinedStep], name: str = "score") -> np.ndarray:
     """Measure how far each score ``(K,)`` lies from the median of those before it, in spreads; below 0 is worse.
 
     ``name`` is "score" or "aligned_score". One spread is the distance from the median down to the 5th percentile,
@@ -202,7 +202,7 @@ def score_deviation(infos: Sequence[Step], name: str = "score") -> np.ndarray:
     return _judged(infos)["deviation"][:, SCORES.index(name)]
 
 
-def lost(infos: Sequence[Step]) -> np.ndarray:
+def lost(infos: Sequence[RefinedStep]) -> np.ndarray:
     """Which scans ``(K,)`` bool fit the map so badly that the robot cannot be where the filter puts it.
 
     An odometry that stands still takes the particles from where the lines lead: then they fit badly, the estimate not.
@@ -229,7 +229,7 @@ def _settling(t: np.ndarray) -> np.ndarray:
     return found[: len(t)]
 
 
-def alarms(infos: Sequence[Step]) -> np.ndarray:
+def alarms(infos: Sequence[RefinedStep]) -> np.ndarray:
     """List the times ``(A,)`` (s) at which the robot was found to be lost; falls within 5 s are one alarm."""
     return _alarms(_judged(infos))
 
@@ -280,7 +280,7 @@ Of runs that were right to 5 cm none was measured above 0.7 m.
 """
 
 
-def distrust(infos: Sequence[Step]) -> list[Distrust]:
+def distrust(infos: Sequence[RefinedStep]) -> list[Distrust]:
     """List the stretches of a run whose estimate is not to be trusted, each with its reason, in order of time.
 
     An error that is drawn into the map stays there, so only blindness ends: when the scans fit again, the estimate is
@@ -299,7 +299,7 @@ def in_doubt(stretches: Sequence[Distrust], t: np.ndarray) -> np.ndarray:
     return doubted
 
 
-def was_dragged(infos: Sequence[Step]) -> bool:
+def was_dragged(infos: Sequence[RefinedStep]) -> bool:
     """Whether scans seem to have dragged the estimate from its odometry, as people and glass do.
 
     Only scans before the first alarm count: where a robot was carried off, scans contradict odometry and are right.
@@ -416,7 +416,7 @@ def _blindness(begin: float, end: float, to: float | None, missing: str) -> Dist
 def _along(run: Columns) -> Iterator[Distrust]:
     """Find the first time at which most of the way was driven where no wall shows how far."""
     metres = np.hypot(*_ways(run["estimate"]).T)
-    driven, along = np.cumsum(metres), np.cumsum(metres * ~np.isnan(run["free_direction"][:, 0]))
+    driven, along = np.cumsum(metres), np.cumsum(metres * ~np.isnan(run["silent_direction"][:, 0]))
     if not len(along) or along[-1] <= ALONG_METRES:
         return
     since = np.searchsorted(driven, driven - ALONG_WITHIN)

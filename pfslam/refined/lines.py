@@ -100,6 +100,16 @@ class HitMoments:
         for column, values in zip(self._sums.T, (np.ones_like(x), x, y, x * x, x * y, y * y), strict=True):
             np.add.at(column, rows, values)
 
+    def kept(self, slots: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
+        """Return what ``put_back`` needs after hits were added to cells with these ``slots``."""
+        rows = np.unique(slots)
+        return self.used, rows, self._sums[rows]
+
+    def put_back(self, used: int, rows: np.ndarray, sums: np.ndarray) -> None:
+        """Take back hits that were added since ``kept``; their cells' slots are put back by the map."""
+        self._sums[used:], self._first[used:], self.used = 0.0, -1, used
+        self._sums[rows] = sums
+
     def _make_room(self, rows: int) -> None:
         """Double the table until it has so many rows."""
         while rows > len(self._sums):
@@ -210,7 +220,7 @@ class Alignment:
     """
 
     pose: np.ndarray
-    free_direction: np.ndarray | None
+    silent_direction: np.ndarray | None
     fit: LineFit | None = None
 
 

@@ -21,9 +21,9 @@ from typing import Annotated
 import cv2
 import numpy as np
 
-from pfslam.correlation import ScoreField
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, free_cells
 from pfslam.poses import wrap_angle
+from pfslam.refined.field import ScoreField
 from pfslam.settings import Range, Settings
 
 NOISY = 0.035

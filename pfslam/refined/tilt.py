@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pfslam.motion import Controls, controls
-from pfslam.poses import rotation_matrix
 from pfslam.recording import Recording
 from pfslam.sensors import STANDARD_GRAVITY
 
@@ -82,19 +81,6 @@ def estimate_tilt(recording: Recording, inputs: Controls | None = None) -> Tilt 
     roll = _complementary(rates[:, 0] - bias[0], roll_from_gravity, dt, first)
     tilted = [np.where(np.abs(angle) < LEVEL_BELOW, 0.0, angle) for angle in (pitch, roll)]
     return Tilt(imu.t, *tilted)
-
-
-def upright(acceleration) -> tuple[np.ndarray, str]:
-    """Return a rotation ``(3, 3)`` without yaw that turns a mean acceleration ``(3,)`` in g upwards, and what it does.
-
-    Over a drive an accelerometer shows one g upwards in the mean. One that shows much else is taken for upright.
-    """
-    (x, y, z), length = acceleration, float(np.linalg.norm(acceleration))
-    if not 0.8 < length < 1.2:
-        return np.eye(3), f"upright, as it shows {length:.2f} g in the mean"
-    lean = np.degrees(np.arccos(np.clip(z / length, -1.0, 1.0)))
-    words = f"leaning by {lean:.0f} deg, as gravity says"
-    return rotation_matrix(np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))), words
 
 
 def _smoothed(values: np.ndarray, dt: np.ndarray, time_constant: float) -> np.ndarray:

@@ -19,10 +19,11 @@ from typing import Annotated, Any, Literal
 
 from pfslam.errors import DataError
 from pfslam.io.files import read_text
+from pfslam.methods import METHODS, preset
+from pfslam.refined.step import RefinedConfig, with_changes
 from pfslam.settings import Range, Settings, changed, depth, flat, type_hints, type_of, value_of
 from pfslam.simulator import HALL, SimulatorConfig
 from pfslam.simulator import PRESETS as BUILDINGS
-from pfslam.slam import PRESETS, SlamConfig
 
 MAX_CASES = 1_000_000
 Seed = Annotated[int, Range(0, 2**63 - 1)]
@@ -87,12 +88,12 @@ class Case:
         return dict(self.settings).get(key, default)
 
     def parts(self) -> dict[type, Any]:
-        """Return the settings as objects by their types: ``SlamConfig``, ``SimulatorConfig`` and those above."""
+        """Return the settings as objects by their types: ``RefinedConfig``, ``SimulatorConfig`` and those above."""
         return _parts(dict(self.settings), self.label)
 
-    def config(self) -> SlamConfig:
+    def config(self) -> Any:
         """Return the filter's configuration."""
-        return self.parts()[SlamConfig]
+        return self.parts()[RefinedConfig]
 
     def drive(self) -> tuple[SimulatorConfig, int | None] | None:
         """Return the drive to simulate and the seed of its building, or None if the case does not name any."""
@@ -108,7 +109,7 @@ def _place(key: str) -> tuple[Any, str]:
         return Building, name
     if name and group in GROUPS:
         return GROUPS[group], name
-    return Basics if key in type_hints(Basics) else SlamConfig, key
+    return Basics if key in type_hints(Basics) else RefinedConfig, key
 
 
 def _parts(settings: Mapping[str, Any], source: object) -> dict[type, Any]:
@@ -118,10 +119,11 @@ def _parts(settings: Mapping[str, Any], source: object) -> dict[type, Any]:
         kind, name = _place(key)
         groups[kind][name] = value
     basics = changed(Basics(), groups[Basics], source)
-    filter_, drive = PRESETS.get(basics.method, SlamConfig.refined)(), BUILDINGS.get(basics.dataset, HALL)
+    filter_ = preset(basics.method if basics.method in METHODS else "refined")
+    drive = BUILDINGS.get(basics.dataset, HALL)
     return {
         Basics: basics,
-        SlamConfig: changed(filter_, groups[SlamConfig], source),
+        RefinedConfig: with_changes(filter_, groups[RefinedConfig], source),
         SimulatorConfig: changed(drive, groups[SimulatorConfig], source, "simulator."),
         Building: changed(Building(), groups[Building], source, "simulator."),
         Disturbances: changed(Disturbances(), groups[Disturbances], source, "disturb."),

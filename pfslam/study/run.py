@@ -19,11 +19,11 @@ from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.refined.health import in_doubt
-from pfslam.run import SlamResult, run_slam, used_scans
+from pfslam.refined.run import RefinedResult, judged
+from pfslam.run import run_slam
 from pfslam.simulator import PRESETS as BUILDINGS
 from pfslam.simulator import Simulation, SimulatorConfig, simulate
 from pfslam.simulator.cache import cached_simulation
-from pfslam.slam import SlamConfig
 from pfslam.study.definition import Case, Disturbances
 from pfslam.study.disturbances import disturb
 
@@ -64,13 +64,13 @@ def figures(case: Case) -> dict[str, Any]:
     recording = disturb(source.recording, faults, case.get("seed"))
     odometry = dead_reckoning(recording)
     if case.get("method") == "dead-reckoning":
-        t = used_scans(recording, config).t
+        t = config.used_scans(recording).t
         path = Trajectory(t, odometry.at(t))
         return {"scans": len(t)} | errors(path, odometry, recording, source.relations)
     rng, clouds = np.random.default_rng(case.get("seed")), bool(case.get("clouds"))
     # One look unless asked for: a study measures the filter as it was set.
     twice = bool(case.get("second_look"))
-    result = run_slam(recording, config, rng=rng, keep_particles=clouds, second_look=twice)
+    result = judged(recording, run_slam(recording, config, rng=rng, keep_particles=clouds, second_look=twice))
     found = counts(result, config) | errors(result.trajectory, odometry, recording, source.relations)
     if clouds and recording.truth is not None:
         found |= consistency(result, recording.truth)
@@ -79,7 +79,7 @@ def figures(case: Case) -> dict[str, Any]:
     return found | (agreement(result, source.simulation) if source.simulation else {})
 
 
-def counts(result: SlamResult, config: SlamConfig) -> dict[str, Any]:
+def counts(result: RefinedResult, config: Any) -> dict[str, Any]:
     """Count the steps of a run, and take the medians of N_eff and of the mean score over matched scans."""
     row: dict[str, Any] = {name: getattr(result, name) for name in ("updates", "resamplings")}
     row["scans"] = len(result.trajectory)
@@ -110,7 +110,7 @@ def errors(
     return row
 
 
-def consistency(result: SlamResult, truth: Trajectory) -> dict[str, float]:
+def consistency(result: RefinedResult, truth: Trajectory) -> dict[str, float]:
     """Say how often the ellipsoids of a run's clouds held the truth, and how wide and how wrong the clouds were."""
     cloud = cloud_consistency(result.infos, truth)
     row = {f"inside_{100 * claim:.0f}": share for claim, share in cloud.inside.items()}
@@ -123,7 +123,7 @@ def consistency(result: SlamResult, truth: Trajectory) -> dict[str, float]:
     return row
 
 
-def doubts(result: SlamResult, truth: Trajectory) -> dict[str, float]:
+def doubts(result: RefinedResult, truth: Trajectory) -> dict[str, float]:
     """Compare the doubts of a run with its errors: shares of the scans that are off, that are doubted, and both."""
     poses, true_poses = aligned_at_first(result.trajectory, truth)
     t = result.trajectory.t[truth.covers(result.trajectory.t)]
@@ -132,7 +132,7 @@ def doubts(result: SlamResult, truth: Trajectory) -> dict[str, float]:
     return {"off": off.mean(), "doubted": doubted.mean(), "off_and_doubted": (off & doubted).mean()}
 
 
-def agreement(result: SlamResult, simulation: Simulation) -> dict[str, float]:
+def agreement(result: RefinedResult, simulation: Simulation) -> dict[str, float]:
     """Compare the map with the simulated building."""
     spec = result.grid.spec
     walls = simulation.true_grid(spec)

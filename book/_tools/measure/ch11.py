@@ -25,7 +25,7 @@ from pfslam.grid import OccupancyGrid
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, between, compose
 from pfslam.recording import Recording
-from pfslam.run import SlamResult, run_slam, used_scans
+from pfslam.run import SlamResult, run_slam
 from pfslam.simulator import HALL, simulate
 from pfslam.simulator.config import RING
 from pfslam.slam import SlamConfig
@@ -152,7 +152,7 @@ def loops_of(places: list[Place], at: np.ndarray, pairs: list) -> Edges:
 def graph_of(recording: Recording, result: SlamResult) -> tuple[np.ndarray, dict[str, Edges]]:
     """The key scans and the edges of a run: the chain, scans matched to near ones, and the loops."""
     keys = closing.key_scans(result)
-    events, at = used_scans(recording, result.config).events(), result.trajectory.poses[keys]
+    events, at = result.config.used_scans(recording).events(), result.trajectory.poses[keys]
     places = [Place.of(event) for k, event in enumerate(events) if k in keys]
     chain = closing.chain_edges(result, keys)
     loops = loops_of(places, at, closing.find_candidates(at))
@@ -202,10 +202,10 @@ def intel_paths() -> tuple[dict[str, Trajectory], dict[str, int], dict[str, np.n
     """
     log, _ = intel_log()
     matched_to_map = run_slam(log, replace(SlamConfig.matching(), every=1))
-    t, events = matched_to_map.trajectory.t, list(used_scans(log, matched_to_map.config).events())
+    t, events = matched_to_map.trajectory.t, list(matched_to_map.config.used_scans(log).events())
     everything = [Place.of(event) for event in events]
     poses = consecutive(log, matched_to_map, everything)
-    infos = [replace(info, free_direction=None, matched=True) for info in matched_to_map.infos]
+    infos = [replace(info, silent_direction=None, matched=True) for info in matched_to_map.infos]
     drifted = replace(matched_to_map, trajectory=Trajectory(t, poses), infos=infos)
     keys = closing.key_scans(drifted)
     at, places, chain = poses[keys], [everything[k] for k in keys], closing.chain_edges(drifted, keys)

@@ -26,11 +26,12 @@ from pfslam.io.carmen import read_log
 from pfslam.io.datasets import data_folder
 from pfslam.io.files import atomic_write
 from pfslam.motion import dead_reckoning
-from pfslam.particles import MotionNoise
 from pfslam.poses import Trajectory, between, wrap_angle
 from pfslam.recording import LidarScans, Recording
 from pfslam.refined.health import in_doubt
-from pfslam.run import SlamResult, run_slam
+from pfslam.refined.noise import MotionNoise
+from pfslam.refined.run import RefinedResult
+from pfslam.run import run_slam
 from pfslam.slam import SlamConfig
 from pfslam.study import Case, Study
 
@@ -91,7 +92,7 @@ def by_the_metre(log: Recording) -> Recording:
 
 
 @lru_cache(maxsize=1)
-def run(building: str, method: str) -> SlamResult:
+def run(building: str, method: str) -> RefinedResult:
     """Run a log as the command does, but for one thing."""
     log, rng = log_of(building)[0], np.random.default_rng(0)
     log, twice = by_the_metre(log) if method == SPARSE else log, method != ONE_LOOK
@@ -170,7 +171,7 @@ def coarse(grid: OccupancyGrid, path: np.ndarray) -> tuple[np.ndarray, np.ndarra
     )
 
 
-def kept(result: SlamResult, published: Trajectory) -> dict[str, np.ndarray]:
+def kept(result: RefinedResult, published: Trajectory) -> dict[str, np.ndarray]:
     """Return what is stored of a run: its map, and places (cm) along its path and along the published one."""
     signs, corner = coarse(result.grid, result.trajectory.poses[:, :2])
     paths = [poses[:: len(poses) // MOST_POSES + 1, :2] for poses in laid_on(published, result.trajectory)]

@@ -35,7 +35,9 @@ from pfslam.recording import Recording
 from pfslam.refined.health import was_dragged
 from pfslam.refined.lines import LineConfig
 from pfslam.refined.outliers import NOISY, OutlierConfig
-from pfslam.run import SlamResult, better_look, run_slam
+from pfslam.refined.run import RefinedResult, better_look
+from pfslam.refined.step import RefinedConfig
+from pfslam.run import run_slam
 from pfslam.sensors import LidarModel
 from pfslam.settings import changed
 from pfslam.simulator import Hazards, simulate
@@ -103,7 +105,7 @@ def recording_of(drive: str) -> Recording:
 
 
 @lru_cache(maxsize=4)
-def one_look(drive: str, seed: int, lidar: LidarModel, config: SlamConfig) -> SlamResult:
+def one_look(drive: str, seed: int, lidar: LidarModel, config: RefinedConfig) -> RefinedResult:
     """Run once."""
     rng, recording = np.random.default_rng(seed), with_lidar(recording_of(drive), lidar)
     return run_slam(recording, config, rng=rng, keep_particles=False, second_look=False)

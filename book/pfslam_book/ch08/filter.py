@@ -2,46 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
-from pfslam.correlation import map_correlation
+from pfslam.correlation import Perturbations, map_correlation
 from pfslam.evaluation.trajectory import aligned_at_first, rms
 from pfslam.grid import LOG_4, GridSpec, MapConfig, OccupancyGrid, integrate_scan
-from pfslam.map import Prior
 from pfslam.motion import controls
-from pfslam.particles import ControlNoise, MotionNoise, Particles, predict, resample
+from pfslam.particles import ControlNoise, Particles, predict, resample
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
-from pfslam.refined.search.matching import SearchConfig
-from pfslam.run import used_scans
+from pfslam.refined.map import Prior
+from pfslam.refined.matching import SearchConfig
+from pfslam.refined.noise import MotionNoise
+from pfslam.refined.step import RefinedBelief, RefinedConfig, RefinedStep, refined_step
 from pfslam.sensors import LidarModel, scan_points
-from pfslam.slam import Belief, SlamConfig, Step, slam_step
 from pfslam_book.ch08.data import BENDS, hall
 from pfslam_book.ch08.fault import Panel, Seen
 from pfslam_book.show import faults
 
 REPLACED: dict[str, dict] = {
-    "kept weights": {"slam.resample": faults.keep_weights},
-    "torn rows": {"slam.resample": faults.torn_rows},
-    "w = 0": {"map.match": faults.match_without_translation},
+    "kept weights": {"refined.step.resample": faults.keep_weights},
+    "torn rows": {"refined.step.resample": faults.torn_rows},
+    "w = 0": {"refined.map.match": faults.match_without_translation},
 }
 """Which function of the package a broken filter replaces; weights that are too sharp are a setting."""
 
 
-def plain_filter(particles: int = 100) -> SlamConfig:
+def plain_filter(particles: int = 100) -> RefinedConfig:
     """Return a particle filter without any search: particles are predicted, weighted where they stand, and resampled.
 
     With a search that moves every particle to its best pose, most faults of the filter stay hidden.
     """
     noise = MotionNoise(xy=0.006, xy_per_metre=0.03, yaw=0.002, yaw_per_radian=0.04, yaw_per_metre=0.01)
-    moves = {"yaw_step": 0.0025, "cells": (0, 0), "yaws": (0, 0)}
-    weights = {"beam_stride": 8, "field": "distance", "sharpness": 20.0, "weight": "likelihood"}
-    drawing = MapConfig(free=0.1 * LOG_4, clamp=5.0 * LOG_4)
-    parts = {"noise": noise, "search": SearchConfig(**moves, **weights), "map": drawing}  # type: ignore[arg-type]
-    return SlamConfig(particles=particles, every=20, estimate="mean", resample_below=0.5, **parts)  # type: ignore[arg-type]
+    plain = SearchConfig.counting(Perturbations(cells=0, yaws=0, yaw_step=0.0025))
+    search = replace(plain, beam_stride=8, field="distance", sharpness=20.0, weight="likelihood")
+    plainly = replace(
+        RefinedConfig(), lines=None, tilt=False, draw_metres=0.0, draw_radians=0.0, beam_spacing=0.0
+    )
+    return replace(plainly, particles=particles, every=20, noise=noise, search=search)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +52,9 @@ class LabRun:
     ``error (K,)`` is the distance (m) from the truth at each step. Where nothing was resampled both clouds are alike.
     """
 
-    infos: tuple[Step, ...]
+    infos: tuple[RefinedStep, ...]
     clouds: tuple[tuple[Particles, Particles], ...]
-    state: Belief
+    state: RefinedBelief
     error: np.ndarray
 
     @property
@@ -93,11 +94,11 @@ class LabRun:
         return float(np.mean(known))
 
 
-def lab_run(recording: Recording, config: SlamConfig, seed: int = 0) -> LabRun:
+def lab_run(recording: Recording, config: RefinedConfig, seed: int = 0) -> LabRun:
     """Return the filter over a recording."""
-    rng, state, infos, clouds = np.random.default_rng(seed), Belief.start(config), [], []
-    for event in used_scans(recording, config).events():
-        state, info = slam_step(state, event, config, rng)
+    rng, state, infos, clouds = np.random.default_rng(seed), config.start(), [], []
+    for event in config.used_scans(recording).events():
+        state, info = refined_step(state, event, config, rng)
         if info.matched and info.particles is not None:
             infos.append(info)
             clouds.append((info.particles, state.particles))
@@ -118,7 +119,7 @@ def filter_run(name: str, seed: int = 0) -> LabRun:
 def score_aside(name: str, seed: int = 0, metres: tuple[float, ...] = (0.0, 0.5)) -> np.ndarray:
     """Return the score per beam of the last scan with the cloud moved aside by so many metres."""
     config, state = plain_filter(), filter_run(name, seed).state
-    *_, event = used_scans(faults.scans_between(hall(), *BENDS), config).events()
+    *_, event = config.used_scans(faults.scans_between(hall(), *BENDS)).events()
 
     def score(aside: float) -> float:
         cloud = Particles(state.particles.poses + [aside, aside, 0.0], state.particles.log_weights)

@@ -11,12 +11,12 @@ import numpy as np
 from pfslam.beyond.localization import STEP_METRES, STEP_RADIANS
 from pfslam.events import ScanEvent
 from pfslam.grid import OccupancyGrid
-from pfslam.map import Map
 from pfslam.motion import dead_reckoning
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory, between, compose, invert
 from pfslam.recording import LidarScans, Recording
-from pfslam.run import used_scans
+from pfslam.refined.map import RefinedMap
+from pfslam.refined.step import RefinedBelief, RefinedConfig, refined_step
 from pfslam.sensors import LidarModel, RobotModel
 from pfslam.simulator import HALL, Simulation
 from pfslam.simulator.clocks import START_OF_TIME
@@ -26,7 +26,6 @@ from pfslam.simulator.lidar import measured, true_ranges
 from pfslam.simulator.odometry import encoder_counts, imu_samples
 from pfslam.simulator.plan import FloorPlan, outline
 from pfslam.simulator.world import WALL_KINDS, World
-from pfslam.slam import Belief, SlamConfig, slam_step
 
 HALF = ((-12.0, -1.0, 12.0, 1.0), (2.0, 1.25, 6.5, 5.0), (3.4, 1.0, 4.4, 1.25), (8.0, -1.5, 9.0, -1.0))
 """A corridor, and on one half of it a room, the room's doorway and a shallow recess (x0, y0, x1, y1; m)."""
@@ -152,14 +151,14 @@ def after_moves(events: Iterable[ScanEvent]) -> Iterator[ScanEvent]:
 
 
 def match_along(grid: OccupancyGrid, recording: Recording, start: np.ndarray) -> Trajectory:
-    """Follow a robot by scan matching in a known map, from a start that is given: ``slam_step`` that never draws."""
-    config = replace(SlamConfig.matching(), lines=None, draw_metres=np.inf, draw_radians=np.inf)
-    known = Map.known(grid, config.map, config.search.field)
+    """Follow a robot by scan matching in a known map, from a start that is given: ``refined_step`` that never draws."""
+    config = replace(RefinedConfig.matching(), lines=None, draw_metres=np.inf, draw_radians=np.inf)
+    known = RefinedMap.known(grid, config.map, config.search.field)
     start = np.asarray(start, dtype=float)
-    state = Belief(Particles.at(start, 1), start, known, np.zeros(2))
+    state = RefinedBelief(Particles.at(start, 1), start, known)
     t, poses = [], []
-    for event in used_scans(recording, config).events():
-        state, info = slam_step(state, event, config, np.random.default_rng(0))
+    for event in config.used_scans(recording).events():
+        state, info = refined_step(state, event, config, np.random.default_rng(0))
         t.append(info.t)
         poses.append(info.estimate)
     return Trajectory(np.array(t), np.array(poses))

@@ -12,7 +12,7 @@ from pfslam.evaluation.calibration import Calibration, calibrate
 from pfslam.evaluation.checkup import Finding, check_up
 from pfslam.recording import Recording
 from pfslam.refined.health import in_doubt
-from pfslam.run import SlamResult
+from pfslam.refined.run import RefinedResult, judged
 from pfslam.study.disturbances import first_seconds
 from pfslam_book.show.artists import COLOURS, draw_map, sheet, show
 from pfslam_book.show.faults import clockwise, heading_from_wheels, scaled_gyro, scaled_ranges, turned_lidar
@@ -76,7 +76,7 @@ class Outcome:
     """What became of one fault: the run, the complaints of the check-up, and the calibration after the run."""
 
     failure: Failure
-    result: SlamResult
+    result: RefinedResult
     complaints: list[Finding]
     calibration: Calibration
 
@@ -94,7 +94,7 @@ def gallery(recording: Recording) -> list[Outcome]:
 
 
 def _outcome(failure: Failure, harmed: Recording) -> Outcome:
-    result = pfslam.run_slam(harmed, QUICK)
+    result = judged(harmed, pfslam.run_slam(harmed, QUICK))
     complaints = [finding for finding in check_up(harmed) if finding.ok is False]
     return Outcome(failure, result, complaints, calibrate(harmed, result))
 

@@ -1,7 +1,7 @@
 """Faults on purpose: what goes wrong with real robots and in real programs, each a small pure function.
 
 A fault of the data takes a recording and gives a changed copy; one of the camera takes its model. A fault of the filter
-is a configuration, or takes the place of a function that ``slam_step`` calls.
+is a configuration, or takes the place of a function that the filter's step calls.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from unittest.mock import patch
 
 import numpy as np
 
-from pfslam.correlation import ScoreField
 from pfslam.evaluation.checkup import turned_by_wheels
 from pfslam.grid import GridSpec
 from pfslam.motion import Controls
 from pfslam.particles import RESAMPLERS, Particles
 from pfslam.recording import Imu, LidarScans, Recording
-from pfslam.refined.search.matching import Match, match
+from pfslam.refined.field import ScoreField
+from pfslam.refined.matching import Match, match
+from pfslam.refined.step import RefinedConfig
 from pfslam.sensors import RgbdModel
-from pfslam.slam import SlamConfig
 from pfslam.study.disturbances import ranges_and_valid, start_time, with_ranges
 
 
@@ -135,7 +135,7 @@ def match_without_translation(
     return Match(poses, matched.log_likelihood, matched.score)
 
 
-def every_beam_a_witness(config: SlamConfig, beams: int = 1081) -> SlamConfig:
+def every_beam_a_witness(config: RefinedConfig, beams: int = 1081) -> RefinedConfig:
     """Weigh wrongly: take the softmax of the count, ``exp(beams)``, as if the beams of a scan were independent."""
     return replace(config, search=replace(config.search, sharpness=float(beams)))
 

@@ -10,7 +10,7 @@ from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import share_of
 from pfslam.grid import GridSpec
 from pfslam.poses import apply_transform, invert_transform, pose_to_transform
-from pfslam.refined.search.lattice import parabola_peak
+from pfslam.search.lattice import parabola_peak
 from pfslam.sensors import RgbdModel
 from pfslam.texture import FloorTexture, associate_rgb, disparity_from_depth
 

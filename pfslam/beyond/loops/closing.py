@@ -9,10 +9,11 @@ import numpy as np
 
 from pfslam.beyond.loops.graph import Edges, chi_square, relax
 from pfslam.beyond.loops.places import Place, align, compare, search_window
-from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
-from pfslam.poses import Trajectory, between, compose, invert, transform_points
+from pfslam.grid import OccupancyGrid
+from pfslam.poses import Trajectory, between, compose, invert
 from pfslam.recording import Recording
-from pfslam.run import SlamResult, used_scans
+from pfslam.refined.filling import filled
+from pfslam.run import SlamResult
 
 KEY_METRES, KEY_RADIANS, AROUND, APART = 1.0, 0.5, 2, 2
 """Motion to the next key scan; such scans either side of a place; how far on one is matched anew after wheels alone."""
@@ -52,7 +53,7 @@ def close_loops(recording: Recording, result: SlamResult) -> Revision:
     a drive that never returns. With neither loops nor such stretches the path stays as it is.
     """
     poses, keys = result.trajectory.poses, key_scans(result)
-    events = used_scans(recording, result.config).events()
+    events = result.config.used_scans(recording).events()
     places = [Place.of(event) for k, event in enumerate(events) if k in keys]
     at, chain = poses[keys], chain_edges(result, keys)
     candidates, path, grid, scale = find_candidates(at), poses, result.grid, np.zeros(len(keys))
@@ -85,7 +86,7 @@ def chain_edges(result: SlamResult, keys: np.ndarray) -> Edges:
     """Join each key scan to the next by the filter's own motion, with the share of it that only the wheels measured."""
     at, index = result.trajectory.poses[keys], np.arange(len(keys))
     motion = between(at[:-1], at[1:])
-    alone = np.array([info.free_direction is not None or not info.matched for info in result.infos])
+    alone = np.array([info.silent_direction is not None or not info.matched for info in result.infos])
     share = np.array([alone[a + 1 : b + 1].mean() for a, b in pairwise(keys)])
     xy, yaw = 0.003 + 0.003 * np.hypot(*motion[:, :2].T), 0.0005 + 0.005 * np.abs(motion[:, 2])
     information = np.stack([xy**-2, xy**-2, yaw**-2], axis=1)[:, :, None] * np.eye(3)
@@ -197,12 +198,10 @@ def carried(poses: np.ndarray, keys: np.ndarray, revised: np.ndarray) -> np.ndar
 
 
 def redrawn(recording: Recording, result: SlamResult, path: np.ndarray) -> OccupancyGrid:
-    """Draw the map anew: the scans that the run drew, each from its revised pose."""
-    grid = OccupancyGrid.empty(GridSpec.around(path[:, :2], result.config.map.resolution, margin=5.0))
-    events = used_scans(recording, result.config).events()
+    """Draw the map anew, as the run drew it: the same scans in the same way, each from its pose on ``path (K, 3)``."""
+    map, spacing = result.config.start().map, getattr(result.config, "beam_spacing", 0.0)
+    events = result.config.used_scans(recording).events()
     for event, info, pose in zip(events, result.infos, path, strict=True):
         if info.drawn:
-            points, sensor = (transform_points(pose, p) for p in (event.points_b, event.sensor_b[None]))
-            grid = grid.covering(np.vstack([points, sensor]))
-            integrate_scan(grid, points, event.beams, sensor[0], result.config.map)
-    return grid
+            map.draw(filled(event, spacing), pose)
+    return map.grid

@@ -13,12 +13,12 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pfslam.correlation import score_field
 from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec
 from pfslam.poses import transform_points
-from pfslam.refined.search.lattice import Lattice
-from pfslam.refined.search.volume import score_volume
+from pfslam.refined.field import score_field
+from pfslam.search.lattice import Lattice
+from pfslam.search.volume import score_volume
 
 CELL, YAW_STEP, THINNED = 0.1, 0.02, 4
 """Lattice of the search (m, rad); every fourth point is searched with."""

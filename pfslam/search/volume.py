@@ -16,13 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from pfslam.correlation import ScoreField
 from pfslam.grid import GridSpec, check_cells
-from pfslam.refined.search.boxes import cheapest_boxes, lie_together, volume_is_cheaper
-from pfslam.refined.search.lattice import Lattice, Window, distinct_nodes
+from pfslam.search.boxes import cheapest_boxes, lie_together, volume_is_cheaper
+from pfslam.search.lattice import Lattice, Window, distinct_nodes
 
 CACHE = 2**17
 """Numbers (float32) gathered at once: half a megabyte stays in the processor's cache until they are added up."""
+CHUNK = 2**19
+"""Scores looked at together, so that twenty thousand particles need no more memory than seven hundred."""
 TOGETHER = 8
 """Neighbouring headings that are scored at once: most of their cells are the same, and fetched once."""
 
@@ -40,9 +41,23 @@ class BoxScores:
     members: np.ndarray
     node_of: np.ndarray
 
+    def in_parts(self) -> Iterator[BoxScores]:
+        """Yield the box's particles, those of one node together, a handful of nodes at a time."""
+        parts = min(-(-len(self.members) * self.scores.shape[1] // CHUNK), len(self.members))
+        if parts == 1:
+            yield self
+            return
+        order = np.argsort(self.node_of, kind="stable")
+        for some in np.array_split(order, parts):
+            used = np.unique(self.node_of[some])
+            few = slice(used[0], used[-1] + 1)
+            yield BoxScores(
+                self.nodes[few], self.scores[few], self.members[some], self.node_of[some] - used[0]
+            )
+
 
 def search(
-    field: ScoreField,
+    credit,
     spec: GridSpec,
     points_b: np.ndarray,
     poses: np.ndarray,
@@ -51,8 +66,9 @@ def search(
 ) -> Iterator[BoxScores]:
     """Yield the scores of every perturbation of every particle, box by box; each particle is in exactly one box.
 
-    ``points_b (M, 2)`` are the end points in the body frame (m), ``poses (N, 3)`` the particles. Particles that share a
-    node share its scores. The sums are exact, so their order cannot change them.
+    ``credit (H, W)`` is what an end point scores in each cell: an array, or anything else that has a shape and can be
+    sliced. ``points_b (M, 2)`` are the end points in the body frame (m), ``poses (N, 3)`` the particles. Particles that
+    share a node share its scores. The sums are exact, so their order cannot change them.
     """
     nearest = lattice.nearest(poses)
     check_cells("particles", np.ptp(nearest[:, :2], axis=0) + 1, "from one end of the cloud to the other")
@@ -69,7 +85,7 @@ def search(
         row = np.full(len(nodes), -1)
         row[part] = np.arange(len(part))
         members = np.flatnonzero(row[node_of_particle] >= 0)
-        blocks = scored(field, spec, points_b, lattice, nodes[part], window)
+        blocks = scored(credit, spec, points_b, lattice, nodes[part], window)
         yield BoxScores(nodes[part], blocks, members, row[node_of_particle[members]])
 
 
@@ -79,7 +95,7 @@ def distinct_cells(points_b: np.ndarray, yaw: float, spec: GridSpec) -> int:
 
 
 def volume_blocks(
-    field: ScoreField,
+    credit,
     spec: GridSpec,
     points_b: np.ndarray,
     lattice: Lattice,
@@ -88,13 +104,13 @@ def volume_blocks(
 ) -> np.ndarray:
     """Score the window around each of ``nodes (U, 3)``, ``(U, P)`` float32, from one volume around them all."""
     low, high = nodes.min(axis=0) - window.reach, nodes.max(axis=0) + window.reach
-    volume = score_volume(field, spec, points_b, lattice, low, high)
+    volume = score_volume(credit, spec, points_b, lattice, low, high)
     x, y, k = (nodes - window.reach - low).T
     return sliding_window_view(volume, window.shape)[k, y, x].reshape(len(nodes), -1)
 
 
 def score_volume(
-    field: ScoreField,
+    credit,
     spec: GridSpec,
     points_b: np.ndarray,
     lattice: Lattice,
@@ -103,7 +119,7 @@ def score_volume(
 ) -> np.ndarray:
     """Score all nodes from ``low (3,)`` to ``high (3,)`` inclusive, as ``(headings, rows, columns)`` float32."""
     nx, ny, nk = high - low + 1
-    patches, cells = patches_and_cells(field, spec, points_b, lattice, low, high, (ny, nx))
+    patches, cells = patches_and_cells(credit, spec, points_b, lattice, low, high, (ny, nx))
     volume = np.zeros((nk, ny * nx), dtype=np.float32)
     for k in range(0, nk, TOGETHER):
         counts, iy, ix = counted(cells[k : k + TOGETHER], patches.shape[:2])
@@ -113,7 +129,7 @@ def score_volume(
 
 
 def window_scores(
-    field: ScoreField,
+    credit,
     spec: GridSpec,
     points_b: np.ndarray,
     lattice: Lattice,
@@ -123,7 +139,7 @@ def window_scores(
     """Score the window around each of ``nodes (U, 3)``, ``(U, P)`` float32, all windows of a heading together."""
     headings, side, _ = window.shape
     low, high = nodes.min(axis=0) - window.reach, nodes.max(axis=0) + window.reach
-    patches, cells = patches_and_cells(field, spec, points_b, lattice, low, high, (side, side))
+    patches, cells = patches_and_cells(credit, spec, points_b, lattice, low, high, (side, side))
     scores = np.zeros((len(nodes), headings, side * side), dtype=np.float32)
     x, y, first = (nodes - window.reach - low).T
     for k, one_heading in enumerate(cells):
@@ -143,7 +159,7 @@ def chunks(n: int, size: int) -> Iterator[slice]:
     return (slice(i, i + step) for i in range(0, n, step))
 
 
-def patches_and_cells(field: ScoreField, spec, points_b, lattice: Lattice, low, high, shape: tuple[int, int]):
+def patches_and_cells(credit, spec, points_b, lattice: Lattice, low, high, shape: tuple[int, int]):
     """Collect all patches of ``shape`` near a scan, and the cells that it falls into at each heading.
 
     Returns ``(patches, cells)``: ``patches[iy, ix]`` is the patch that one cell of the scan selects for the node
@@ -152,7 +168,7 @@ def patches_and_cells(field: ScoreField, spec, points_b, lattice: Lattice, low, 
     cells = rotated_cells(points_b, lattice.step_yaw * np.arange(low[2], high[2] + 1), spec) + low[:2]
     (x0, y0), (x1, y1) = cells.min(axis=(0, 1)), cells.max(axis=(0, 1))
     nx, ny, _ = high - low + 1
-    patches = sliding_window_view(_crop(field.values, x0, y0, x1 + nx, y1 + ny), shape)
+    patches = sliding_window_view(_crop(credit, x0, y0, x1 + nx, y1 + ny), shape)
     return patches, (cells[..., 1] - y0) * patches.shape[1] + cells[..., 0] - x0
 
 
@@ -180,13 +196,12 @@ def rotated_cells(points_b: np.ndarray, yaws: np.ndarray, spec: GridSpec) -> np.
     return spec.world_to_cell(np.moveaxis(points_w, 0, -1))
 
 
-def _crop(values: np.ndarray, x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
-    """Copy rows y0..y1 and columns x0..x1 (exclusive) of a field's values, zero outside it."""
+def _crop(credit, x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
+    """Copy rows y0..y1 and columns x0..x1 (exclusive) of the cells' credit, zero outside the grid."""
     check_cells("scan matching", (x1 - x0, y1 - y0), "to hold one scan")
     crop = np.zeros((y1 - y0, x1 - x0), dtype=np.float32)
-    h, w = values.shape
-    inside = np.s_[max(y0, 0) : max(min(y1, h), 0), max(x0, 0) : max(min(x1, w), 0)]
-    source = values[inside]
+    h, w = credit.shape
+    source = credit[max(y0, 0) : max(min(y1, h), 0), max(x0, 0) : max(min(x1, w), 0)]
     if source.size:
         top, left = max(-y0, 0), max(-x0, 0)
         crop[top : top + source.shape[0], left : left + source.shape[1]] = source

@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.events import Odometer
 from pfslam.grid import Canvas, GridSpec
 from pfslam.io.files import read_npz, write_npz
-from pfslam.map import Map
 from pfslam.particles import Particles
 from pfslam.refined.health import COLUMNS, Steps
+from pfslam.refined.map import RefinedMap
+from pfslam.refined.odometer import Odometer
 from pfslam.refined.outliers import WaitingScan
+from pfslam.refined.step import RefinedBelief, RefinedConfig
 from pfslam.sensors import LidarModel, RobotModel
 from pfslam.settings import changed, flat, plain, value_of
-from pfslam.slam import Belief, SlamConfig
 
 FORMAT = b"pfslam belief 4"
 """Changes with the layout, and the seal with it."""
@@ -33,10 +33,10 @@ STEPS = {f"step_{name}": name for name in COLUMNS}
 
 def write_belief(
     path: str | Path,
-    config: SlamConfig,
+    config: RefinedConfig,
     rng: np.random.Generator,
     odometer: Odometer,
-    belief: Belief,
+    belief: RefinedBelief,
     steps: Steps,
 ) -> None:
     """Write all that the next scan needs, whole or not at all."""
@@ -60,14 +60,16 @@ def write_belief(
     write_npz(path, **arrays, seal=_seal(arrays))
 
 
-def read_belief(path: str | Path) -> tuple[SlamConfig, np.random.Generator, Odometer, Belief, Steps]:
+def read_belief(
+    path: str | Path,
+) -> tuple[RefinedConfig, np.random.Generator, Odometer, RefinedBelief, Steps]:
     """Read what ``write_belief`` wrote; ``DataError`` for any other file."""
     data = read_npz(path, ("told", *LAYERS, *STEPS, "seal"))
     if not np.array_equal(data.pop("seal"), _seal(data)):
         expected = "what Mapper.save of this version wrote"
         raise DataError(path, "seal", "one of other numbers than the file's", expected)
     told = json.loads(data["told"].tobytes())
-    config, rng = changed(SlamConfig(), told["config"]), np.random.default_rng(0)
+    config, rng = changed(RefinedConfig(), told["config"]), np.random.default_rng(0)
     rng.bit_generator.state = told["rng"]
     odometer = Odometer(RobotModel(lidar=changed(LidarModel(), told["lidar"])))
     vars(odometer).update(_arrays(told["odometer"], "_first", "_last"))
@@ -77,14 +79,15 @@ def read_belief(path: str | Path) -> tuple[SlamConfig, np.random.Generator, Odom
     vars(particles).update(cloud)  # normalised a second time, weights may differ in the last bit
     origin, drawn_at, waiting = told["map"]
     spec = GridSpec(origin, config.map.resolution, data["log_odds"].shape)
-    map = Map(spec, config.map, config.search.field, config.lines, config.outliers)
+    map = RefinedMap(config.map, spec, config.search.field, config.lines, config.outliers)
     map._log_odds, map._scores, slots = (Canvas(spec, data[n].dtype, data[n]) for n in LAYERS[:3])
     map.moments.slots, map.moments.used = slots, len(data["first"])
     map.moments._sums, map.moments._first = data["sums"], data["first"]
     map.drawn, map.drawn_at = list(data["drawn"]), _array(drawn_at)
+    map.is_empty = drawn_at is None
     map.waiting = tuple(WaitingScan(**_arrays(scan)) for scan in waiting)
     estimate, variance, covariance, corrected = (_array(value) for value in told["belief"])
-    belief = Belief(particles, estimate, map, variance, covariance, corrected)
+    belief = RefinedBelief(particles, estimate, map, variance, covariance, corrected)
     return config, rng, odometer, belief, Steps.of_columns({name: data[key] for key, name in STEPS.items()})
 
 

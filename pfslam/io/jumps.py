@@ -6,11 +6,13 @@ before, scans may find.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from pfslam.poses import Trajectory, between, compose, invert
+from pfslam.recording import Recording
 from pfslam.sensors import STANDARD_GRAVITY
 
 JUMP_METRES = 0.3
@@ -45,6 +47,17 @@ def left_out(odometry: Trajectory | None) -> dict[str, int]:
     """Count the jumps of an odometry, if there are any, as what a run has dropped."""
     count = 0 if odometry is None else int(jumps(odometry).sum())
     return {"jumps of the odometry": count} if count else {}
+
+
+def without_jumps(recording: Recording) -> Recording:
+    """Return a recording whose odometry goes on from where it was after each jump; they are counted in ``dropped``.
+
+    A recording without any, or without poses of an odometry, comes back as it is.
+    """
+    found = left_out(recording.odometry)
+    if not found or recording.odometry is None:
+        return recording
+    return replace(recording, odometry=joined(recording.odometry), dropped=recording.dropped | found)
 
 
 def steps(odometry: Trajectory) -> np.ndarray:

@@ -1,28 +1,26 @@
 """Moving each particle to the best pose around it: the report's way, and with a motion prior.
 
-The scores come from ``search.volume``. The choice among them is made here: the report's jump to the greatest
-count, or the maximum of the scan's likelihood times the motion model's density (Olson's correlative scan matching).
+The scores come from ``pfslam.search``. The choice among them is made here: the report's step to the greatest count, or
+the maximum of the scan's likelihood times the motion model's density (Olson's correlative scan matching).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 
-from pfslam.correlation import ScoreField
+from pfslam.correlation import Perturbations, best_step, check_window
 from pfslam.errors import DataError
 from pfslam.grid import GridSpec
 from pfslam.poses import wrap_angle
-from pfslam.refined.search.boxes import MAX_SCORES
-from pfslam.refined.search.lattice import Lattice, Window, parabola_peak
-from pfslam.refined.search.volume import BoxScores, search
+from pfslam.refined.field import ScoreField
+from pfslam.search.lattice import Lattice, Window, parabola_peak
+from pfslam.search.volume import BoxScores, search
 from pfslam.settings import Range, Settings
 
-CHUNK = 2**19
-"""Scores looked at together, so that twenty thousand particles need no more memory than seven hundred."""
 NEAREST_TIE = 1e-3
 """Root of twice the cost of a squared step where there is no prior: it settles ties and outvotes no score."""
 
@@ -35,25 +33,25 @@ HalfWidths = tuple[HalfWidth, HalfWidth]
 class SearchConfig(Settings):
     """Choose how a particle searches for a better pose around itself, and how that pose changes its weight."""
 
-    yaw_step: Annotated[float, Range(1e-5, 1.0)] = 0.005
+    yaw_step: Annotated[float, Range(1e-5, 1.0)] = 0.01
     """Heading step of the lattice (rad); the step in x and y is one cell."""
-    cells: HalfWidths = (4, 4)
+    cells: HalfWidths = (4, 10)
     """Least and greatest half width of the window in cells; between them it spans three sigmas of the motion."""
-    yaws: HalfWidths = (4, 4)
+    yaws: HalfWidths = (4, 30)
     """Least and greatest half width in heading steps."""
-    beam_stride: Annotated[int, Range(1, 10_000)] = 1
+    beam_stride: Annotated[int, Range(1, 10_000)] = 2
     """Every how-many-th beam is scored."""
-    field: Literal["occupied", "distance"] = "occupied"
+    field: Literal["occupied", "distance"] = "distance"
     """"occupied": count of end points on occupied cells. "distance": credit for near misses too."""
-    prior: bool = False
+    prior: bool = True
     """Whether leaving the predicted pose costs something (the motion model's own density)."""
-    sub_cell: bool = False
+    sub_cell: bool = True
     """Whether a parabola through the best score and its neighbours refines the pose within a step."""
-    keep_offset: bool = True
+    keep_offset: bool = False
     """Whether a particle keeps its offset from the lattice node it was scored at (the report), or moves onto it."""
     sharpness: Annotated[float, Range(0.0, 1e6)] = 54.0
     """Log-likelihood of a perfect scan: one score for the whole scan, because its beams are not independent."""
-    weight: Literal["count", "likelihood"] = "count"
+    weight: Literal["count", "likelihood"] = "likelihood"
     """"count": weights multiply by the score (Eq. 12). "likelihood": by exp(sharpness * mean score - prior cost)."""
 
     def __post_init__(self):
@@ -62,11 +60,23 @@ class SearchConfig(Settings):
             least, greatest = getattr(self, name)
             if least > greatest:
                 raise DataError("SearchConfig", name, (least, greatest), "a least and a greatest half width")
-        poses = (2 * self.cells[1] + 1) ** 2 * (2 * self.yaws[1] + 1)
-        if poses > MAX_SCORES:
-            raise DataError(
-                "SearchConfig", "cells, yaws", f"{poses} poses in a window", f"at most {MAX_SCORES}"
-            )
+        check_window("SearchConfig", self.cells[1], self.yaws[1])
+
+    @classmethod
+    def counting(cls, perturbations: Perturbations) -> SearchConfig:
+        """Return the report's search in these settings: the greatest count, anywhere in a window of fixed size."""
+        cells, yaws = perturbations.cells, perturbations.yaws
+        return cls(
+            yaw_step=perturbations.yaw_step,
+            cells=(cells, cells),
+            yaws=(yaws, yaws),
+            beam_stride=1,
+            field="occupied",
+            prior=False,
+            sub_cell=False,
+            keep_offset=True,
+            weight="count",
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +115,12 @@ def match(
     moved, log_likelihood, score = np.array(poses, dtype=float), np.zeros(len(poses)), np.zeros(len(poses))
     # One random number for each particle, drawn here: how the search groups particles must not change their numbers.
     tie_breaks = rng.random(len(poses)) if config.keep_offset else None
-    for box in search(field, spec, points_b, poses, lattice, window):
-        for part in _in_parts(box):
+    for box in search(field.values, spec, points_b, poses, lattice, window):
+        for part in box.in_parts():
             some = part.members
             if tie_breaks is not None:
-                moved[some], best = _jump_with_offset(part, poses[some], lattice, window, tie_breaks[some])
+                step, best = best_step(part, window, tie_breaks[some])
+                moved[some] += lattice.pose(step)
                 gain = _gain(best / full_score, best, config)
             else:
                 moved[some], best, gain = _climb(
@@ -120,39 +131,12 @@ def match(
     return Match(moved, log_likelihood, score)
 
 
-def _in_parts(box: BoxScores) -> Iterator[BoxScores]:
-    """Yield the box's particles, those of one node together, a handful of nodes at a time."""
-    parts = min(-(-len(box.members) * box.scores.shape[1] // CHUNK), len(box.members))
-    if parts == 1:
-        yield box
-        return
-    order = np.argsort(box.node_of, kind="stable")
-    for some in np.array_split(order, parts):
-        used = np.unique(box.node_of[some])
-        few = slice(used[0], used[-1] + 1)
-        yield BoxScores(box.nodes[few], box.scores[few], box.members[some], box.node_of[some] - used[0])
-
-
 def _gain(mean_score: np.ndarray, total: np.ndarray, config: SearchConfig) -> np.ndarray:
     """Return a score's log-likelihood: its logarithm (Eq. 12, the count as likelihood), or sharpness times its mean."""
     if config.weight == "likelihood":
         return config.sharpness * mean_score
     with np.errstate(divide="ignore"):
         return np.log(total)
-
-
-def _jump_with_offset(box: BoxScores, poses, lattice: Lattice, window: Window, tie_breaks):
-    """Take the report's step to a perturbation of greatest score, ties at random, keeping the offset from the node.
-
-    ``tie_breaks (n,)`` from 0 to 1 choose among equals. Where nothing scores, nothing is known, and the particle stays.
-    """
-    best = box.scores.max(axis=1)
-    row, tied = np.nonzero(box.scores == best[:, None])
-    count = np.bincount(row, minlength=len(best))
-    first = np.cumsum(count) - count
-    choice = tied[first[box.node_of] + np.floor(tie_breaks * count[box.node_of]).astype(np.int64)]
-    choice[best[box.node_of] == 0] = window.centre
-    return poses + lattice.pose(window.steps()[choice]), best[box.node_of]
 
 
 def _climb(box: BoxScores, poses, lattice: Lattice, window: Window, sigmas, config: SearchConfig, full_score):

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.events import Odometer
 from pfslam.grid import OccupancyGrid
-from pfslam.io.beliefs import read_belief, write_belief
+from pfslam.refined.beliefs import read_belief, write_belief
 from pfslam.refined.health import Steps, distrust
+from pfslam.refined.odometer import Odometer
+from pfslam.refined.record import RefinedStep
+from pfslam.refined.step import RefinedBelief, RefinedConfig, refined_step
 from pfslam.sensors import LidarModel, RobotModel
-from pfslam.slam import Belief, SlamConfig, Step, slam_step
+from pfslam.slam import SlamConfig
 
 
 class Mapper:
@@ -40,12 +42,12 @@ class Mapper:
         *,
         rng: np.random.Generator | None = None,
     ):
-        self.config = SlamConfig.refined() if config is None else config
-        if self.config.maps != "shared":
-            raise DataError("Mapper", "maps", self.config.maps, "shared: one map")
+        self.config = RefinedConfig() if config is None else RefinedConfig.of(config)
+        if not isinstance(self.config.start(), RefinedBelief):
+            raise DataError("Mapper", "config", type(self.config).__name__, "settings of one map")
         self.rng = np.random.default_rng(0) if rng is None else rng
         begins = self.config.predict_before_first_scan
-        self.odometer, self.belief = Odometer(RobotModel(lidar=lidar), begins), Belief.start(self.config)
+        self.odometer, self.belief = Odometer(RobotModel(lidar=lidar), begins), self.config.start()
         self._steps = Steps()
 
     def add_odometry(self, t: float, pose) -> None:
@@ -67,41 +69,44 @@ class Mapper:
         """
         return self.odometer.covers(t)
 
-    def add(self, t: float, ranges, odometry=None) -> Step:
+    def add(self, t: float, ranges, odometry=None) -> RefinedStep:
         """Take the scan stamped ``t`` (s) with ``ranges (B,)`` (m), and return what became of it.
 
         Where the robot was is read off between the samples of ``add_odometry``. A node that knows the pose at that
         very stamp hands it over as ``odometry (3,)`` instead: where the LiDAR has a sweep, the robot is then taken to
         move during it as it did since the scan before, and to stand at the first. Ranges that are no measurement may be
         NaN, infinite or out of range, as scanners report them. Raises ``DataError`` where the numbers cannot be used.
-        After an exception of any kind the scan is left out, and everything is as it was, unless the map was just being
-        drawn.
+        After an exception of any kind the scan is left out, and everything is as it was.
         """
         beams = self.odometer.robot.lidar.beams
         t, ranges = _numbers(t, ranges)
         if ranges.shape != (beams,):
             raise DataError("Mapper", "ranges", f"shape {ranges.shape}", f"({beams},), one for each beam")
         before = self.odometer.copy(), self.belief, len(self._steps), self.rng.bit_generator.state
+        drawn = self.belief.map.undo
         try:
             if odometry is not None:
                 self.add_odometry(t, odometry)
             event = self.odometer.event(t, ranges)
-            self.belief, step = slam_step(self.belief, event, self.config, self.rng)
+            self.belief, step = refined_step(self.belief, event, self.config, self.rng)
             self._steps.append(step)
             return step
         except BaseException:  # Ctrl-C, too: a node saves its belief when it is stopped
             odometer, self.belief, count, self.rng.bit_generator.state = before
             vars(self.odometer).update(vars(odometer))
             self._steps.cut(count)
+            if (undo := self.belief.map.undo) is not drawn and undo is not None:
+                undo()
+                self.belief.map.undo = drawn
             raise
 
     @property
-    def steps(self) -> Sequence[Step]:
+    def steps(self) -> Sequence[RefinedStep]:
         """What happened at each scan, as in ``SlamResult.infos``, without the clouds."""
         return self._steps
 
     @steps.setter
-    def steps(self, steps: Iterable[Step]) -> None:
+    def steps(self, steps: Iterable[RefinedStep]) -> None:
         self._steps = Steps(steps)
 
     @property
@@ -111,7 +116,7 @@ class Mapper:
 
     @property
     def covariance(self) -> np.ndarray | None:
-        """The covariance ``(3, 3)`` of the pose, as in ``Step``; None before the first scan and without lines."""
+        """The covariance ``(3, 3)`` of the pose, as in a step; None before the first scan and without lines."""
         return self.steps[-1].covariance if self.steps else None
 
     @property
@@ -121,7 +126,7 @@ class Mapper:
 
     @property
     def doubt(self) -> str | None:
-        """Why the pose is not to be trusted now, as ``SlamResult.distrust`` says it; None while it is.
+        """Why the pose is not to be trusted now, as ``RefinedResult.distrust`` says it; None while it is.
 
         All scans so far are asked: some ten milliseconds after four hours, so a node asks once a second.
         """

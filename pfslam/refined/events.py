@@ -1,0 +1,137 @@
+"""Scans made level: what the accurate filter is given where the body leans, beams sweep, and odometry jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pfslam.events import ScanEvent, UsedScans, covered_scans
+from pfslam.io.jumps import joined, left_out, steps
+from pfslam.motion import Controls, controls, dead_reckoning, motion_model
+from pfslam.poses import Trajectory, apply_transform, between, rotation_matrix, transform
+from pfslam.recording import Recording
+from pfslam.refined.sweep import deskewed, motion_during
+from pfslam.refined.tilt import FLOOR_CLEARANCE, estimate_tilt
+from pfslam.sensors import LidarModel, beam_directions, scan_points
+
+LEVEL = (0.0, 0.0)
+"""Pitch and roll (rad) of a body that does not lean."""
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedEvent(ScanEvent):
+    """A scan in the level body frame; ``struck_floor`` beams were left out because they met the floor."""
+
+    struck_floor: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class LevelledScans(UsedScans):
+    """The scans of a recording that a run uses, made level.
+
+    ``tilt (K, 2)`` is the pitch and roll at each scan (rad), zero where the floor is taken for flat.
+    """
+
+    tilt: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+
+    @classmethod
+    def of(
+        cls, recording: Recording, every: int | None = None, tilt: bool = True, from_odometry: bool = False
+    ) -> LevelledScans:
+        """Choose every ``every``-th scan of a recording, or with None as many as the recording's own default.
+
+        ``tilt`` says whether the body's lean is estimated. A run begins at its first scan, or ``from_odometry``'s first
+        stamp. Jumps of the odometry are left out and counted. Raises ``DataError`` if no scan is covered by the
+        odometry.
+        """
+        jumps = left_out(recording.odometry)
+        odometry, inputs = odometry_and_controls(recording)
+        scans, t, dropped = covered_scans(recording, every or recording.default_every, odometry)
+        begin = float(odometry.t[0] if from_odometry else t[0])
+        poses = odometry.at(np.append(begin, t))
+        motion, lean = between(poses[:-1], poses[1:]), np.zeros((len(t), 2))
+        if tilt and (found := estimate_tilt(recording, inputs)) is not None:
+            lean = found.at(t)
+        motion[:, :2] *= np.cos(lean[:, :1])  # wheels measure along the slope, the map is seen from above
+        return cls(recording, odometry, inputs, scans, t, begin, motion, dropped | jumps, lean)
+
+    def events(self) -> Iterator[RefinedEvent]:
+        """Yield the used scans in order, each with the motion since the one before."""
+        ranges, lidar, previous = self.recording.scans().ranges, self.recording.robot.lidar, self.begin
+        odometry = gone_on(self.odometry, self.controls, 0.5 * abs(lidar.sweep))
+        for i, t, tilt, motion in zip(self.scans, self.t, self.tilt, self.motion, strict=True):
+            v, omega, dt = self.controls.during(previous, t)
+            inputs = np.cos(tilt[0]) * v, omega, dt
+            yield levelled_event(t, ranges[i], lidar, motion, inputs, odometry, tilt)
+            previous = t
+
+
+def odometry_and_controls(recording: Recording) -> tuple[Trajectory, Controls]:
+    """Return the dead-reckoned path from (0, 0, 0) and the controls of a recording, jumps of its odometry left out."""
+    if (logged := recording.odometry) is None:
+        inputs = controls(recording)
+        return dead_reckoning(recording, inputs), inputs
+    step, dt = steps(logged), np.diff(logged.t)
+    return joined(logged), Controls(logged.t, step[:, 0] / dt, step[:, 2] / dt)
+
+
+def gone_on(odometry: Trajectory, inputs: Controls, seconds: float) -> Trajectory:
+    """Return an odometry as if the robot went on for so many ``seconds`` as it did last, or stood if it never moved.
+
+    The last beams of a scan with a sweep may come after the last sample.
+    """
+    if seconds == 0.0:
+        return odometry
+    v, omega = (inputs.v[-1], inputs.omega[-1]) if len(inputs.v) else (0.0, 0.0)
+    last = motion_model(odometry.poses[-1], v, omega, seconds)
+    return Trajectory(np.append(odometry.t, odometry.t[-1] + seconds), np.vstack([odometry.poses, last]))
+
+
+def levelled_event(
+    t: float,
+    ranges: np.ndarray,
+    lidar: LidarModel,
+    motion: np.ndarray,
+    inputs: tuple[np.ndarray, np.ndarray, np.ndarray],
+    odometry: Trajectory,
+    tilt: np.ndarray | tuple[float, float] = LEVEL,
+) -> RefinedEvent:
+    """Make the event of a scan with ``ranges (B,)`` (m), stamped ``t`` (s).
+
+    ``motion`` and the controls ``inputs`` are seen from above, ``tilt`` is (pitch, roll) in rad; ``odometry`` tells how
+    the robot moved while the beams of a scan were measured one after the other.
+    """
+    points, beams, sensor, struck = level_scan(ranges, lidar, tilt, FLOOR_CLEARANCE)
+    if lidar.sweep:
+        points = deskewed(points, beams, lidar, motion_during(odometry, t, lidar.sweep))
+    return RefinedEvent(t, points, beams, sensor, motion, inputs, struck)
+
+
+def level_scan(
+    ranges: np.ndarray, lidar: LidarModel, tilt: np.ndarray | tuple[float, float], floor: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Turn one scan into the level body frame: end points ``(M, 2)``, beams ``(M,)``, LiDAR ``(2,)``, number left out.
+
+    ``tilt (2,)`` is (pitch, roll) in radians. Beams that end lower than ``floor`` (m above the ground under the robot)
+    are left out: they struck the floor, which is no wall. A body that does not lean sees no floor (Eq. 7).
+    """
+    ranges = np.asarray(ranges, dtype=float)  # a limit such as 5.6 m is another number in single precision
+    beams = np.flatnonzero(lidar.valid(ranges))
+    if not np.any(tilt):
+        return scan_points(ranges, lidar), beams, np.array(lidar.position_b[:2]), 0
+    points = tilted_points(ranges, lidar, *tilt)
+    high = points[:, 2] >= floor
+    sensor = rotation_matrix(roll=tilt[1], pitch=tilt[0]) @ lidar.position_b
+    return points[:, :2].compress(high, axis=0), beams[high], sensor[:2], int(np.count_nonzero(~high))
+
+
+def tilted_points(ranges: np.ndarray, lidar: LidarModel, pitch: float, roll: float) -> np.ndarray:
+    """End points ``(M, 3)`` (m) of the valid beams of a leaning body, in its level frame; ``pitch``, ``roll`` in rad.
+
+    The level frame has the body's heading and origin; z is the height above the ground under the wheels.
+    """
+    points_b = np.tile(lidar.position_b, (len(valid := np.flatnonzero(lidar.valid(ranges))), 1))
+    points_b[:, :2] += ranges[valid][:, None] * beam_directions(lidar).take(valid, axis=0)
+    return apply_transform(transform(rotation_matrix(roll, pitch)), points_b)

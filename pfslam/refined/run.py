@@ -1,0 +1,105 @@
+"""A whole run of the accurate filter, which looks a second time where scans have misled it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pfslam.poses import compose
+from pfslam.recording import Recording
+from pfslam.refined.health import Distrust, distrust, in_doubt, was_dragged
+from pfslam.refined.outliers import NOISY
+from pfslam.refined.record import RefinedStep
+from pfslam.run import SlamResult, one_run
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedResult(SlamResult):
+    """A finished run of the accurate filter.
+
+    ``config`` is that of the run that was kept. ``second_look`` tells whether the run itself has made it robust, rather
+    than being asked for it.
+    """
+
+    second_look: bool = False
+
+    @staticmethod
+    def left_unused(infos: Sequence[RefinedStep]) -> dict[str, int]:
+        """Count the beams and scans that could not be used, by reason."""
+        used = [info.matched or info.drawn or info.rejected for info in infos]
+        return {
+            "beams that struck the floor": sum(info.struck_floor for info in infos),
+            "scans with too few valid beams": used.count(False),
+            "scans whose match was not believed": sum(info.rejected for info in infos),
+            "scans that scored nothing anywhere": sum(info.matched and not info.scored for info in infos),
+        }
+
+    @property
+    def distrust(self) -> list[Distrust]:
+        """The stretches whose estimate is not to be trusted, each ``{"from", "to", "reason"}``; none on a sound run."""
+        return distrust(self.infos)
+
+    @property
+    def covariances(self) -> np.ndarray | None:
+        """The covariances ``(K, 3, 3)`` of the trajectory's poses, as in ``RefinedStep``; None without lines."""
+        found = [info.covariance for info in self.infos if info.covariance is not None]
+        return np.array(found) if len(found) == len(self.infos) else None
+
+
+def refined_run(
+    recording: Recording,
+    config: Any,
+    rng: np.random.Generator,
+    progress: Callable | None = None,
+    keep_particles: bool = True,
+    second_look: bool = True,
+) -> RefinedResult:
+    """Run over a recording, and if scans misled the run, do it again with more care.
+
+    A run that its scans have dragged off (``health.was_dragged``) is done again with ``config.robust()``, if that
+    differs, and the second run is kept unless more of it is in doubt. It begins with the generator as the first run
+    found it, so ``config`` and seed of the result repeat it to the last bit. Where the ranges scatter by more than
+    ``NOISY`` a first look may be far off and suspect nothing: the robust run is made at once. Without ``second_look``
+    the run is made as ``config`` says, and once.
+    """
+    scatter, again, how = recording.range_scatter(), deepcopy(rng), (progress, keep_particles, RefinedResult)
+    robust = config.robust(scatter)
+    if not second_look or robust == config:
+        return one_run(recording, config, rng, *how)
+    if scatter > NOISY:
+        return replace(one_run(recording, robust, rng, *how), second_look=True)
+    result = one_run(recording, config, rng, *how)
+    if not was_dragged(result.infos):
+        return result
+    return better_look(result, replace(one_run(recording, robust, again, *how), second_look=True))
+
+
+def judged(recording: Recording, result: SlamResult) -> RefinedResult:
+    """Return a result whose steps say what verdicts ask for, which those of the report's filter do not by themselves.
+
+    How far scans moved the estimate follows from the odometry. What needs lines or the age of walls is left out.
+    """
+    if isinstance(result, RefinedResult):
+        return result
+    motion = result.config.used_scans(recording).motion
+    poses = np.vstack([np.zeros(3), result.trajectory.poses])
+    departure = result.trajectory.poses[:, :2] - compose(poses[:-1], motion)[:, :2]
+    infos = tuple(
+        RefinedStep(**vars(info), aligned_score=info.score, departure=moved)
+        for info, moved in zip(result.infos, departure, strict=True)
+    )
+    return RefinedResult(result.trajectory, result.grid, infos, result.dropped, result.config)
+
+
+def better_look(first: RefinedResult, second: RefinedResult) -> RefinedResult:
+    """Choose which look to keep: the second, unless more of it is in doubt."""
+    return min(second, first, key=scans_in_doubt)
+
+
+def scans_in_doubt(result: RefinedResult) -> int:
+    """Count the scans of a run whose estimate is not to be trusted."""
+    return int(np.count_nonzero(in_doubt(result.distrust, result.trajectory.t)))

@@ -1,1 +1,0 @@
-"""The fast search: the integers of the definition, a thousand times faster."""
