@@ -21,12 +21,12 @@ class DataError(ValueError):
 
 
 def printable(text: str) -> str:
-    """Replace what a terminal would obey: names of files and topics can hold any sign."""
-    return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in text)
+    """Replace control characters, which a terminal would obey: names of files and topics can hold any character."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
 @contextmanager
-def naming(source: object, prefix: str = "") -> Iterator[None]:
+def naming_source(source: object, prefix: str = "") -> Iterator[None]:
     """Let a ``DataError`` raised inside name this source, and the place ``prefix`` before its own field."""
     try:
         yield

@@ -23,7 +23,7 @@ MAX_CELLS = 400_000_000
 def check_cells(what: str, shape, why: str) -> None:
     """Raise ``DataError`` for a rectangle ``shape`` (columns, rows) of more than ``MAX_CELLS``, before it takes memory.
 
-    ``what`` asks for it, and ``why`` says what for.
+    ``what`` names the part of the program that needs the rectangle, and ``why`` ends the sentence "W x H cells ...".
     """
     columns, rows = (int(n) for n in shape)
     if columns * rows > MAX_CELLS:

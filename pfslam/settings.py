@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_o
 
 import numpy as np
 
-from pfslam.errors import DataError, naming
+from pfslam.errors import DataError, naming_source
 
 T = TypeVar("T")
 
@@ -48,27 +48,27 @@ class Settings:
         for name, hint in type_hints(kind).items():
             value = getattr(self, name)
             try:
-                object.__setattr__(self, name, taken(value, hint))
+                object.__setattr__(self, name, converted(value, hint))
             except (ValueError, OverflowError):
                 raise DataError(kind.__name__, name, repr(value), words_for(hint)) from None
 
 
-def taken(value: Any, hint: Any) -> Any:
+def converted(value: Any, hint: Any) -> Any:
     """Return a value in the form that the type ``hint`` holds it, or raise ``ValueError`` if it does not fit."""
     kind, parts = get_origin(hint), get_args(hint)
     if kind is Annotated:
-        value, limits = taken(value, parts[0]), parts[1]
+        value, limits = converted(value, parts[0]), parts[1]
         fits = limits.low <= value <= limits.high
     elif kind is Literal:
         fits = isinstance(value, str) and value in parts
     elif kind is tuple:
         inner = parts[:1] * len(value) if Ellipsis in parts and isinstance(value, (list, tuple)) else parts
         fits = isinstance(value, (list, tuple)) and len(value) == len(inner)
-        value = tuple(map(taken, value, inner)) if fits else value
+        value = tuple(map(converted, value, inner)) if fits else value
     elif len(options(hint)) > 1:
         for option in parts:
             with suppress(ValueError):
-                return taken(value, option)
+                return converted(value, option)
         fits = False
     elif hint in _NUMBERS:
         fits = isinstance(value, _NUMBERS[hint]) and (hint is bool) == isinstance(value, (bool, np.bool_))
@@ -172,7 +172,7 @@ def changed(config: T, changes: Mapping[str, Any], source: object = None, prefix
             key = f"{prefix}{name}.{next(iter(below))}"
             raise DataError(source, key, found, "a field of what is switched on")
         whole[name] = changed(part, below, source, f"{prefix}{name}.")
-    with naming(source, prefix):
+    with naming_source(source, prefix):
         return replace(config, **whole)  # type: ignore[type-var]
 
 

@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pfslam.cli.parser import METHODS
 from pfslam.events import UsedScans
 from pfslam.io.datasets import load
 from pfslam.io.recordings import save
+from pfslam.methods import METHODS
 from pfslam.recording import LidarScans, Recording
 from pfslam.study.provenance import machine, versions
 

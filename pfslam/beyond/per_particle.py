@@ -105,7 +105,7 @@ def per_particle_step(
     if histories.best.map.is_empty:
         belief, step = refined_step(histories.best, event, config, rng)
         everyone = np.zeros(len(histories.beliefs), dtype=int)
-        histories = Histories(heirs([belief], everyone), histories.log_weights, belief)
+        histories = Histories(offspring([belief], everyone), histories.log_weights, belief)
         return histories, replace(step, particles=histories.particles)
     beliefs, steps = compared(histories.beliefs, event, config, rng)
     cloud = Particles(np.array([belief.estimate for belief in beliefs]), histories.log_weights)
@@ -123,7 +123,7 @@ def per_particle_step(
         return Histories(tuple(beliefs), cloud.log_weights, beliefs[heaviest]), step
     ancestors = RESAMPLERS[config.resampler](cloud.weights, rng)
     even = np.full(len(beliefs), -np.log(len(beliefs)))
-    return Histories(heirs(beliefs, ancestors), even, beliefs[heaviest]), replace(step, resampled=True)
+    return Histories(offspring(beliefs, ancestors), even, beliefs[heaviest]), replace(step, resampled=True)
 
 
 def compared(
@@ -145,7 +145,7 @@ def compared(
     return done, steps
 
 
-def heirs(beliefs: Sequence[RefinedBelief], ancestors: np.ndarray) -> tuple[RefinedBelief, ...]:
+def offspring(beliefs: Sequence[RefinedBelief], ancestors: np.ndarray) -> tuple[RefinedBelief, ...]:
     """Return the beliefs with numbers ``ancestors (N,)``; no two of them share a map."""
     first = set(np.unique(ancestors, return_index=True)[1].tolist())
     chosen = [beliefs[k] for k in ancestors]

@@ -78,7 +78,7 @@ def _numbers(version: str) -> list[int]:
 
 
 def _make_streams_safe() -> None:
-    """Let a closed stream swallow what is said, and one that knows few signs write the others as numbers."""
+    """Let a closed stream drop what is written to it, and one with few characters write the others as numbers."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - it stays open

@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from pfslam import __version__
+from pfslam.methods import METHODS
 
 BAD_INPUT, INTERRUPTED, FAULT, SPOILED, DOUBTED = 2, 130, 1, 3, 4
 CODES = (
@@ -15,7 +16,7 @@ CODES = (
     "130 interrupted."
 )
 CHECK_CODES = "Exit codes: 0 no check failed, 1 at least one did, 2 the data set cannot be read."
-METHODS = ("report", "refined", "per-particle", "matching")
+
 IMAGES = {"rgb": "colour Image", "depth": "depth Image"}
 TOPICS = {"scan": "LaserScan", "odom": "Odometry", "imu": "Imu"} | IMAGES
 HAZARDS = {

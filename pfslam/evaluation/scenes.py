@@ -27,8 +27,10 @@ LEAST_PAIRS, MOST_PAIRS = 10, 40
 """Pairs of scans that say something, and those that are compared."""
 SLACK = np.arange(-4, 5) * 0.015
 """By how much (rad) an odometry may be wrong about a turn, without anything being mounted otherwise."""
-SEEN, SCENE_CELL, APART = 10.0, 0.05, 0.3
-"""Of a scene: how far (m) it is drawn, in what cells (m), and from what distance (m) on points are strangers."""
+SEEN, SCENE_CELL = 10.0, 0.05
+"""A scene is drawn up to so many metres from the LiDAR, in cells of this size (m)."""
+APART = 0.3
+"""A point farther (m) than this from the other scene's walls is on none of them: how much farther says nothing."""
 TELLING, TELLING_FACTOR = 0.1, 0.04
 """Share of the range of distances by which one answer must be better than what is stated, to be believed.
 
@@ -139,7 +141,7 @@ class Scene:
     """How far (m) each cell ``away (H, W)`` is from the nearest point that a scan saw, at most ``APART``.
 
     ``corner (2,)`` is the cell (ix, iy) of the first, among those of ``SCENE_CELL`` from ``-SEEN`` on. All further
-    cells are as far away as those at the edge: strangers, or beyond what is drawn.
+    cells are as far away as those at the edge: on none of the walls, or beyond what is drawn.
     """
 
     corner: np.ndarray

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from pfslam.errors import DataError, naming
+from pfslam.errors import DataError, naming_source
 from pfslam.io.headings import with_better_headings
 from pfslam.io.loading import GRAVITY_LIMIT, LONGEST_SWEEP, POSE_LIMIT, Log
 from pfslam.io.topics import IMAGE, IMU, ODOMETRY, SCAN, TF, Beams, Topic, frame_of, list_topics, read_topics
@@ -268,7 +268,7 @@ def _scans(log: Log, topic: Topic, T: np.ndarray) -> tuple[LidarModel, LidarScan
     if T[2, 2] < 0:
         log.notes.append(f"{frame} hangs upside down: the beams of {topic.name} are put in the other order")
     limits = usual.range_min, usual.range_max
-    with naming(log.path, f"{topic.name}, "):
+    with naming_source(log.path, f"{topic.name}, "):
         model, step = LidarModel.mounted(T, _ends(usual), ranges.shape[1], limits, sweep)
     # ROS stamps the first beam, this package the middle one.
     return model, LidarScans(topic.t + 0.5 * sweep, np.ascontiguousarray(ranges[:, ::step]))

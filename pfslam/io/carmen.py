@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pfslam.errors import DataError, naming
+from pfslam.errors import DataError, naming_source
 from pfslam.io.files import open_file, reason
 from pfslam.io.formats import numbers
 from pfslam.io.loading import Log, check_size
@@ -23,7 +23,7 @@ from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import MAX_BEAMS, LidarModel, RobotModel
 
 MAX_LINE_BYTES = 2**20
-NO_RETURN = 80.0
+FARTHEST = 80.0
 """SICK scanners report 81.83 m and the like where nothing came back."""
 SENSOR_HEIGHT = 0.35
 """The logs do not say how high the scanner is mounted; on a flat floor it does not matter."""
@@ -42,7 +42,7 @@ class CarmenLog(Log):
     """What the lines of a log add up to; ``odometry`` has rows of stamp, x, y, theta."""
 
     angles: tuple[float, float] = (0.0, 0.0)
-    range_max: float = NO_RETURN
+    range_max: float = FARTHEST
     scans: list[Scan] = field(default_factory=list)
     odometry: list[list[float]] = field(default_factory=list)
     laser_offset: str | None = None
@@ -81,7 +81,7 @@ def _lidar(log: CarmenLog) -> LidarModel:
     if high - low > 2.0 * np.pi + 1e-3:
         raise DataError(log.path, "laser", f"angles from {low:g} to {high:g}", "radians, at most one turn")
     beams, place = len(log.scans[0].ranges), (x, y, SENSOR_HEIGHT)
-    with naming(log.path, "laser, "):
+    with naming_source(log.path, "laser, "):
         return LidarModel(low, high, beams, range_max=log.range_max, position_b=place)
 
 
@@ -141,7 +141,7 @@ def _laser(log: CarmenLog, line: str, words: list[str], tail: int) -> None:
     start, _, step, range_max = numbers(log.path, line, words[1:5], 4)
     (stamp,) = numbers(log.path, line, words[-3:-2], 1)
     # A scanner that sees nothing reports its maximum or a little less.
-    log.range_max = min(NO_RETURN, 0.99 * range_max) if range_max > 0 else NO_RETURN
+    log.range_max = min(FARTHEST, 0.99 * range_max) if range_max > 0 else FARTHEST
     poses = numbers(log.path, line, words[at : at + 6], 6) if tail > 3 else []
     _add_scan(log, line, stamp, words[8 : 8 + count], start, step, poses)
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pfslam.errors import DataError, naming
+from pfslam.errors import DataError, naming_source
 from pfslam.io.files import MAX_PNG_BYTES, decode_png, read_bytes, read_npz, write_npz, write_png
 from pfslam.io.loading import LONGEST_SWEEP, Log, readings, stamps
 from pfslam.poses import Trajectory
@@ -117,7 +117,7 @@ def _lidar_model(path: Path, numbers: dict[str, float], beams: int) -> LidarMode
     if abs(sweep) > LONGEST_SWEEP:
         expected = f"seconds from the first beam to the last, at most {LONGEST_SWEEP:g}"
         raise DataError(path, "sweep", f"{sweep:g}", expected)
-    with naming(path):
+    with naming_source(path):
         return LidarModel(low, high, beams, least, most, sweep=sweep)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pfslam.errors import DataError, naming
+from pfslam.errors import DataError, naming_source
 from pfslam.grid import MAX_CELLS, GridSpec, OccupancyGrid
 from pfslam.io.files import (
     PNG_MAGIC,
@@ -48,7 +48,7 @@ def read_tum(path: str | Path) -> Trajectory:
         at = int(np.argmax(np.abs(norm - 1.0)))
         raise DataError(path, f"pose {at}", f"a quaternion of length {norm[at]:g}", "length 1")
     yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy**2 + qz**2))
-    with naming(path):
+    with naming_source(path):
         return Trajectory(t, np.column_stack([x, y, yaw]))
 
 
@@ -170,7 +170,7 @@ def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
     pixels = _read_pixels(path.parent / keys["image"].strip("'\""))
     share = pixels[::-1] / 255.0 if negate else (255.0 - pixels[::-1]) / 255.0
     cells = (share > occupied).astype(np.int8) - (share < free).astype(np.int8)
-    with naming(path):
+    with naming_source(path):
         spec = GridSpec((x, y), resolution, pixels.shape)
     return spec, cells
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pfslam.errors import DataError, naming
+from pfslam.errors import DataError, naming_source
 from pfslam.io.files import decode_png, encode_png, read_npz, write_npz
 from pfslam.io.loading import check_size, stamps
 from pfslam.poses import Trajectory
@@ -95,7 +95,7 @@ def load_recording(path: str | Path) -> Recording:
     notes = tuple(texts["notes"].split("\n")) if texts["notes"] else ()
     camera, dropped = _camera(path, data, robot.camera), _counts(path, texts["dropped"])
     name = texts["name"] or path.stem
-    with naming(path):
+    with naming_source(path):
         return Recording(name, robot, camera=camera, dropped=dropped, notes=notes, **parts)
 
 
@@ -133,7 +133,7 @@ def _stream(path: Path, data: Mapping[str, np.ndarray], stream: str) -> Any:
             raise DataError(path, f"{stream}.{name}", arrays[name].dtype, "numbers")
         if name != "ranges":
             check_size(path, f"{stream}.{name}", arrays[name])
-    with naming(path, f"{stream}."):
+    with naming_source(path, f"{stream}."):
         return kind(**arrays)
 
 

@@ -12,7 +12,10 @@ import cv2
 import numpy as np
 
 FIELD_REACH = 4
-"""Cells beyond which an occupied cell has no influence on the likelihood field (exp(-8) is a third of a step)."""
+"""Cells beyond which an occupied cell has no influence on the likelihood field.
+
+At that distance the credit is 1000 exp(-8) = 0.3, which rounds to 0.
+"""
 
 CREDIT = {
     "occupied": np.array([1.0]),

@@ -19,8 +19,8 @@ from pfslam.simulator.drive import Drive
 from pfslam.simulator.floor import Floor, paint_floor
 from pfslam.simulator.ground import ground_in_view
 from pfslam.simulator.world import WALL_KINDS, World
+from pfslam.texture import NO_READING
 
-NO_READING = 2047
 NEAREST, FARTHEST = 0.5, 9.0  # where the depth camera gives a reading (m)
 DISTANT = 0.4  # 1 / m: the floor farther than 2.5 m is looked up in the coarse picture
 RGB_NOISE = 2.0  # standard deviation of a colour value

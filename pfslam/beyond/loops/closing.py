@@ -15,15 +15,32 @@ from pfslam.recording import Recording
 from pfslam.refined.filling import filled
 from pfslam.run import SlamResult
 
-KEY_METRES, KEY_RADIANS, AROUND, APART = 1.0, 0.5, 2, 2
-"""Motion to the next key scan; such scans either side of a place; how far on one is matched anew after wheels alone."""
-LEAST_WAY, NEARBY, DRIFT, FARTHEST, YAW_SHARE = 10.0, 1.5, 0.02, 8.0, 0.06
-"""Metres to a first loop; its window, ``NEARBY + DRIFT * way``, at most ``FARTHEST`` (m); and rad for every metre."""
-LEAST_POINTS, LEAST_SHARE, TWIN, SUPPORT, LEAST_CERTAIN = 10, 0.6, 0.9, 2, 0.5
-"""Points in a place; share of them that each explains of the other; score of a twin; loops that agree with a loop; and
-standard deviation (m) in each direction above which a match is a spring, but no loop."""
-AGREES, LEAST_SCALE = 7.81, 0.015
-"""Squared error (chi-square) that 19 of 20 right loops stay below; least error of the wheels' scale that counts."""
+KEY_METRES, KEY_RADIANS = 1.0, 0.5
+"""A scan becomes the next key scan after so much motion."""
+AROUND = 2
+"""A place is drawn from a key scan and so many key scans before and after it."""
+APART = 2
+"""Where only the wheels measured the way, a key scan is matched again to the one so many key scans later."""
+LEAST_WAY = 10.0
+"""Two key scans can close a loop if the robot drove at least so many metres between them."""
+NEARBY, DRIFT, FARTHEST = 1.5, 0.02, 8.0
+"""The search for a loop reaches ``NEARBY + DRIFT * way`` (m), as the error grows with the way; at most ``FARTHEST``."""
+YAW_SHARE = 0.06
+"""For every metre that a search reaches, it also turns by so much (rad)."""
+LEAST_POINTS = 10
+"""A place with fewer points is not matched."""
+LEAST_SHARE = 0.6
+"""After a match each place must explain at least this share of the other's points."""
+TWIN = 0.9
+"""A second pose with at least this share of the best score may be the right one as well."""
+SUPPORT = 2
+"""A loop is kept if at least so many others nearby agree with it."""
+LEAST_CERTAIN = 0.5
+"""A match whose standard deviation (m) is larger in some direction counts as a constraint, but not as a loop."""
+AGREES = 7.81
+"""The squared error (chi-square, 3 degrees of freedom) that 19 of 20 right loops stay below."""
+LEAST_SCALE = 0.015
+"""A smaller error of the wheels' scale than this cannot be told from none, and is taken for none."""
 LOOP_FLOOR, NEIGHBOUR_FLOOR = np.array([0.03, 0.03, 0.005]) ** 2, np.array([0.01, 0.01, 0.02]) ** 2
 """Variances (m^2, m^2, rad^2) that no match is better than, however many beams agree."""
 
