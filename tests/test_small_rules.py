@@ -1,0 +1,117 @@
+"""Rules of one line each, with values worked out by hand: each was once broken without any test failing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rooms import LIDAR, ROOM, SQUARE, drive, scan
+
+import pfslam
+from pfslam.beyond.localization import KnownMap, LocalizationConfig, LocalizationState, localization_step
+from pfslam.grid import GridSpec, MapConfig, OccupancyGrid
+from pfslam.particles import Particles
+from pfslam.refined.events import level_scan, levelled_event
+from pfslam.refined.map import OLD, RefinedMap
+from pfslam.refined.outliers import OutlierConfig, WaitingScan, settle_hits
+from pfslam.refined.step import RefinedConfig, refined_step
+from pfslam.refined.tilt import FLOOR_CLEARANCE
+from pfslam.sensors import LidarModel
+
+NOT_MOVED = (np.zeros(0),) * 3
+
+
+def event_at(pose, motion=(0.0, 0.0, 0.0), walls=ROOM):
+    """The event of a scan in the room, stamped 0."""
+    path = pfslam.Trajectory(np.array([0.0]), np.zeros((1, 3)))
+    return levelled_event(0.0, scan(walls, np.array(pose)), LIDAR, np.array(motion), NOT_MOVED, path)
+
+
+@pytest.mark.parametrize(("height", "struck"), [(0.05, 1), (0.15, 0), (-0.05, 1)])
+def test_a_beam_that_ends_lower_than_the_clearance_has_struck_the_floor(height, struck):
+    """The body leans forward by 0.1 rad; the beam ends so high above the ground under the wheels."""
+    lidar = LidarModel(angle_min=0.0, angle_max=0.0, beams=1, position_b=(0.0, 0.0, 0.5))
+    pitch = 0.1
+    length = (0.5 * np.cos(pitch) - height) / np.sin(pitch)
+    points, _, _, left_out = level_scan(np.array([length]), lidar, (pitch, 0.0), FLOOR_CLEARANCE)
+    assert (len(points), left_out) == (1 - struck, struck)
+
+
+def test_a_wall_is_old_once_twenty_scans_were_drawn_since_it_was_first_hit():
+    """The walls that the first scans hit are old, those of the last twenty are not."""
+    config = RefinedConfig()
+    drawn = config.start().map
+    first, last = event_at((0.0, 0.0, 0.0)), event_at((2.0, 0.5, np.pi))
+    for k in range(OLD + 5):
+        drawn.draw(first if k < 5 else last, np.zeros(3), np.eye(3))
+    assert drawn.on_old_walls(first, np.zeros(3)) > 0.9
+    only_new = [drawn.moments.first_scan(p[None])[0] >= 5 for p in last.points_b]
+    assert np.mean(only_new) > 0.1
+    assert drawn.on_old_walls(last, np.zeros(3)) == pytest.approx(1.0 - np.mean(only_new))
+
+
+def test_the_variance_of_scans_without_beams_adds_up_once():
+    config = RefinedConfig(particles=5)
+    rng, belief = np.random.default_rng(0), config.start()
+    belief, _ = refined_step(belief, event_at((0.0, 0.0, 0.0)), config, rng)
+    blind = replace(event_at((0.0, 0.0, 0.0)), points_b=np.zeros((0, 2)), beams=np.zeros(0, dtype=int))
+    sigma_xy, sigma_yaw = config.noise.sigmas(0.0, 0.0)
+    for k in range(1, 4):
+        belief, step = refined_step(belief, blind, config, rng)
+        assert not step.matched
+        expected = [k * sigma_xy**2, k * sigma_xy**2, k * sigma_yaw**2]
+        np.testing.assert_allclose(np.diag(step.covariance), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("votes", "drawn"), [(1, 1), (0, 1), (-1, 0)])
+def test_a_hit_that_was_held_back_is_drawn_if_met_at_least_as_often_as_seen_through(votes, drawn):
+    """It has waited for five scans; the last one says nothing of it."""
+    spec, far = GridSpec((0.0, 0.0), 0.05, (200, 200)), np.array([[9.0, 9.0]])
+    others = WaitingScan(np.zeros((0, 2)), np.zeros(0, dtype=int), np.zeros(0, dtype=bool))
+    oldest = WaitingScan(far, np.array([votes]), np.array([False]))
+    now = np.array([[2.0, 1.0], [2.0, 1.1]])
+    hits, waiting = settle_hits(
+        (oldest, others, others, others, others),
+        spec,
+        now,
+        np.array([0, 1]),
+        np.array([1.0, 1.0]),
+        MapConfig(),
+        OutlierConfig(),
+    )
+    assert len(waiting) == 5
+    assert np.count_nonzero((hits == far).all(axis=1)) == drawn
+
+
+def test_particles_are_drawn_anew_from_the_first_scan_on_if_it_fits_badly():
+    """No pose of the map explains a scan of walls that it does not have: the right place is not among the particles."""
+    spec = GridSpec((-5.0, -5.0), 0.05, (200, 200))
+    free = np.full(spec.shape, -1.0, dtype=np.float32)
+    free[:, 0] = 1.0
+    known = KnownMap.of(OccupancyGrid(spec, free), LocalizationConfig())
+    state = LocalizationState(Particles.at(np.zeros(3), 100))
+    event = event_at((0.0, 0.0, 0.0))
+    _, info = localization_step(state, event, known, np.random.default_rng(0))
+    assert info.fit < 0.2
+    assert info.injected > 0.5
+
+
+def test_a_map_that_is_copied_is_drawn_into_by_nobody_else():
+    drawn = RefinedConfig(outliers=OutlierConfig()).start().map
+    drawn.draw(event_at((0.0, 0.0, 0.0)), np.zeros(3), np.eye(3))
+    kept = drawn.copy()
+    before = kept.grid.log_odds.copy(), kept.field.values.copy(), kept.moments.sums.copy(), len(kept.drawn)
+    drawn.draw(event_at((0.3, 0.0, 0.0)), np.array([0.3, 0.0, 0.0]), np.eye(3))
+    assert isinstance(kept, RefinedMap)
+    assert not np.array_equal(drawn.grid.log_odds, before[0])
+    for found, expected in zip(
+        (kept.grid.log_odds, kept.field.values, kept.moments.sums, len(kept.drawn)), before, strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_a_recording_with_one_scan_is_a_run():
+    whole = drive(SQUARE)
+    one = replace(whole, lidar=pfslam.recording.LidarScans(whole.lidar.t[5:6], whole.lidar.ranges[5:6]))
+    for config in (pfslam.SlamConfig.report(), pfslam.SlamConfig.refined(), pfslam.SlamConfig.per_particle()):
+        result = pfslam.run_slam(one, replace(config, particles=3))
+        assert (len(result.trajectory), result.updates, result.grid.occupied.any()) == (1, 0, True)
