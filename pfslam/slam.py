@@ -51,9 +51,9 @@ def slam_step(
     # Eq. 12: weights multiply by the count there, and are normalised.
     particles, log_evidence = reweight(match.particles, match.log_likelihood)
     pose = best_particle(particles)
-    # Eq. 13: resample where few particles carry the weight.
+    # Eq. 13: resample where few particles carry the weight; a scan that says nothing has changed none.
     n_eff = effective_sample_size(particles.weights)
-    few = n_eff <= config.resample_below * len(particles)
+    few = match.beams > 0 and n_eff <= config.resample_below * len(particles)
     step = Step.of(event, match, particles, pose, n_eff, few, log_evidence)
     if few:
         particles = resample(particles, rng, config.resampler)

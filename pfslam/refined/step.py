@@ -42,7 +42,7 @@ def refined_step(
     # Eq. 11: every particle moves by its own noisy motion, weights unchanged.
     prior = belief.predict(event, config, rng)
     if len(event.points_b) < config.min_beams:
-        return belief.coast(event, prior)
+        return belief.coast(event, prior, config.estimate)
     # A coarse scanner sees dots: the wall between two of them is filled in.
     event = filled(event, config.beam_spacing)
     # Eq. 6, 8, 9: the scan is scored at every perturbation of every particle, which moves to its best one.
@@ -100,15 +100,18 @@ class RefinedBelief(Belief):
         return Prior(particles, pose, variance, self.estimate, self.covariance, self.corrected)
 
     def coast(
-        self, event: RefinedEvent, prior: Prior, rejected: bool = False
+        self, event: RefinedEvent, prior: Prior, estimate: str = "mean", rejected: bool = False
     ) -> tuple[RefinedBelief, RefinedStep]:
-        """Go on by odometry alone, where a scan has too few beams or its match is rejected."""
+        """Go on by odometry alone, where a scan has too few beams or its match is rejected.
+
+        The mean of the cloud is then where odometry led; the "best" particle keeps the noise of its own.
+        """
+        pose = best_particle(prior.particles) if estimate == "best" else prior.pose
         inherited = self.covariance
         if inherited is not None:
-            inherited = predicted_covariance(inherited, self.estimate, prior.pose, np.zeros(2))
-        covariance = prior.covariance(prior.pose)
-        step = RefinedStep.coasted(event, prior.pose, prior.particles, covariance, rejected=rejected)
-        return self.at(prior.pose, prior.particles, prior.variance, inherited, prior), step
+            inherited = predicted_covariance(inherited, self.estimate, pose, np.zeros(2))
+        step = RefinedStep.coasted(event, pose, prior.particles, prior.covariance(pose), rejected=rejected)
+        return self.at(pose, prior.particles, prior.variance, inherited, prior), step
 
     def at(
         self,
@@ -140,7 +143,7 @@ def begin(
     """
     seen = len(event.points_b) >= config.min_beams
     event = filled(event, config.beam_spacing)
-    if seen and config.predict_before_first_scan:
+    if config.predict_before_first_scan:
         particles, _ = predicted(belief.particles, event, config.noise, rng)
         pose = estimate_pose(particles, config.estimate)
     else:
@@ -205,7 +208,10 @@ class RefinedConfig(SlamConfig):
 
     @classmethod
     def of(cls, config: SlamConfig) -> RefinedConfig:
-        """Return settings of the accurate filter with which it is the report's, to the last bit."""
+        """Return settings of the accurate filter with which it is the report's, to the last bit.
+
+        This holds where scans need no levelling: neither a sweep nor jumps of the odometry concern the report.
+        """
         if isinstance(config, RefinedConfig):
             return config
         return RefinedConfig(
