@@ -110,7 +110,7 @@ def search_window(target: Place, source: Place, pose: np.ndarray, metres: float,
     field = score_field(occupied, "distance")
     half = np.ceil(np.array([metres, metres, radians]) / lattice.steps).astype(int)
     low = lattice.nearest(pose) - half
-    volume = score_volume(field, spec, points, lattice, low, low + 2 * half)
+    volume = score_volume(field.values, spec, points, lattice, low, low + 2 * half)
     headings, left = volume.argmax(axis=0), volume.max(axis=0) / (field.top * len(points))
     peaks, (row, column) = [], np.indices(left.shape)
     for _ in range(2):
