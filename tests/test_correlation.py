@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pfslam.correlation import ScoreField, map_correlation, renew_field, score_field
-from pfslam.grid import GridSpec
+from pfslam.correlation import OccupiedCells, map_correlation
+from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.poses import transform_points
+from pfslam.refined.field import ScoreField, renew_field, score_field
 from pfslam.search import boxes, volume
 from pfslam.search.boxes import cheapest_boxes
 from pfslam.search.lattice import Lattice, Window
@@ -35,8 +36,8 @@ def by_definition(occupied, spec, points_b, node, lattice, window):
 
 
 def assert_search_is_the_definition(occupied, spec, points_b, poses, lattice, window):
-    field, seen = score_field(occupied, "occupied"), []
-    for found in search(field, spec, points_b, poses, lattice, window):
+    cells, seen = OccupiedCells(OccupancyGrid(spec, np.where(occupied, 1.0, -1.0))), []
+    for found in search(cells, spec, points_b, poses, lattice, window):
         for scores, node in zip(found.scores, found.nodes, strict=True):
             np.testing.assert_array_equal(
                 scores, by_definition(occupied, spec, points_b, node, lattice, window)
@@ -150,7 +151,7 @@ def test_sums_of_the_longest_scan_stay_exact_in_float32():
     beams = 16_777
     full = ScoreField(np.full((1, 1), 1000, dtype=np.float32), "distance")
     found = search(
-        full,
+        full.values,
         GridSpec((-0.5, -0.5), 1.0, (1, 1)),
         np.zeros((beams, 2)),
         np.zeros((1, 3)),

@@ -19,8 +19,9 @@ from pfslam.refined.covariance import (
     with_silent_direction,
 )
 from pfslam.refined.lines import HitMoments, LineFit
+from pfslam.refined.step import RefinedConfig
 from pfslam.run import run_slam, slam_steps
-from pfslam.slam import Belief, SlamConfig
+from pfslam.slam import SlamConfig
 from pfslam.study.disturbances import blind, first_seconds
 
 ROOT = np.array([[0.02, 0.0, 0.0], [0.01, 0.03, 0.0], [0.004, -0.003, 0.008]])
@@ -172,6 +173,6 @@ def test_along_a_bare_corridor_odometry_leads_and_its_variance_adds_up():
 
 
 def test_without_lines_there_is_none():
-    config = replace(SlamConfig.report(), particles=2)
+    config = replace(RefinedConfig.of(SlamConfig.report()), particles=2)
     assert run_slam(drive([(1.0, 10, 0.4)]), config).covariances is None
-    assert Belief.start(config).covariance is None
+    assert config.start().covariance is None

@@ -24,7 +24,7 @@ def event(angles, ranges, beams=None):
     points = SENSOR + ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
     beams = np.arange(len(ranges)) if beams is None else np.asarray(beams)
     nothing = np.zeros(0)
-    return ScanEvent(0.0, points, beams, SENSOR, 0, np.zeros(3), (nothing, nothing, nothing))
+    return ScanEvent(0.0, points, beams, SENSOR, np.zeros(3), (nothing, nothing, nothing))
 
 
 def wall(step, distance=3.0, to=70.0):

@@ -9,7 +9,8 @@ from drives import BEAMS, simulated, slow_range
 from rooms import distance_to_walls
 
 from pfslam.poses import compose, transform_points
-from pfslam.sensors import LidarModel, RobotModel, scan_points
+from pfslam.refined.events import tilted_points
+from pfslam.sensors import LidarModel, RobotModel
 from pfslam.simulator import HALL, Hazards, simulate
 from pfslam.simulator.clocks import START_OF_TIME
 from pfslam.simulator.lidar import true_ranges
@@ -159,7 +160,9 @@ def test_half_of_the_beams_at_glass_return_nothing_and_half_the_largest_range(mo
     some = slice(0, None, 97)
     truth = simulation.recording.truth.poses[some], simulation.pitch[some], simulation.roll[some]
     for pose, pitch, roll, ranges, hit in zip(*truth, exact[some], glass[some], strict=True):
-        placed = transform_points(compose(world.pose_pw, pose), scan_points(ranges, lidar, pitch, roll))
+        placed = transform_points(
+            compose(world.pose_pw, pose), tilted_points(ranges, lidar, pitch, roll)[:, :2]
+        )
         off, hit = distance_to_walls(placed, world.glass), hit[lidar.valid(ranges)]
         assert (off[hit] < 1e-4).all()
         assert (off[~hit] > 1e-9).mean() > 0.999  # but for feet of walls and people who touch them

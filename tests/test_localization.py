@@ -32,9 +32,10 @@ from pfslam.cli.words import closing_words_of_search
 from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.io.formats import read_tum, write_map
-from pfslam.particles import MotionNoise, Particles
+from pfslam.particles import Particles
 from pfslam.poses import Trajectory, between, compose, wrap_angle
 from pfslam.recording import LidarScans, Recording
+from pfslam.refined.noise import MotionNoise
 from pfslam.run import run_slam
 from pfslam.sensors import LidarModel, RobotModel, scan_points
 
@@ -184,7 +185,7 @@ def test_the_true_pose_explains_a_scan_best_and_outside_explains_nothing():
 def event_of(pose, motion, t=0.0):
     points = scan_points(scan(SMALL, pose, LIDAR), LIDAR)
     nothing = (np.zeros(0), np.zeros(0), np.zeros(0))
-    return ScanEvent(t, points, np.arange(len(points)), np.zeros(2), 0, np.asarray(motion), nothing)
+    return ScanEvent(t, points, np.arange(len(points)), np.zeros(2), np.asarray(motion), nothing)
 
 
 SMALL = np.vstack([box(-1.5, -1.0, 1.5, 1.0), box(0.6, 0.4, 1.1, 0.8)])

@@ -68,7 +68,7 @@ def assert_same(found, expected):
 @pytest.mark.parametrize("name", CONFIGS)
 def test_a_mapper_is_the_run_to_the_last_bit(name):
     config = CONFIGS[name]
-    whole = pfslam.run_slam(DRIVE, replace(config, every=1), second_look=False)
+    whole = pfslam.run_slam(DRIVE, replace(RefinedConfig.of(config), every=1), second_look=False)
     mapper = mapped(config=config)
     np.testing.assert_array_equal([step.estimate for step in mapper.steps], whole.trajectory.poses)
     np.testing.assert_array_equal(mapper.grid.log_odds, whole.grid.log_odds)

@@ -5,16 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pfslam.correlation import score_field
-from pfslam.grid import GridSpec
+from pfslam.correlation import best_perturbations
+from pfslam.grid import GridSpec, OccupancyGrid
+from pfslam.particles import Particles
 from pfslam.poses import transform_points, wrap_angle
-from pfslam.search.lattice import Lattice, Window
+from pfslam.refined.field import score_field
 from pfslam.refined.matching import SearchConfig, match, window_for
+from pfslam.search.lattice import Lattice, Window
 from pfslam.slam import SlamConfig
 
 SPEC = GridSpec((-1.013, -1.021), 0.05, (40, 41))
 LATTICE = Lattice(0.05, 0.005)
 REPORT = SlamConfig.report().search
+COUNTING = SearchConfig.counting(REPORT)
 CLIMB = SearchConfig(
     yaw_step=0.005, field="distance", prior=True, sub_cell=False, keep_offset=False, weight="likelihood"
 )
@@ -36,6 +39,20 @@ def matched(occupied, points, poses, config, sigmas=SIGMAS, seed=1):
     )
 
 
+def jumped(occupied, points, poses):
+    """Where the report's search leads, which the accurate filter's search in its settings repeats to the last bit."""
+    grid, particles = (
+        OccupancyGrid(SPEC, np.where(occupied, 1.0, -1.0)),
+        Particles(poses, np.zeros(len(poses))),
+    )
+    report = best_perturbations(grid, points, particles, REPORT, np.random.default_rng(1))
+    found = matched(occupied, points, poses, COUNTING)
+    np.testing.assert_array_equal(report.particles.poses, found.poses)
+    np.testing.assert_array_equal(report.log_likelihood, found.log_likelihood)
+    np.testing.assert_array_equal(report.score, found.score)
+    return found
+
+
 def window_scores(occupied, points, pose, config):
     """For one particle: the lattice poses of its window and their scores, summed end point by end point."""
     field = score_field(occupied, config.field).values.astype(int)
@@ -51,9 +68,9 @@ def window_scores(occupied, points, pose, config):
 
 def test_report_jumps_to_a_pose_of_greatest_count_and_keeps_its_offset():
     occupied, points, poses = case()
-    found = matched(occupied, points, poses, REPORT)
+    found = jumped(occupied, points, poses)
     for k, pose in enumerate(poses):
-        nodes, scores = window_scores(occupied, points, pose, REPORT)
+        nodes, scores = window_scores(occupied, points, pose, COUNTING)
         offset = pose - np.rint(pose / LATTICE.steps) * LATTICE.steps
         landed = np.flatnonzero(np.abs(nodes + offset - found.poses[k]).max(axis=1) < 1e-9)
         assert len(landed) == 1
@@ -71,7 +88,7 @@ def test_ties_are_broken_evenly_at_random():
     # That is one shift in x and y for each of nine headings: a turn by 0.02 rad moves the point by 1 cm.
     tied = 9
     poses = np.zeros((9000, 3))
-    found = matched(occupied, middle[None], poses, REPORT).poses
+    found = jumped(occupied, middle[None], poses).poses
     np.testing.assert_allclose(found[:, :2], 0.0, atol=1e-12)
     counts = np.bincount(np.rint(found[:, 2] / 0.005).astype(int) + 4, minlength=tied)
     # Each count is binomial with variance N p (1 - p); five standard deviations.
@@ -80,7 +97,7 @@ def test_ties_are_broken_evenly_at_random():
 
 def test_where_nothing_scores_the_report_leaves_the_particle_and_gives_it_no_likelihood():
     _, points, poses = case()
-    found = matched(np.zeros(SPEC.shape, dtype=bool), points, poses, REPORT)
+    found = jumped(np.zeros(SPEC.shape, dtype=bool), points, poses)
     np.testing.assert_allclose(found.poses, poses, atol=1e-15)  # round-off of the wrapped heading
     assert (found.log_likelihood == -np.inf).all()
 
@@ -146,11 +163,11 @@ def test_headings_across_pi_come_back_wrapped():
     assert (np.abs(wrap_angle(found[:, 2] - poses[:, 2])) <= 4.5 * 0.005 + 0.0025).all()
 
 
-@pytest.mark.parametrize("config", [REPORT, replace(CLIMB, sub_cell=True)], ids=["report", "climb"])
+@pytest.mark.parametrize("config", [COUNTING, replace(CLIMB, sub_cell=True)], ids=["report", "climb"])
 def test_how_the_particles_are_parted_does_not_change_where_any_of_them_goes(monkeypatch, config):
     occupied, points, poses = case(10, particles=60)
     together = matched(occupied, points, poses, config)
-    monkeypatch.setattr("pfslam.refined.matching.CHUNK", 5 * 729)
+    monkeypatch.setattr("pfslam.search.volume.CHUNK", 5 * 729)
     monkeypatch.setattr("pfslam.search.boxes.MAX_SCORES", 8 * 729)
     apart = matched(occupied, points, poses, config)
     for field in ("poses", "log_likelihood", "score"):

@@ -16,7 +16,7 @@ from pfslam.evaluation.cloud import (
 )
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory, compose, wrap_angle
-from pfslam.slam import Step
+from pfslam.refined.record import RefinedStep
 
 SPREAD = np.array([[0.04, 0.01, 0.002], [0.01, 0.02, 0.001], [0.002, 0.001, 0.0025]])
 ROOT = np.linalg.cholesky(SPREAD)
@@ -40,7 +40,7 @@ def made_run(claimed, seed=0, particles=2000, weighted=False):
     t = np.arange(CLOUDS + 1.0)
     true_poses = np.column_stack([np.cos(t), 0.1 * t, wrap_angle(0.7 * t)])
     start = Particles.at(true_poses[0], 3)
-    infos = [Step(0.0, true_poses[0], start, 3.0, 0, 0, covariance=np.zeros((3, 3)))]
+    infos = [RefinedStep(0.0, true_poses[0], start, 3.0, 0, covariance=np.zeros((3, 3)))]
     for k in range(1, CLOUDS + 1):
         mean = true_poses[k] + ROOT @ rng.standard_normal(3)
         wide = 1.5 if weighted else 1.0
@@ -49,7 +49,8 @@ def made_run(claimed, seed=0, particles=2000, weighted=False):
         log_weights = -0.5 * np.sum(z**2, axis=1) * (1.0 - 1.0 / wide**2)
         poses = mean + claimed * z @ ROOT.T
         cloud = Particles(poses, log_weights)
-        infos.append(Step(t[k], mean, cloud, 1.0, 0, 0, matched=True, covariance=claimed**2 * SPREAD))
+        covariance = claimed**2 * SPREAD
+        infos.append(RefinedStep(t[k], mean, cloud, 1.0, 0, matched=True, covariance=covariance))
     return infos, Trajectory(t, true_poses)
 
 

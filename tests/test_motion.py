@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from rooms import COUNT, CURVES, SQUARE, drive
 
 from pfslam.errors import DataError
+from pfslam.io.jumps import jumps
 from pfslam.motion import (
     Controls,
     controls,
@@ -22,7 +23,6 @@ from pfslam.motion import (
 )
 from pfslam.poses import Trajectory, between, compose, wrap_angle
 from pfslam.recording import Encoders, Imu, Recording
-from pfslam.io.jumps import jumps
 from pfslam.sensors import EncoderModel, ImuModel, RobotModel
 
 ROUND_OFF = 1e-9

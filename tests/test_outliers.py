@@ -8,11 +8,12 @@ import pytest
 from rooms import CURVES, LIDAR, box, drive, scan
 
 import pfslam
-from pfslam.correlation import score_field
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid, integrate_scan
 from pfslam.poses import compose, transform_points
+from pfslam.refined.field import score_field
 from pfslam.refined.lines import LineConfig
+from pfslam.refined.map import integrate_hits
 from pfslam.refined.outliers import (
     RADIUS,
     OutlierConfig,
@@ -22,9 +23,11 @@ from pfslam.refined.outliers import (
     seen_again_or_through,
     settle_hits,
 )
-from pfslam.run import better_look, run_slam, slam_steps, used_scans
+from pfslam.refined.run import better_look
+from pfslam.refined.step import RefinedConfig, refined_step
+from pfslam.run import run_slam, slam_steps
 from pfslam.simulator import Hazards, simulate
-from pfslam.slam import SlamConfig, slam_step
+from pfslam.slam import SlamConfig
 
 CONFIG = OutlierConfig()
 MAP = SlamConfig.refined().map
@@ -124,7 +127,7 @@ def test_hits_given_by_hand_are_drawn_and_the_others_left_out():
     grid, person = OccupancyGrid.empty(SPEC), np.hypot(*points.T) < 2.0
     hits = np.vstack([points[~person], np.tile([-1.02, 0.01], (1, 1))])
     for _ in range(6):
-        rectangle = integrate_scan(grid, points, beams, SENSOR, MAP, hits)
+        rectangle = integrate_hits(grid, points, beams, SENSOR, hits, MAP)
     ix, iy = SPEC.world_to_cell(points[person]).T
     jx, jy = SPEC.world_to_cell(hits).T
     assert (grid.log_odds[iy, ix] == 0).all()
@@ -135,7 +138,8 @@ def test_hits_given_by_hand_are_drawn_and_the_others_left_out():
 
 
 def test_methods_without_lines_or_with_many_maps_have_no_robust_settings():
-    assert SlamConfig.report().robust() == SlamConfig.report()
+    plain = RefinedConfig.of(SlamConfig.report())
+    assert plain.robust() == plain
     assert SlamConfig.per_particle().robust() == SlamConfig.per_particle()
     robust = SlamConfig.refined().robust()
     assert robust.outliers is not None
@@ -206,7 +210,7 @@ def in_the_room():
 
 
 def step(belief, event):
-    return slam_step(replace(belief, map=belief.map.copy()), event, ROBUST, np.random.default_rng(1))[1]
+    return refined_step(replace(belief, map=belief.map.copy()), event, ROBUST, np.random.default_rng(1))[1]
 
 
 def test_beams_that_end_where_nothing_is_have_no_say_in_the_pose(in_the_room):
@@ -248,10 +252,9 @@ def test_where_ranges_are_noisy_the_robust_run_is_made_at_once(sigma, robust):
     assert run_slam(noisy, FEW, second_look=False).config == FEW
 
 
-def test_a_scanner_of_five_beams_which_see_five_different_things_has_robust_settings_too():
-    room = drive([(1.0, 10, 0.1)], lidar=replace(LIDAR, beams=5))
-    assert room.range_scatter() > 1.0
-    assert run_slam(room, FEW).second_look
+def test_however_far_ranges_scatter_there_are_robust_settings():
+    """Twenty metres of margin are 400 cells, more than the setting itself takes."""
+    assert FEW.robust(5.0).outliers == replace(CONFIG, margin=100)
 
 
 def test_robust_settings_that_were_asked_for_are_no_second_look():

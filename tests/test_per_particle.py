@@ -8,10 +8,11 @@ from rooms import CURVES, drive
 
 from pfslam.beyond.per_particle import Histories, per_particle_step
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.particles import MotionNoise
 from pfslam.poses import compose
-from pfslam.run import run_slam, slam_steps, used_scans
-from pfslam.slam import Belief, SlamConfig, slam_step
+from pfslam.refined.noise import MotionNoise, predicted
+from pfslam.refined.step import RefinedConfig, refined_step
+from pfslam.run import run_slam, slam_steps
+from pfslam.slam import SlamConfig
 
 DRIVE, SHORT = drive(CURVES), drive([(1.0, 10, 0.4)])
 CONFIG = replace(SlamConfig.per_particle(), particles=6)
@@ -29,7 +30,7 @@ def test_heirs_of_one_history_have_its_map_and_do_not_write_into_one_anothers():
     assert owners(histories) == 6
     histories, info = per_particle_step(histories, next(events), config, rng)
     assert not info.resampled
-    heavy = Histories(histories.beliefs, np.log([1e-300, 1.0, 1e-300, 1e-300, 1e-300, 1e-300]))
+    heavy = replace(histories, log_weights=np.log([1e-300, 1.0, 1e-300, 1e-300, 1e-300, 1e-300]))
     histories, info = per_particle_step(heavy, next(events), replace(config, resample_below=0.5), rng)
     assert info.resampled
     assert owners(histories) == 6
@@ -40,7 +41,7 @@ def test_heirs_of_one_history_have_its_map_and_do_not_write_into_one_anothers():
     np.testing.assert_allclose(np.exp(histories.log_weights), 1 / 6)
     before, scans = maps[0].copy(), len(maps[0].drawn)
     for event in events:
-        slam_step(histories.beliefs[1], event, config, rng)
+        refined_step(histories.beliefs[1], event, config, rng)
     assert len(maps[0].drawn) == scans
     np.testing.assert_array_equal(maps[0].grid.log_odds, before.grid.log_odds)
     np.testing.assert_array_equal(maps[0].field.values, before.field.values)
@@ -57,8 +58,9 @@ def test_the_heaviest_history_speaks_for_all():
 def test_one_history_is_the_shared_filter_with_one_particle():
     """With a single particle nothing is left to tell the two apart: same map, same poses, same random numbers."""
     single = replace(SlamConfig.per_particle(), particles=1)
+    plain = RefinedConfig(**vars(single))
     alone = run_slam(SHORT, single, rng=np.random.default_rng(4))
-    shared = run_slam(SHORT, replace(single, maps="shared"), rng=np.random.default_rng(4))
+    shared = run_slam(SHORT, plain, rng=np.random.default_rng(4))
     np.testing.assert_array_equal(alone.trajectory.poses, shared.trajectory.poses)
     np.testing.assert_array_equal(alone.grid.log_odds, shared.grid.log_odds)
 
@@ -68,8 +70,8 @@ def test_scan_matching_needs_no_random_numbers():
     np.testing.assert_array_equal(one.trajectory.poses, other.trajectory.poses)
     assert one.resamplings == 0
     events = list(SlamConfig.matching().used_scans(SHORT).events())
-    particles = Belief.start(SlamConfig.matching()).particles
-    moved, variance = MotionNoise(sampled=False).predict(particles, events[1], np.random.default_rng(0))
+    particles, noise = SlamConfig.matching().start().particles, MotionNoise(sampled=False)
+    moved, variance = predicted(particles, events[1], noise, np.random.default_rng(0))
     np.testing.assert_array_equal(moved.poses[0], compose(particles.poses[0], events[1].motion))
     assert (variance > 0).all()  # the search still knows how far to look
 

@@ -7,15 +7,8 @@ import pytest
 
 from pfslam.errors import DataError
 from pfslam.poses import apply_transform, rotation_matrix, transform
-from pfslam.sensors import (
-    ImuModel,
-    LidarModel,
-    RgbdModel,
-    RobotModel,
-    nearest_ranges,
-    scan_points,
-    scan_points_3d,
-)
+from pfslam.refined.events import level_scan, tilted_points
+from pfslam.sensors import ImuModel, LidarModel, RgbdModel, RobotModel, nearest_ranges, scan_points
 
 FIVE = LidarModel(angle_min=-np.pi / 2, angle_max=np.pi / 2, beams=5, position_b=(0.2, 0.1, 0.5))
 ROOT_HALF = np.sqrt(0.5)
@@ -43,12 +36,11 @@ def test_pitched_down_scan_meets_the_floor_where_the_plane_does():
     pitch = np.deg2rad(10.0)
     lidar = LidarModel(angle_min=-0.1, angle_max=0.1, beams=3, position_b=(0.2, 0.0, 0.5))
     height = 0.5 * np.cos(pitch) - 0.2 * np.sin(pitch)
-    points = scan_points_3d(np.full(3, height / np.sin(pitch)), lidar, pitch=pitch)
+    ranges = np.full(3, height / np.sin(pitch))
+    points = tilted_points(ranges, lidar, pitch, 0.0)
     assert points[1, 2] == pytest.approx(0.0, abs=1e-12)
     assert points[1, 0] == pytest.approx(0.2 * np.cos(pitch) + 0.5 * np.sin(pitch) + height / np.tan(pitch))
-    np.testing.assert_array_equal(
-        points[:, :2], scan_points(np.full(3, height / np.sin(pitch)), lidar, pitch=pitch)
-    )
+    np.testing.assert_array_equal(points[:, :2], level_scan(ranges, lidar, (pitch, 0.0), -1.0)[0])
 
 
 @pytest.mark.parametrize("upside_down", [False, True])

@@ -10,24 +10,25 @@ import numpy as np
 import pytest
 from box_recording import box_recording
 
-from pfslam.cli.parser import METHODS
 from pfslam.errors import DataError
 from pfslam.grid import MapConfig
+from pfslam.methods import METHODS, preset
 from pfslam.particles import RESAMPLERS, ControlNoise, Scheme
 from pfslam.refined.floor import map_texture
-from pfslam.search.boxes import MAX_SCORES
 from pfslam.refined.matching import SearchConfig
+from pfslam.refined.step import RefinedConfig
 from pfslam.run import run_slam
+from pfslam.search.boxes import MAX_SCORES
 from pfslam.sensors import LidarModel, RobotModel
 from pfslam.settings import Range, Settings, changed, plain
 from pfslam.simulator import HALL, simulate
 from pfslam.simulator.drive import MAX_HOURS
-from pfslam.slam import PRESETS, SlamConfig
+from pfslam.slam import SlamConfig
 from pfslam.texture import TextureConfig
 
 CASES = int(os.environ.get("PFSLAM_CASES", "60"))
 CONFIGURATIONS = [
-    *(preset() for preset in PRESETS.values()),
+    *map(preset, METHODS),
     replace(SlamConfig.refined(), every=3),
     replace(TextureConfig.refined(), z_max=5.0),
     HALL,
@@ -116,7 +117,8 @@ SEARCH = SlamConfig.refined().search
         (SlamConfig, {"particles": True}, "SlamConfig: particles: found True, expected a whole number"),
         (SearchConfig, {"prior": 1}, "SearchConfig: prior: found 1, expected true or false"),
         (SearchConfig, {"sharpness": False}, "sharpness: found False, expected a number from 0 to 1000000"),
-        (SlamConfig, {"noise": 3}, "noise: found 3, expected ControlNoise or MotionNoise"),
+        (SlamConfig, {"noise": 3}, "SlamConfig: noise: found 3, expected ControlNoise"),
+        (RefinedConfig, {"noise": 3}, "noise: found 3, expected ControlNoise or MotionNoise"),
         (SlamConfig, {"map": None}, "map: found None, expected MapConfig"),
         (MapConfig, {"clamp": 10**400}, "MapConfig: clamp: found 1000"),
         (MapConfig, {"clamp": 1e300}, "clamp: found 1e.300, expected a number from 0 to 1000000, or inf"),
@@ -154,13 +156,15 @@ def test_lists_become_tuples_and_whole_numbers_floats_and_numbers_from_numpy_are
 
 def test_the_names_that_can_be_chosen_are_those_there_are():
     assert set(get_args(Scheme)) == set(RESAMPLERS)
-    assert tuple(PRESETS) == METHODS
 
 
 def test_settings_are_values():
     for config in CONFIGURATIONS:
         assert replace(config) == pickle.loads(pickle.dumps(config)) == config
         assert hash(config) == hash(replace(config))
+
+
+PLAIN = RefinedConfig.of(SlamConfig.report())
 
 
 def test_dotted_and_nested_names_change_the_same_fields():
@@ -171,7 +175,7 @@ def test_dotted_and_nested_names_change_the_same_fields():
 
 
 def test_parts_are_switched_on_off_and_filled():
-    config = changed(SlamConfig.report(), {"lines": True, "lines.min_hits": 2, "tilt": False, "every": False})
+    config = changed(PLAIN, {"lines": True, "lines.min_hits": 2, "tilt": False, "every": False})
     assert config.lines == replace(SlamConfig.refined().lines, min_hits=2)
     assert (config.tilt, config.every) == (False, None)
     noisy = changed(SlamConfig.refined(), {"noise": "ControlNoise", "noise.sigma_v": 1})
@@ -182,7 +186,7 @@ def test_parts_are_switched_on_off_and_filled():
     ("changes", "message"),
     [
         ({"search.speed": 1}, "key: found 'search.speed', expected a field of SearchConfig: yaw_step, "),
-        ({"speed": 1}, "key: found 'speed', expected a field of SlamConfig: maps, "),
+        ({"speed": 1}, "key: found 'speed', expected a field of RefinedConfig: particles, "),
         ({"lines.reach": 1}, "lines.reach: found is off, expected a field of what is switched on"),
         ({"search.cells": [4, 1]}, r"search.cells: found \(4, 1\), expected a least and a greatest"),
         ({"search": {"cells": 3}}, "search.cells: found 3, expected a list of 2"),
@@ -192,11 +196,11 @@ def test_parts_are_switched_on_off_and_filled():
 )
 def test_a_change_that_makes_no_sense_names_its_source(changes, message):
     with pytest.raises(DataError, match=f"x.toml: {message}"):
-        changed(SlamConfig.report(), changes, "x.toml")
+        changed(PLAIN, changes, "x.toml")
 
 
 def test_plain_settings_can_be_written():
-    config = replace(SlamConfig.report(), draw_metres=math.inf)
+    config = replace(PLAIN, draw_metres=math.inf)
     written = config.as_dict()
     assert written == {name: value for name, value in plain(config).items() if name != "kind"}
     assert written["noise"] == {"kind": "ControlNoise"} | vars(config.noise)
@@ -257,7 +261,7 @@ def result_or_complaint(work):
 def test_any_numbers_are_refused_by_name_or_make_a_run(seed):
     """Whatever passes the ranges ends in a run that stays finite, or in one clear line."""
     rng = np.random.default_rng(seed)
-    presets = [preset() for preset in PRESETS.values()]
+    presets = [preset(method) for method in METHODS]
     particles = int(rng.integers(1, 6)) if seed % 4 < 3 else 1  # matching has one pose
     config = replace(presets[seed % 4], particles=particles, every=3)
     config = with_any_numbers(config, rng)

@@ -7,10 +7,10 @@ import textwrap
 import pytest
 from pfslam_book.show.source import show_source
 
-from pfslam.correlation import score_field
 from pfslam.grid import OccupancyGrid, integrate_scan
 from pfslam.motion import motion_model
 from pfslam.particles import Particles, predict
+from pfslam.refined.field import score_field
 
 
 @pytest.mark.parametrize("subject", [motion_model, predict, Particles, Particles.at])

@@ -280,7 +280,7 @@ def test_the_same_settings_under_two_labels_run_once(box, tmp_path):
 BAD = {
     'colour = "red"': "key: found 'colour'",
     'name = "a b"': "name: found 'a b'",
-    "[common]\nparticle = 3": "key: found 'particle', expected a field of SlamConfig",
+    "[common]\nparticle = 3": "key: found 'particle', expected a field of RefinedConfig",
     "[common]\n'simulator.fog' = 3": "a field of SimulatorConfig",
     "[common]\n'disturb.fog' = 3": "key: found 'disturb.fog', expected a field of Disturbances: seconds",
     "[common]\nparticles = 2.5": "particles: found 2.5, expected a whole number",

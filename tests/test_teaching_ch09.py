@@ -31,8 +31,8 @@ def test_every_rung_changes_one_setting_or_one_idea_and_the_last_is_the_refined_
     assert all(changes.values())
     assert [label for label, fields in changes.items() if "," in fields] == ["+ draw after motion"]
     last = cases_of(LADDER)[-1].config()
-    # The ladder's scanner has four beams to the degree: there is nothing to fill in between them.
-    same = {name: getattr(last, name) for name in ("particles", "every", "beam_spacing")}
+    # The ladder's scanner has four beams to the degree: there is nothing to fill in, and never are beams few.
+    same = {name: getattr(last, name) for name in ("particles", "every", "beam_spacing", "min_beams")}
     assert last == replace(SlamConfig.refined(), **same)
 
 

@@ -10,8 +10,8 @@ from pfslam_book import ch10
 
 import pfslam
 from pfslam.beyond.localization import LocalizationConfig, enough, kld_bound, likelihood_field
-from pfslam.events import Drive
 from pfslam.poses import between
+from pfslam.refined.events import LevelledScans
 
 OWN = [f"localiser-{part}" for part in ("weigh", "bound", "resample", "alarm")]
 
@@ -87,7 +87,7 @@ def test_the_localiser_of_the_page_has_the_field_and_the_bound_of_the_package():
 @pytest.mark.slow
 def test_the_localiser_of_the_page_is_left_with_the_robot_and_its_twin():
     own, place = localiser(), ch10.two_halves()
-    events = list(Drive.of(place.recording).events())[:80]
+    events = list(LevelledScans.of(place.recording).events())[:80]
     for seed in range(3):
         rng = np.random.default_rng(seed)
         step = own["localise"](place.grid, events, own["anywhere"](place.grid, 100_000, rng), rng)[-1]
@@ -100,7 +100,7 @@ def test_the_localiser_of_the_page_finds_a_robot_and_finds_it_again_if_it_has_an
     own, hall = localiser(), pfslam.load("hall")
     grid = ch10.map_along(hall, hall.truth, pfslam.SlamConfig.refined().map, every=10)
     taken = ch10.kidnapped(ch10.part(hall, 15.0, 55.0), 12.0, 35.0)
-    events = list(Drive.of(taken).events())
+    events = list(LevelledScans.of(taken).events())
 
     def away(step):
         return math.dist(step.weights @ step.poses[:, :2], taken.truth.at(step.t)[:2])

@@ -5,20 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pfslam.events import level_scan
 from pfslam.io.datasets import load
+from pfslam.io.upright import upright
 from pfslam.motion import controls
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, Recording
-from pfslam.refined.tilt import (
-    LEVEL_BELOW,
-    SPEED_SMOOTHING,
-    TIME_CONSTANT,
-    estimate_tilt,
-    standing_start,
-    upright,
-)
-from pfslam.run import used_scans
+from pfslam.refined.events import level_scan
+from pfslam.refined.tilt import LEVEL_BELOW, SPEED_SMOOTHING, TIME_CONSTANT, estimate_tilt, standing_start
 from pfslam.sensors import STANDARD_GRAVITY, EncoderModel, LidarModel
 from pfslam.slam import SlamConfig
 

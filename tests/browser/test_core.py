@@ -22,7 +22,7 @@ from pfslam.beyond.loops.graph import (
     robust_weights,
 )
 from pfslam.cli import viewer
-from pfslam.correlation import map_correlation, score_field
+from pfslam.correlation import map_correlation
 from pfslam.evaluation.checkup import turned_by_wheels
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import (
@@ -47,6 +47,7 @@ from pfslam.particles import (
 )
 from pfslam.poses import Trajectory, average_pose, between, compose, transform_points, wrap_angle
 from pfslam.recording import Encoders
+from pfslam.refined.field import score_field
 from pfslam.sensors import EncoderModel, ImuModel, LidarModel, scan_points
 from pfslam.simulator.lidar import true_ranges
 from pfslam.simulator.world import Person

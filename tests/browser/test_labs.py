@@ -21,14 +21,12 @@ from pfslam_book.show.style import COLOURS
 from pfslam.beyond.localization import KnownMap, LocalizationConfig, enough, kld_bound
 from pfslam.beyond.loops.graph import Edges, chi_square, gauss_newton_step, robust_weights
 from pfslam.cli import viewer
-from pfslam.correlation import score_field
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import LOG_4, GridSpec, MapConfig, OccupancyGrid, integrate_scan
 from pfslam.io.datasets import load
 from pfslam.motion import dead_reckoning, motion_model
 from pfslam.particles import (
     ControlNoise,
-    MotionNoise,
     Particles,
     effective_sample_size,
     predict,
@@ -36,6 +34,8 @@ from pfslam.particles import (
     systematic_resample,
 )
 from pfslam.poses import average_pose, compose, transform_points, wrap_angle
+from pfslam.refined.field import score_field
+from pfslam.refined.noise import MotionNoise
 from pfslam.sensors import LidarModel, scan_points
 from pfslam.texture import NO_READING, associate_rgb, back_project, depth_from_disparity, to_world
 
