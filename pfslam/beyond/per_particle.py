@@ -107,42 +107,49 @@ def per_particle_step(
         everyone = np.zeros(len(histories.beliefs), dtype=int)
         histories = Histories(offspring([belief], everyone), histories.log_weights, belief)
         return histories, replace(step, particles=histories.particles)
-    beliefs, steps = compared(histories.beliefs, event, config, rng)
+    undrawn = replace(config, particles=1, draw_metres=inf, draw_radians=inf)
+    taken = [refined_step(belief, event, undrawn, rng) for belief in histories.beliefs]
+    beliefs, steps = [belief for belief, _ in taken], [step for _, step in taken]
     cloud = Particles(np.array([belief.estimate for belief in beliefs]), histories.log_weights)
     cloud, evidence = reweight(cloud, np.array([step.log_evidence for step in steps]))
     n_eff, heaviest = effective_sample_size(cloud.weights), int(np.argmax(cloud.log_weights))
     odometry = compose(histories.beliefs[heaviest].estimate, event.motion)
+    few, ancestors, log_weights = n_eff <= config.resample_below * len(beliefs), None, cloud.log_weights
+    if few:
+        ancestors = RESAMPLERS[config.resampler](cloud.weights, rng)
+        log_weights = np.full(len(beliefs), -np.log(len(beliefs)))
+    # Maps are written when all else is done, so that an error leaves every one as it was.
+    drawn = draw_each(beliefs, steps, event, config)
     step = replace(
         steps[heaviest],
         particles=cloud,
         effective_sample_size=n_eff,
         log_evidence=evidence,
         departure=cloud.poses[heaviest, :2] - odometry[:2],
+        resampled=few,
+        drawn=drawn[heaviest],
     )
-    if n_eff > config.resample_below * len(beliefs):
-        return Histories(tuple(beliefs), cloud.log_weights, beliefs[heaviest]), step
-    ancestors = RESAMPLERS[config.resampler](cloud.weights, rng)
-    even = np.full(len(beliefs), -np.log(len(beliefs)))
-    return Histories(offspring(beliefs, ancestors), even, beliefs[heaviest]), replace(step, resampled=True)
+    after = tuple(beliefs) if ancestors is None else offspring(beliefs, ancestors)
+    return Histories(after, log_weights, beliefs[heaviest]), step
 
 
-def compared(
-    beliefs: Sequence[RefinedBelief], event: RefinedEvent, config: PerParticleConfig, rng: np.random.Generator
-) -> tuple[list[RefinedBelief], list[RefinedStep]]:
-    """Take one scan for every hypothesis; draw only when all are done, so that an error leaves every map as it was."""
-    undrawn = replace(config, particles=1, draw_metres=inf, draw_radians=inf)
-    taken = [refined_step(belief, event, undrawn, rng) for belief in beliefs]
-    event, done, steps = filled(event, config.beam_spacing), [belief for belief, _ in taken], []
-    drawn = [
+def draw_each(
+    beliefs: Sequence[RefinedBelief],
+    steps: Sequence[RefinedStep],
+    event: RefinedEvent,
+    config: PerParticleConfig,
+) -> list[bool]:
+    """Draw a scan into the map of every hypothesis that has moved enough, or into none; return who has drawn."""
+    event = filled(event, config.beam_spacing)
+    moved = [
         step.matched and belief.map.has_moved(belief.estimate, config.draw_metres, config.draw_radians)
-        for belief, step in taken
+        for belief, step in zip(beliefs, steps, strict=True)
     ]
-    for belief in compress(done, drawn):
+    for belief in compress(beliefs, moved):
         belief.map.check_room(event, belief.estimate)
-    for belief in compress(done, drawn):
+    for belief in compress(beliefs, moved):
         belief.map.draw(event, belief.estimate, belief.covariance)
-    steps = [replace(step, drawn=draws) for (_, step), draws in zip(taken, drawn, strict=True)]
-    return done, steps
+    return moved
 
 
 def offspring(beliefs: Sequence[RefinedBelief], ancestors: np.ndarray) -> tuple[RefinedBelief, ...]:

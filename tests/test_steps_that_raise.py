@@ -1,0 +1,142 @@
+"""A step that raises leaves the belief and its map as they were, and the next scan gives what it would have given."""
+
+from copy import deepcopy
+from dataclasses import replace
+from pkgutil import resolve_name
+
+import numpy as np
+import pytest
+from rooms import CURVES, drive
+
+from pfslam.errors import DataError
+from pfslam.refined.map import RefinedMap
+from pfslam.refined.step import RefinedConfig
+from pfslam.slam import SlamConfig
+
+ROOM = drive(CURVES)
+ALWAYS = {"draw_metres": 0.0, "draw_radians": 0.0, "resample_below": 1.0}
+REPORT = replace(SlamConfig.report(), particles=6, resample_below=1.0)
+REFINED = replace(SlamConfig.refined(), particles=6, **ALWAYS)
+METHODS = {
+    "report": REPORT,
+    "report, widened": RefinedConfig.of(REPORT),
+    "refined": REFINED,
+    "robust": REFINED.robust(),
+    "matching": replace(SlamConfig.matching(), **ALWAYS),
+    "per-particle": replace(SlamConfig.per_particle(), particles=4, **ALWAYS),
+}
+
+
+class Broken(Exception):
+    """What a patched function raises."""
+
+
+def after(method, scans):
+    """The belief after so many scans of the room, and the event that follows."""
+    config, rng = METHODS[method], np.random.default_rng(0)
+    events = list(config.used_scans(ROOM).events())
+    belief = config.start()
+    for event in events[:scans]:
+        belief, _ = config.step(belief, event, rng)
+    return belief, events[scans]
+
+
+def one_state(belief):
+    """All that a belief with one map holds, as arrays and numbers of its own."""
+    drawn = belief.map
+    held = [belief.particles.poses, belief.particles.log_weights, belief.estimate]
+    held += [drawn.spec.origin, drawn.spec.shape, drawn.is_empty, drawn.grid.log_odds]
+    if isinstance(drawn, RefinedMap):
+        held += [belief.variance, belief.covariance, belief.corrected, drawn.field.values, drawn.drawn_at]
+        held += [drawn.moments.sums, drawn.moments.first, drawn.moments.slots.values, np.array(drawn.drawn)]
+        held += [part for scan in drawn.waiting for part in vars(scan).values()]
+    return deepcopy(held)
+
+
+def state(belief):
+    """The same, or that of every hypothesis and of the best."""
+    if not hasattr(belief, "beliefs"):
+        return one_state(belief)
+    every = [part for one in (*belief.beliefs, belief.best) for part in one_state(one)]
+    return [*every, belief.log_weights.copy(), len({id(one.map) for one in belief.beliefs})]
+
+
+def assert_same(found, expected):
+    for a, b in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def assert_nothing_happens(method, belief, event, error):
+    before = state(belief)
+    with pytest.raises(error):
+        METHODS[method].step(belief, event, np.random.default_rng(1))
+    assert_same(state(belief), before)
+
+
+def assert_goes_on(method, scans, belief, event):
+    """The next scan makes of a belief what it makes of one that no step has broken off on."""
+    untouched, _ = after(method, scans)
+    (found, step), (expected, expected_step) = (
+        METHODS[method].step(b, event, np.random.default_rng(2)) for b in (belief, untouched)
+    )
+    assert_same(state(found), state(expected))
+    np.testing.assert_array_equal(step.estimate, expected_step.estimate)
+    assert step.drawn
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("scans", [0, 1, 12])
+@pytest.mark.parametrize("beam", [120, 121])
+def test_one_range_of_ten_kilometres(method, scans, beam):
+    belief, event = after(method, scans)
+    points = event.points_b.copy()
+    points[beam] *= 9_999.0 / np.hypot(*points[beam])
+    assert_nothing_happens(method, belief, replace(event, points_b=points), DataError)
+    assert_goes_on(method, scans, belief, event)
+
+
+PLACES = {
+    "report": ["slam.predict", "slam.best_perturbations", "slam.reweight", "slam.resample", "map.Map.draw"],
+    "refined": [
+        "refined.map.match",
+        "refined.map.align_to_lines",
+        "refined.step.reweight",
+        "refined.step.resample",
+    ],
+    "robust": ["refined.map.inliers", "refined.map.beyond_gate", "refined.map.RefinedMap.draw"],
+    "matching": ["refined.map.match", "refined.map.aligned_covariance"],
+    "report, widened": ["refined.noise.predict", "refined.map.match"],
+    "per-particle": [
+        "refined.map.match",
+        "refined.map.align_to_lines",
+        "refined.step.reweight",
+        "map.Map.check_room",
+        "beyond.per_particle.reweight",
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("method", "place", "call"),
+    [
+        (method, place, call)
+        for method, places in PLACES.items()
+        for place in places
+        for call in ((1, 2, 4) if method == "per-particle" and "beyond" not in place else (1,))
+    ],
+)
+def test_a_function_that_breaks_off_at_its_nth_call(monkeypatch, method, place, call):
+    module, calls = f"pfslam.{place}", []
+
+    def breaking(*arguments, **more):
+        calls.append(place)
+        if len(calls) == call:
+            raise Broken
+        return original(*arguments, **more)
+
+    original = resolve_name(module)
+    belief, event = after(method, 12)
+    with monkeypatch.context() as patched:
+        patched.setattr(module, breaking)
+        assert_nothing_happens(method, belief, event, Broken)
+    assert_goes_on(method, 12, belief, event)
