@@ -59,7 +59,8 @@ def random_recording(rng, parts):
             index = np.flatnonzero(rng.random(n) < 0.7)
             made[name] = RgbdStream(t, t + 0.5, depth.__getitem__, colour.__getitem__, index, index)
         else:
-            made[name] = Trajectory(t, rng.normal(size=(n, 3)) * 9)
+            size = 0.03 if name == "odometry" else 9  # which must not jump, or its jumps are left out
+            made[name] = Trajectory(t, rng.normal(size=(n, 3)) * size)
     if rng.random() < 0.5:
         made |= {
             "dropped": {"ranges that are zero": int(rng.integers(1, 99))},
