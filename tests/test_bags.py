@@ -721,7 +721,7 @@ def test_an_index_that_does_not_count_or_counts_what_is_not_there(tmp_path):
 
 
 def test_a_run_ends_with_what_was_left_out_and_which_checks_failed(tmp_path, capsys):
-    """Odometry that leaps by five metres misleads the filter without a word from the scans: the check tells."""
+    """Odometry leaps by five metres: the leap is left out, and the check still tells."""
     rows = rows_of(BOX)
     for topic, at, message in rows:
         if topic == "/odom" and at > nanoseconds(START + 3.0):
@@ -731,8 +731,9 @@ def test_a_run_ends_with_what_was_left_out_and_which_checks_failed(tmp_path, cap
     assert main(["run", str(path), "--out", str(out), "--particles", "9"]) == 0
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "left out: 2 ranges on /scan that are not a number"
-    assert said[1].startswith("check failed: How fast was a wheel at most? ")
-    assert said[1].endswith(" m/s, expected below 10 m/s")
+    assert said[1] == "left out: 1 jumps of the odometry"
+    assert said[2].startswith("check failed: How fast was a wheel at most? ")
+    assert said[2].endswith(" m/s and 1 jumps of the odometry, expected below 10 m/s")
     (failed,) = json.loads((out / "summary.json").read_text())["checks_failed"]
     assert failed["question"] == "How fast was a wheel at most?"
     assert main(["check", str(path)]) == 1

@@ -394,3 +394,14 @@ def test_the_answers_do_not_depend_on_the_order_of_the_gyros_columns(drive, kind
     )
     robot = replace(drive.robot, imu=replace(drive.robot.imu, yaw_axis=0))
     assert check_up(replace(drive, imu=gyro, robot=robot)) == check_up(drive)
+
+
+def test_an_odometry_in_centimetres_is_all_jumps_which_are_left_out_and_spoil_a_run(tmp_path):
+    """At 20 Hz and 10 m/s or more a step is a jump; the odometry that is left stands still, and is not to be run."""
+    t = np.arange(0.0, 30.0, 0.05)
+    straight = Trajectory(t, np.column_stack([100.0 * 0.4 * t, 0.0 * t, 0.0 * t]))
+    pfslam.save(Recording("log", odometry=straight), tmp_path / "log.npz")
+    for log in (Recording("log", odometry=straight), pfslam.load(tmp_path / "log.npz")):
+        (found,) = [f for f in check_up(log) if f.question == "How fast was a wheel at most?"]
+        assert (found.ok, bool(found.remedy)) == (False, True)
+    assert found.found == f"0.0 m/s and {len(t) - 1} jumps of the odometry"

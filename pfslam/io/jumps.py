@@ -17,6 +17,8 @@ from pfslam.sensors import STANDARD_GRAVITY
 
 JUMP_METRES = 0.3
 """A step may be so much longer (m) than the robot can have come: stamps come late, and scans take back as much."""
+JUMPS = "jumps of the odometry"
+"""What they are called among that which was left out."""
 FASTEST = 10.0
 """No robot indoors is faster (m/s). Nothing else is known of it at the first step."""
 
@@ -46,7 +48,7 @@ def jumps(odometry: Trajectory) -> np.ndarray:
 def left_out(odometry: Trajectory | None) -> dict[str, int]:
     """Count the jumps of an odometry, if there are any, as what a run has dropped."""
     count = 0 if odometry is None else int(jumps(odometry).sum())
-    return {"jumps of the odometry": count} if count else {}
+    return {JUMPS: count} if count else {}
 
 
 def without_jumps(recording: Recording) -> Recording:
