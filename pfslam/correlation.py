@@ -17,7 +17,7 @@ from pfslam.particles import Particles
 from pfslam.poses import wrap_angle
 from pfslam.search.boxes import MAX_SCORES
 from pfslam.search.lattice import Lattice, Window
-from pfslam.search.volume import BoxScores, search
+from pfslam.search.volume import BoxScores, OccupiedCells, search
 from pfslam.settings import Range, Settings
 
 
@@ -80,19 +80,6 @@ class Match:
     def score(self) -> np.ndarray:
         """The share ``(N,)`` of end points on walls, from 0 to 1."""
         return self.counts / max(self.beams, 1)
-
-
-class OccupiedCells:
-    """What an end point scores in each cell by Eq. 9: 1 where the cell is occupied, else 0.
-
-    Only the piece of the map that a search looks at is computed.
-    """
-
-    def __init__(self, grid: OccupancyGrid):
-        self.log_odds, self.shape = grid.log_odds, grid.spec.shape
-
-    def __getitem__(self, piece) -> np.ndarray:
-        return self.log_odds[piece] > 0
 
 
 def best_perturbations(

@@ -1,5 +1,6 @@
 """The command line, run as a user runs it."""
 
+import importlib
 import json
 import os
 import re
@@ -474,7 +475,9 @@ def test_a_fault_of_ours_and_too_little_memory_are_one_line_too(monkeypatch, cap
 def test_a_package_that_is_missing_or_too_old_is_one_line(data, tmp_path, monkeypatch, capsys):
     line = ["run", "7", "--data", str(data), "--out", str(tmp_path), "--method", "matching", "--loops"]
     sparse = ModuleType("scipy.sparse")  # which knows nothing yet
+    importlib.import_module("pfslam.beyond.loops.closing")
     with monkeypatch.context() as patch:
+        patch.delattr("pfslam.beyond.loops")  # and with it, in the end, the module that others have imported
         for name in [name for name in sys.modules if name.startswith("pfslam.beyond.loops")]:
             patch.delitem(sys.modules, name)
         patch.setitem(sys.modules, "scipy.sparse", sparse)

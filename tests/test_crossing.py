@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from rooms import CURVES, SQUARE, drive
 
 import pfslam
+from pfslam.io.jumps import without_jumps
 from pfslam.io.selection import select
 from pfslam.poses import Trajectory, between
 from pfslam.recording import LidarScans
@@ -150,3 +151,19 @@ def test_where_the_frame_of_an_odometry_lies_is_nothing_to_the_run(method):
     elsewhere = replace(whole, odometry=Trajectory(whole.odometry.t, moved))
     found, expected = (run(r, method, every=4).trajectory.poses for r in (elsewhere, whole))
     assert np.abs(between(found, expected)).max() < 1e-6
+
+
+@pytest.mark.parametrize(("speed", "rate"), [(2.5, 5.0), (4.0, 10.0), (1.0, 50.0)])
+def test_a_jump_that_was_left_out_when_a_recording_was_loaded_costs_no_other_step(speed, rate):
+    """The step that was left out is zero; the robot is fast again at the next, which is no jump."""
+    t = np.arange(40) / rate
+    poses = np.column_stack([speed * t, np.zeros((40, 2))])
+    poses[20:, 0] += 7.0
+    raw = replace(circuit(odometry=True), odometry=Trajectory(t, poses))
+    scans = raw.lidar.t <= t[-1]
+    raw = replace(raw, lidar=LidarScans(raw.lidar.t[scans], raw.lidar.ranges[scans]))
+    once, config = without_jumps(raw), METHODS["refined"]
+    twice = without_jumps(once)
+    found = [config.used_scans(recording).odometry.poses[-1, 0] for recording in (raw, once, twice)]
+    assert found == pytest.approx([38 * speed / rate] * 3)
+    assert once.dropped == twice.dropped == {"jumps of the odometry": 1}

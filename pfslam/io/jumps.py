@@ -45,9 +45,15 @@ def jumps(odometry: Trajectory) -> np.ndarray:
     return found
 
 
-def left_out(odometry: Trajectory | None) -> dict[str, int]:
-    """Count the jumps of an odometry, if there are any, as what a run has dropped."""
-    count = 0 if odometry is None else int(jumps(odometry).sum())
+def left_out(recording: Recording) -> dict[str, int]:
+    """Count the jumps of a recording's odometry, if there are any, as what is dropped.
+
+    None where they have been left out already: the step that was left out is zero, and a robot that is fast again at
+    the next would seem to jump.
+    """
+    if recording.odometry is None or JUMPS in recording.dropped:
+        return {}
+    count = int(jumps(recording.odometry).sum())
     return {JUMPS: count} if count else {}
 
 
@@ -56,7 +62,7 @@ def without_jumps(recording: Recording) -> Recording:
 
     A recording without any, or without poses of an odometry, comes back as it is.
     """
-    found = left_out(recording.odometry)
+    found = left_out(recording)
     if not found or recording.odometry is None:
         return recording
     return replace(recording, odometry=joined(recording.odometry), dropped=recording.dropped | found)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pfslam.events import ScanEvent, UsedScans, covered_scans
-from pfslam.io.jumps import joined, left_out, steps
+from pfslam.io.jumps import JUMPS, joined, left_out, steps
 from pfslam.motion import Controls, controls, dead_reckoning, motion_model
 from pfslam.poses import Trajectory, apply_transform, between, rotation_matrix, transform
 from pfslam.recording import Recording
@@ -46,7 +46,7 @@ class LevelledScans(UsedScans):
         stamp. Jumps of the odometry are left out and counted. Raises ``DataError`` if no scan is covered by the
         odometry.
         """
-        jumps = left_out(recording.odometry)
+        jumps = left_out(recording)
         odometry, inputs = odometry_and_controls(recording)
         scans, t, dropped = covered_scans(recording, every or recording.default_every, odometry)
         begin = float(odometry.t[0] if from_odometry else t[0])
@@ -70,7 +70,8 @@ class LevelledScans(UsedScans):
 
 def odometry_and_controls(recording: Recording) -> tuple[Trajectory, Controls]:
     """Return the dead-reckoned path from (0, 0, 0) and the controls of a recording, jumps of its odometry left out."""
-    if (logged := recording.odometry) is None:
+    logged = recording.odometry
+    if logged is None or JUMPS in recording.dropped:  # they have been left out when it was loaded
         inputs = controls(recording)
         return dead_reckoning(recording, inputs), inputs
     step, dt = steps(logged), np.diff(logged.t)

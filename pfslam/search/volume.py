@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from pfslam.grid import GridSpec, check_cells
+from pfslam.grid import GridSpec, OccupancyGrid, check_cells
 from pfslam.search.boxes import cheapest_boxes, lie_together, volume_is_cheaper
 from pfslam.search.lattice import Lattice, Window, distinct_nodes
 
@@ -26,6 +26,19 @@ CHUNK = 2**19
 """Scores looked at together, so that twenty thousand particles need no more memory than seven hundred."""
 TOGETHER = 8
 """Neighbouring headings that are scored at once: most of their cells are the same, and fetched once."""
+
+
+class OccupiedCells:
+    """What an end point scores in each cell by Eq. 9: 1 where the cell is occupied, else 0.
+
+    Only the piece of the map that a search looks at is computed.
+    """
+
+    def __init__(self, grid: OccupancyGrid):
+        self.log_odds, self.shape = grid.log_odds, grid.spec.shape
+
+    def __getitem__(self, piece) -> np.ndarray:
+        return self.log_odds[piece] > 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +70,7 @@ class BoxScores:
 
 
 def search(
-    credit,
+    credit: np.ndarray | OccupiedCells,
     spec: GridSpec,
     points_b: np.ndarray,
     poses: np.ndarray,
@@ -66,9 +79,9 @@ def search(
 ) -> Iterator[BoxScores]:
     """Yield the scores of every perturbation of every particle, box by box; each particle is in exactly one box.
 
-    ``credit (H, W)`` is what an end point scores in each cell: an array, or anything else that has a shape and can be
-    sliced. ``points_b (M, 2)`` are the end points in the body frame (m), ``poses (N, 3)`` the particles. Particles that
-    share a node share its scores. The sums are exact, so their order cannot change them.
+    ``credit (H, W)`` is what an end point scores in each cell. ``points_b (M, 2)`` are the end points in the body frame
+    (m), ``poses (N, 3)`` the particles. Particles that share a node share its scores. The sums are exact, so their
+    order cannot change them.
     """
     nearest = lattice.nearest(poses)
     check_cells("particles", np.ptp(nearest[:, :2], axis=0) + 1, "from one end of the cloud to the other")
@@ -95,7 +108,7 @@ def distinct_cells(points_b: np.ndarray, yaw: float, spec: GridSpec) -> int:
 
 
 def volume_blocks(
-    credit,
+    credit: np.ndarray | OccupiedCells,
     spec: GridSpec,
     points_b: np.ndarray,
     lattice: Lattice,
@@ -110,7 +123,7 @@ def volume_blocks(
 
 
 def score_volume(
-    credit,
+    credit: np.ndarray | OccupiedCells,
     spec: GridSpec,
     points_b: np.ndarray,
     lattice: Lattice,
@@ -129,7 +142,7 @@ def score_volume(
 
 
 def window_scores(
-    credit,
+    credit: np.ndarray | OccupiedCells,
     spec: GridSpec,
     points_b: np.ndarray,
     lattice: Lattice,
@@ -196,7 +209,7 @@ def rotated_cells(points_b: np.ndarray, yaws: np.ndarray, spec: GridSpec) -> np.
     return spec.world_to_cell(np.moveaxis(points_w, 0, -1))
 
 
-def _crop(credit, x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
+def _crop(credit: np.ndarray | OccupiedCells, x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
     """Copy rows y0..y1 and columns x0..x1 (exclusive) of the cells' credit, zero outside the grid."""
     check_cells("scan matching", (x1 - x0, y1 - y0), "to hold one scan")
     crop = np.zeros((y1 - y0, x1 - x0), dtype=np.float32)
