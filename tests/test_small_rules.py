@@ -115,3 +115,35 @@ def test_a_recording_with_one_scan_is_a_run():
     for config in (pfslam.SlamConfig.report(), pfslam.SlamConfig.refined(), pfslam.SlamConfig.per_particle()):
         result = pfslam.run_slam(one, replace(config, particles=3))
         assert (len(result.trajectory), result.updates, result.grid.occupied.any()) == (1, 0, True)
+
+
+def test_an_odometer_keeps_what_the_first_beams_of_the_next_scan_ask_for():
+    """Scans follow one another faster than one of them is measured; the robot turns to and fro meanwhile."""
+    lidar = replace(LIDAR, sweep=0.3)
+    t = np.arange(60) / 50.0
+    poses = np.column_stack([0.5 * t, 0.0 * t, 0.4 * np.sin(12.0 * t)])
+    scans = pfslam.recording.LidarScans(0.3 + np.arange(6) / 10.0, np.tile(scan(ROOM, np.zeros(3)), (6, 1)))
+    robot = replace(pfslam.RobotModel(), lidar=lidar)
+    recording = pfslam.Recording("to and fro", robot, odometry=pfslam.Trajectory(t, poses), lidar=scans)
+    odometer, expected = pfslam.Odometer(robot), RefinedConfig(every=1).used_scans(recording).events()
+    waiting = list(zip(t, poses, strict=True))
+    for event, ranges in zip(expected, scans.ranges, strict=True):
+        while not odometer.reaches(event.t):
+            odometer.add_pose(*waiting.pop(0))
+        np.testing.assert_allclose(odometer.event(event.t, ranges).points_b, event.points_b, atol=1e-12)
+
+
+def test_weights_come_back_from_a_file_to_the_last_bit(tmp_path):
+    """Normalised a second time they would change: these sum to 1 only as nearly as numbers can."""
+    rng = np.random.default_rng(0)
+    clouds = (Particles(rng.normal(size=(7, 3)), rng.normal(size=7)) for _ in range(100))
+    cloud = next(
+        c for c in clouds if not np.array_equal(Particles(*vars(c).values()).log_weights, c.log_weights)
+    )
+    mapper = pfslam.Mapper(LIDAR, RefinedConfig(particles=7))
+    mapper.add(0.0, scan(ROOM, np.zeros(3)), np.zeros(3))
+    mapper.belief = replace(mapper.belief, particles=cloud)
+    mapper.save(tmp_path / "belief.npz")
+    again = pfslam.Mapper.load(tmp_path / "belief.npz").belief.particles
+    np.testing.assert_array_equal(again.log_weights, cloud.log_weights)
+    np.testing.assert_array_equal(again.poses, cloud.poses)
