@@ -27,7 +27,7 @@ KNOWN_AS = {
     "+ every second beam": "thinning",
     "+ draw after motion": "keyframes",
     "+ tilt": "attitude compensation",
-    "+ polish": "point-to-line ICP, NDT",
+    "+ alignment": "point-to-line ICP, NDT",
 }
 """What the literature calls each change."""
 
@@ -137,15 +137,15 @@ def _value(value: Any) -> str:
     return "on" if str(value).endswith("Config") else str(value)
 
 
-def missed(polish: bool) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def missed(alignment: bool) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return, for each change, the errors (m) of the whole filter and of the filter without it, building by building.
 
     On ``slopes`` the only change left out is the tilt.
     """
     own = {}
     for label, errors in errors_by_label(read_table("ch09_leave_one_out")).items():
-        if label.endswith(", and no polish") != polish:
-            own[label.removesuffix(", and no polish")] = errors
+        if label.endswith(", and no alignment") != alignment:
+            own[label.removesuffix(", and no alignment")] = errors
     slopes = own.pop("ramp, nothing"), own.pop("ramp, tilt")
     whole = own.pop("nothing")
     return {label: (whole, errors) for label, errors in own.items()} | {"tilt, on slopes": slopes}
@@ -154,30 +154,30 @@ def missed(polish: bool) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 # ---- kinds, and where the world moves
 
 
-def kinds(study: str, polish: bool) -> dict[str, np.ndarray]:
+def kinds(study: str, alignment: bool) -> dict[str, np.ndarray]:
     """Return the errors (m) of scan matching, of a shared map, and of a map for each particle."""
-    suffix = "" if polish else ", and no polish"
+    suffix = "" if alignment else ", and no alignment"
     names = ("scan matching", "shared map", "a map for each particle")
     return {name: errors_by_label(read_table(study))[name + suffix] for name in names}
 
 
-def situation(name: str, particles: int, polish: bool) -> np.ndarray:
+def situation(name: str, particles: int, alignment: bool) -> np.ndarray:
     """Return the errors (m) in every building of a situation, with so many particles; 0: scan matching."""
     label = {"label": name} if particles else {"label": f"{name}, scan matching"}
     table = select(read_table("ch09_hard_particles"), particles=float(max(particles, 1)), **label)
-    polished = np.array([str(value) not in ("0.0", "false", "False") for value in table["lines"]])
-    return table[ERROR][polished == polish]
+    aligned = np.array([str(value) not in ("0.0", "false", "False") for value in table["lines"]])
+    return table[ERROR][aligned == alignment]
 
 
 def hard_comparisons() -> dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]:
     """Return every comparison that we made where the world moves: (where, change) -> errors before and after."""
     found = {("everything", name): pair for name, pair in rungs(ladder(HARD_LADDER)).items()}
     _, shared, private = kinds("ch09_hard_kinds", False).values()
-    found["everything", "a map for each particle, no polish"] = shared, private
+    found["everything", "a map for each particle, no alignment"] = shared, private
     for where in ("the world moves", "wheels slip", "people walk"):
-        for polish in (False, True):
-            pair = situation(where, 1, polish), situation(where, 50, polish)
-            name = "1 to 50 particles" + ("" if polish else ", no polish")
+        for alignment in (False, True):
+            pair = situation(where, 1, alignment), situation(where, 50, alignment)
+            name = "1 to 50 particles" + ("" if alignment else ", no alignment")
             found[where.replace("the world moves", "everything"), name] = pair
     return found
 

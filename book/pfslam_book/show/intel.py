@@ -97,6 +97,6 @@ def intel_picture() -> Picture:
         draw_path(ax, intel_path(method), "estimate", "path")
     walked = float(np.hypot(*np.diff(intel_path("scan matching").poses[:, :2], axis=0).T).sum())
     alt = f"""Intel Research Lab, {walked:.0f} m driven. Left, the map of the report's filter: a smear that has left
-    the building. Right, the map of one matched and polished pose: corridors round a block of offices, each wall drawn
+    the building. Right, the map of one matched and aligned pose: corridors round a block of offices, each wall drawn
     once."""
     return Picture(figure, alt)
