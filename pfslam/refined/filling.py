@@ -34,6 +34,8 @@ def filled(event: E, spacing: float) -> E:
     one_wall &= np.diff(event.beams) == 1
     # Each beam is followed by the points up to the next; `share` says how far along each of them is.
     parts = np.append(np.where(one_wall, np.ceil(apart / spacing), 1), 1).astype(int)
+    if parts.max() == 1:
+        return event
     before = np.repeat(np.arange(len(parts)), parts)
     share = (np.arange(len(before)) - (np.cumsum(parts) - parts)[before]) / parts[before]
     step = np.diff(event.points_b, axis=0, append=event.points_b[-1:])

@@ -100,10 +100,11 @@ class HitMoments:
         for column, values in zip(self._sums.T, (np.ones_like(x), x, y, x * x, x * y, y * y), strict=True):
             np.add.at(column, rows, values)
 
-    def kept(self, slots: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
-        """Return what ``put_back`` needs after hits were added to cells with these ``slots``."""
-        rows = np.unique(slots)
-        return self.used, rows, self._sums[rows]
+    def kept(self, points_w: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
+        """Return what ``put_back`` needs after hits ``(M, 2)`` inside the grid are added."""
+        flat = self.slots.flat(self.spec.world_to_cell(points_w))
+        rows = self.slots.block.reshape(-1).take(flat)
+        return self.used, rows, self._sums.take(rows, axis=0)
 
     def put_back(self, used: int, rows: np.ndarray, sums: np.ndarray) -> None:
         """Take back hits that were added since ``kept``; their cells' slots are put back by the map."""

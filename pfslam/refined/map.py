@@ -221,7 +221,7 @@ class RefinedMap(Map):
             if self.outliers is not None and not self.is_empty:
                 hits, waiting = settle_hits(self.waiting, self.spec, *scan, self.config, self.outliers)
             ends = points_w if hits is None else hits
-            self.undo = undo = self._taking_back(np.vstack([points_w, sensor_w, ends]), undo)
+            self.undo = undo = self._taking_back(np.vstack([points_w, sensor_w, ends]), ends, undo)
             if hits is None:
                 rectangle = integrate_scan(self.grid, *scan, self.config)
             else:
@@ -238,13 +238,18 @@ class RefinedMap(Map):
             self.undo = former
             raise
 
-    def _taking_back(self, points_w: np.ndarray, shrink: Callable[[], None]) -> Callable[[], None]:
-        """Return what puts the map back as it is now, and then shrinks it, once these points ``(M, 2)`` are drawn."""
+    def _taking_back(
+        self, points_w: np.ndarray, hits: np.ndarray, shrink: Callable[[], None]
+    ) -> Callable[[], None]:
+        """Return what puts the map back as it is now, and then shrinks it, once a scan is drawn.
+
+        ``points_w (M, 2)`` are all that it touches, ``hits (H, 2)`` those of them that become walls.
+        """
         cells = self.spec.world_to_cell(points_w)
         (left, below), (right, above) = cells.min(axis=0) - FIELD_REACH, cells.max(axis=0) + FIELD_REACH + 1
         part = np.s_[max(below, 0) : above, max(left, 0) : right]
         values = [canvas.values[part].copy() for canvas in self.canvases()]
-        moments, drawn = self.moments.kept(values[-1]), len(self.drawn)
+        moments, drawn = self.moments.kept(hits), len(self.drawn)
         state = self.waiting, self.drawn_at, self.is_empty
 
         def undo() -> None:
