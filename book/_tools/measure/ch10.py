@@ -50,8 +50,7 @@ CHANGES: dict[str, dict[str, float]] = {
     "B_EFF = 30": {"B_EFF": 30.0},
     "B_EFF = 1": {"B_EFF": 1.0},
 }
-USUAL = {"SIGMA": 0.2, "B_EFF": 5.0}
-"""Constants of the page; all other changes are arguments of its ``localise``."""
+"""Arguments of the page's ``localise``; in capitals, constants of the page."""
 
 
 @lru_cache(maxsize=1)
@@ -119,21 +118,21 @@ def twins(case: Case) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=1)
-def localiser() -> dict[str, Any]:
-    """Return the names of the localiser that stands on the page, from the cells that the reader sees."""
+def localiser() -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the names of the localiser on the page, from the cells that the reader sees, and its constants."""
     names: dict[str, Any] = {}
     for cell in json.loads(PAGE.read_text(encoding="utf-8"))["cells"]:
         if any(tag == "setup" or tag.startswith("localiser") for tag in cell["metadata"].get("tags", ())):
             exec("".join(cell["source"]), names)
-    return names
+    return names, {name: names[name] for name in ("SIGMA", "B_EFF")}
 
 
 def clouds(case: Case) -> dict[str, Any]:
     """Run the page's localiser for ten seconds: what lies at the robot and at its twin, and who descends from whom."""
-    place, own, n = two_halves(), localiser(), case.get("particles")
+    place, (own, usual), n = two_halves(), localiser(), case.get("particles")
     change, rng = CHANGES[case.get("change")], np.random.default_rng(case.get("seed"))
-    own.update(USUAL | {name: value for name, value in change.items() if name in USUAL})
-    options = {name: value for name, value in change.items() if name not in USUAL}
+    own.update(usual | {name: value for name, value in change.items() if name in usual})
+    options = {name: value for name, value in change.items() if name not in usual}
     events, first = list(LevelledScans.of(place.recording).events())[:80], own["anywhere"](place.grid, n, rng)
     step = own["localise"](place.grid, events, first, rng, **options)[-1]
     robot, twin = shares(place, *step[:3])
