@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+from sphinx.util.parallel import make_chunks
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "book").glob("*.md"))
@@ -50,6 +51,17 @@ def test_every_source_is_cited_and_every_citation_known():
     text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
     cited = {key.strip() for keys in re.findall(r"\{cite(?::t)?\}`([^`]+)`", text) for key in keys.split(",")}
     assert cited == known
+
+
+@pytest.mark.parametrize("cores", [2, 3, 4])
+def test_every_heap_of_pages_holds_its_share_of_the_chapters(monkeypatch, cores):
+    monkeypatch.syspath_prepend(str(ROOT / "book" / "_ext"))
+    names = [f"book/{n:02d}" for n in range(90)] + [f"notebooks/{n:02d}" for n in range(13)]
+    dealt = list(names)
+    importlib.import_module("book_site").deal_out(type("App", (), {"parallel": cores}), None, dealt)
+    assert sorted(dealt) == names
+    held = [sum("notebooks" in name for name in heap) for heap in make_chunks(dealt, cores)]
+    assert max(held) - min(held) <= 1
 
 
 def test_figures_are_numbered_by_chapter(monkeypatch):

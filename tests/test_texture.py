@@ -1,6 +1,7 @@
 """The texture map against a floor whose every tile has its own colour, seen by an analytic camera."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -24,6 +25,16 @@ def stream(t_disparity, t_rgb, read_disparity, read_rgb):
     return RgbdStream(np.array(t_disparity, float), np.array(t_rgb, float), read_disparity, read_rgb, *every)
 
 
+@cache
+def disparity_at(pose, **floor):
+    return disparity_image(pose, **floor)
+
+
+@cache
+def colours_at(pose):
+    return colour_image(pose)
+
+
 def drive(poses, rgb_delay=0.0, dt=0.1, robot=None, **floor):
     """The tiled floor, recorded every ``dt`` with the colour ``rgb_delay`` later, and the truth."""
     poses = np.array(poses, float)
@@ -33,8 +44,8 @@ def drive(poses, rgb_delay=0.0, dt=0.1, robot=None, **floor):
     camera = stream(
         t_image,
         t_image + rgb_delay,
-        lambda k: disparity_image(truth.at(t_image[k]), **floor),
-        lambda k: colour_image(truth.at(t_image[k] + rgb_delay)),
+        lambda k: disparity_at(tuple(truth.at(t_image[k])), **floor),
+        lambda k: colours_at(tuple(truth.at(t_image[k] + rgb_delay))),
     )
     return Recording("tiles", robot or RobotModel(), odometry=truth, camera=camera), truth
 

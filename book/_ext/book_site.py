@@ -22,6 +22,7 @@ from myst_nb.ext.eval import EvalRoleAny
 from sphinx import addnodes
 from sphinx.directives.patches import MathDirective
 from sphinx.transforms import SphinxTransform
+from sphinx.util.parallel import make_chunks
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "_tools"))
 
@@ -352,8 +353,9 @@ def read_in_parallel(app, config) -> None:
 
 
 def deal_out(app, env, docnames) -> None:
-    """Pages in turn to one core and the other: in their own order one core would get all the chapters."""
-    docnames[:] = docnames[::2] + docnames[1::2]
+    """Pages in turn to as many hands as Sphinx makes heaps: in their own order one heap would get all the chapters."""
+    heaps = len(make_chunks(docnames, app.parallel))
+    docnames[:] = [name for hand in range(heaps) for name in docnames[hand::heaps]]
 
 
 def take_over_eval(app) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from pfslam_book.ch10.building import (
 from measure import cases
 from pfslam.beyond.localization import LocalizationConfig, locate, spread
 from pfslam.particles import Particles
+from pfslam.refined.events import LevelledScans
 from pfslam.simulator import Simulation, simulate
 from pfslam.study import Case, Study
 
@@ -35,6 +38,19 @@ VARIANTS = {
     "1,000 particles, with injection": replace(WHOLE, first=1000, particles=1000),
 }
 MATCHING = "scan matching, random start"
+PAGE = Path(__file__).parents[3] / "notebooks" / "10_lost_and_found.ipynb"
+NUMBERS, MORE = (100, 1000, 10_000, 100_000), 800_000
+"""Particles at the start, in twenty clouds each; and eight times as many as usual."""
+CHANGES: dict[str, dict[str, float]] = {
+    "as it is": {},
+    "resampled at every scan": {"below": 1.0},
+    "at least 5,000 particles": {"least": 5000},
+    "SIGMA = 0.05": {"SIGMA": 0.05},
+    "SIGMA = 0.4": {"SIGMA": 0.4},
+    "B_EFF = 30": {"B_EFF": 30.0},
+    "B_EFF = 1": {"B_EFF": 1.0},
+}
+"""Arguments of the page's ``localise``; in capitals, constants of the page."""
 
 
 @lru_cache(maxsize=1)
@@ -101,6 +117,28 @@ def twins(case: Case) -> dict[str, Any]:
     return row
 
 
+@lru_cache(maxsize=1)
+def localiser() -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the names of the localiser on the page, from the cells that the reader sees, and its constants."""
+    names: dict[str, Any] = {}
+    for cell in json.loads(PAGE.read_text(encoding="utf-8"))["cells"]:
+        if any(tag == "setup" or tag.startswith("localiser") for tag in cell["metadata"].get("tags", ())):
+            exec("".join(cell["source"]), names)
+    return names, {name: names[name] for name in ("SIGMA", "B_EFF")}
+
+
+def clouds(case: Case) -> dict[str, Any]:
+    """Run the page's localiser for ten seconds: what lies at the robot and at its twin, and who descends from whom."""
+    place, (own, usual), n = two_halves(), localiser(), case.get("particles")
+    change, rng = CHANGES[case.get("change")], np.random.default_rng(case.get("seed"))
+    own.update(usual | {name: value for name, value in change.items() if name in usual})
+    options = {name: value for name, value in change.items() if name not in usual}
+    events, first = list(LevelledScans.of(place.recording).events())[:80], own["anywhere"](place.grid, n, rng)
+    step = own["localise"](place.grid, events, first, rng, **options)[-1]
+    robot, twin = shares(place, *step[:3])
+    return {"robot": robot, "twin": twin, "families": np.sum(np.bincount(step.founder, step.weights) ** 2)}
+
+
 STUDIES = [
     Study(
         "ch10_locate",
@@ -119,5 +157,13 @@ STUDIES = [
         "How twenty clouds share their weight between two places that look alike.",
         cases("cloud", cloud=["door", "no door", *(f"drift {n}" for n in HEAPS)], seed=SEEDS),
         run=twins,
+    ),
+    Study(
+        "ch10_clouds",
+        "What the page's localiser believes after ten seconds: twenty clouds of each size, and some with one change.",
+        cases("change", change=["as it is"], particles=NUMBERS, seed=SEEDS)
+        + cases("change", change=["as it is"], particles=[MORE], seed=range(8))
+        + cases("change", change=list(CHANGES)[1:], particles=[NUMBERS[-1]], seed=range(8)),
+        run=clouds,
     ),
 ]

@@ -129,7 +129,8 @@ def check_filter(theirs: Callable, f: Filter) -> Check:
     if is_unanswered(answer):
         return unanswered()
     for name, check in PARTS.items():
-        if not (verdict := check(getattr(f, name))):
+        part = getattr(f, name)  # the book's own are right
+        if part is not BOOK[name] and not (verdict := check(part)):
             words = verdict.message.removeprefix("Not yet. ")
             return hint(f"The part `{name}` of chapter {CHAPTERS[name]} is wrong. {words}")
     if isinstance(answer, Check):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -56,6 +57,7 @@ def measured(letter: str, fault: str, recording: Recording, healthy: Recording) 
     return MysteryRobot(letter, fault, numbers, map_by_odometry(recording, inputs))
 
 
+@lru_cache(maxsize=2)
 def mystery(recording: Recording, seed: int, robots: int = 4) -> list[MysteryRobot]:
     """Return some robots, each with another fault or none; which has which depends on the seed."""
     rng = np.random.default_rng(seed)

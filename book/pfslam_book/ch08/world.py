@@ -28,12 +28,17 @@ WITH_PEOPLE, OUT_AND_BACK = 32.0, 60.0
 
 
 @cache
+def _whole(hazard: str) -> Recording:
+    """Return the whole drive through the hall, ``"empty"`` or with a hazard."""
+    return simulate("hall", hazards=HAZARDS[hazard]).recording if hazard in HAZARDS else hall()
+
+
+@cache
 def world_run(
     hazard: str, seconds: float, every: int, second_look: bool = False
 ) -> tuple[Recording, SlamResult]:
     """Return the first seconds through the hall, ``"empty"`` or with a hazard, and the refined filter's run of them."""
-    whole = simulate("hall", hazards=HAZARDS[hazard]).recording if hazard in HAZARDS else hall()
-    part, config = first_seconds(whole, seconds), replace(SlamConfig.refined(), every=every)
+    part, config = first_seconds(_whole(hazard), seconds), replace(SlamConfig.refined(), every=every)
     rng = np.random.default_rng(0)
     return part, run_slam(part, config, rng=rng, keep_particles=False, second_look=second_look)
 

@@ -93,9 +93,9 @@ def _shift_costs(rgb, seen, true_rgb, known, patch: int, search: int) -> np.ndar
             top, left = width - 1 - dy, width - 1 - dx
             window = slice(None), slice(top, top + patch), slice(left, left + patch)
             both = seen & known[window]
-            squared = ((image - truth[window]) ** 2).mean(axis=3) * both
+            apart = (image - truth[window]) * both[..., None]
             count = both.sum(axis=(1, 2))
-            total = squared.sum(axis=(1, 2), dtype=float)
+            total = np.einsum("mijc,mijc->m", apart, apart) / 3
             costs[dy, dx, row, column] = np.where(count >= enough, total / np.maximum(count, 1), np.inf)
     return costs
 
