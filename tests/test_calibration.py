@@ -84,6 +84,17 @@ def test_without_stillness_the_robots_own_bias_stays():
 # ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_a_drive_that_turns_at_one_rate_or_never_cannot_tell_drift_from_scale(turn):
+    """Its gyro keeps the robot's values; the wheels' scale is told all the same."""
+    recording = drive([(16.0, 12, turn)])
+    found = calibrate(recording, run_slam(recording, CONFIG))
+    assert (found.gyro_scale, found.drive_bias) == (1.0, 0.0)
+    assert found.gyro_scale_error == found.drive_bias_error == np.inf
+    assert abs(found.wheel_scale - 1.0) < 0.01
+
+
 LEGS = [(4.0, 12, 0.0), (2.0, 0, 0.7), (2.0, 12, 0.0), (3.0, 0, -0.7), (4.0, 12, 0.0), (3.0, 0, 0.6)]
 
 

@@ -62,12 +62,15 @@ class Calibration:
 def calibrate(recording: Recording, result: SlamResult | None = None) -> Calibration:
     """Estimate bias from the still stretches; with the ``result`` of a run also drift and scales, from its motion."""
     gyro, values, errors = recording.robot.imu, np.array([1.0, 0.0, 0.0, 1.0]), np.full(4, np.inf)
-    if result is not None and len((motion := matched_motion(recording, result))[0]) >= LEAST_BLOCKS:
-        drive, moves = Drive.of(dead_reckoning(recording), *motion[:2]), motion[2]
-        values, errors = drive.fit(drive.start(moves), moves, np.zeros((3, 3)))
-    (turns, drift, _, ways), shown = values.tolist()[:4], gyro.gyro_scale * float(values[0])
-    bias = gyro.gyro_bias - drift / shown, float(errors[1]) / shown
-    return Calibration(*gyro_bias(recording), *bias, turns, float(errors[0]), ways, float(errors[3]))
+    t0, t1, moves = matched_motion(recording, result) if result is not None else (values[:0],) * 3
+    if len(t0) >= LEAST_BLOCKS:
+        drive = Drive.of(dead_reckoning(recording), t0, t1)
+        found, error = (v[:4] for v in drive.fit(drive.start(moves), moves, np.zeros((3, 3))))
+        values, errors = np.where(error < 1.0, [found, error], [values, errors])
+    (turns, drift, _, ways), (error_turns, error_drift, _, error_ways) = values.tolist(), errors.tolist()
+    shown = gyro.gyro_scale * turns
+    bias = gyro.gyro_bias - drift / shown, error_drift / abs(shown)
+    return Calibration(*gyro_bias(recording), *bias, turns, error_turns, ways, error_ways)
 
 
 def apply_calibration(recording: Recording, calibration: Calibration) -> Recording:

@@ -77,16 +77,17 @@ def fit_mounting(recording: Recording) -> Mounting:
         first, second = pairs_of_scans(recording, path, apart)
         if len(first) < LEAST_PAIRS:
             return nothing
-        matcher, expected = (
-            Matcher.of(recording, first, second),
-            Drive.of(path, t[first], t[second]).moves(values),
-        )
+        matcher = Matcher.of(recording, first, second)
+        expected = Drive.of(path, t[first], t[second]).moves(values)
         moves, covariance, good = matcher.match(matcher.best(0.0 * expected, expected), reaches)
         if np.count_nonzero(good) < LEAST_PAIRS:
             return nothing
         drive = Drive.of(path, t[first[good]], t[second[good]])
         values = drive.start(moves[good]) if not len(errors) else values
         values, errors = drive.fit(values, moves[good], covariance[good])
+    if np.abs(drive.odometry(0.0)[1]).max() < NO_TURN:  # the factor is 0 where only the scans turn
+        turned = np.count_nonzero(np.abs(moves[good, 2]) > 2.0 * NO_TURN) >= LEAST_PAIRS
+        values[0], errors[[0, 2]] = 0.0, (0.0 if turned else np.inf, np.inf)
     sway = drive.sway(values, moves[good])
     turns, drift, late, ways, yaw, ahead, left = map(Estimate, values - [0, 0, 0, 0, 0, x, y], errors)
     return Mounting(turns, drift, late, ways, yaw, ahead, left, sway)
@@ -183,9 +184,6 @@ class Drive:
         inverse = np.linalg.inv(H)
         covariance = inverse @ (gradient.T @ gradient + 0.01 * scale**2 * H) @ inverse
         errors, values[4] = np.sqrt(np.diag(covariance)), wrap_angle(values[4])
-        if np.abs(self.odometry(0.0)[1]).max() < NO_TURN:  # the factor is 0 where only the scans turn
-            turned = np.count_nonzero(np.abs(moves[:, 2]) > 2.0 * NO_TURN) >= LEAST_PAIRS
-            values[0], errors[[0, 2]] = 0.0, (0.0 if turned else np.inf, np.inf)
         return values, errors
 
 
