@@ -71,7 +71,7 @@ def values(found):
 
 
 def test_each_number_is_found_within_its_error_and_the_errors_are_honest():
-    """Over twelve drives the numbers are off by one standard error, root mean square: two would be ten to one."""
+    """Over twelve drives the numbers are off by about one standard error, root mean square."""
     away = []
     for seed in range(12):
         number, error = values(fit_mounting(robot(seed))).T

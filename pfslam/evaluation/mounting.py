@@ -176,15 +176,15 @@ class Drive:
             size = np.linalg.norm(r, axis=1)
             scale = max(float(np.median(size)), 0.5)
             weight = 1.0 / (1.0 + (size / (4.0 * scale)) ** 2)
-            H = np.einsum("pik,p,pil->kl", J, weight, J) + 1e-6 * np.eye(len(values))
+            H = np.einsum("pik,p,pil->kl", J, weight, J)
+            H += np.diag(1e-9 * np.diag(H) + 1e-6)
             gradient = np.einsum("pik,p,pi->pk", J, weight, r)
             step = -np.linalg.solve(H, gradient.sum(axis=0))
             step[2] = np.clip(step[2], -0.05, 0.05)
             values = values + step
-        inverse = np.linalg.inv(H)
-        covariance = inverse @ (gradient.T @ gradient + 0.01 * scale**2 * H) @ inverse
-        errors, values[4] = np.sqrt(np.diag(covariance)), wrap_angle(values[4])
-        return values, errors
+        inverse, values[4] = np.linalg.inv(H), wrap_angle(values[4])
+        variance = ((inverse @ gradient.T) ** 2).sum(axis=1) + 0.01 * scale**2 * np.abs(np.diag(inverse))
+        return values, np.sqrt(variance)
 
 
 def robust_fit(A: np.ndarray, b: np.ndarray) -> np.ndarray:
