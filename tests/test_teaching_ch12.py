@@ -36,7 +36,7 @@ def walls(outcome) -> int:
         ("gyro and beams mirrored", "check-up: Do wheels and gyro turn the same way? effective track -0."),
         (
             "LiDAR back to front",
-            "check-up: Does the scene move as odometry says? factor 1.00, turned by +180",
+            "check-up: Does the scene move as odometry says? factor 0.99, turned by +180",
         ),
         ("ranges halved", "check-up: Does the scene move as odometry says? factor 0.50"),
     ],

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pfslam.evaluation.checkup import turned_by_gyro, turned_by_wheels
+from pfslam.evaluation.checkup import turned_by_wheels
 from pfslam.motion import Controls, controls, integrate
 from pfslam.poses import Trajectory, between
 from pfslam.recording import Recording
@@ -48,7 +48,7 @@ def calibrate_options(recording: Recording) -> dict:
     totals = {
         "left": travelled - apart / 2,
         "right": travelled + apart / 2,
-        "turned": turned_by_gyro(inputs, t),
+        "turned": np.interp(t, inputs.t[1:], np.cumsum(inputs.omega * np.diff(inputs.t))),
         **dict(zip(("x", "y", "theta"), (*poses[:, :2].T, np.unwrap(poses[:, 2])), strict=True)),
     }
     steps = {name: np.diff(np.rint((total - total[0]) / UNITS[name])) for name, total in totals.items()}

@@ -1,8 +1,9 @@
 """Self-calibration: bias and scale errors of the instruments, estimated from the drive itself.
 
-The yaw rate that a gyro shows while the robot stands is its bias. Afterwards the matched motion, which is right to
-centimetres thanks to the walls, is compared with the odometry: straight stretches give the scale of the wheels, all
-turns together scale and drift of the gyro. Nothing is applied unless ``apply_calibration`` is called.
+The yaw rate that a gyro shows while the robot stands is its bias. Afterwards the matched
+motion, which is right to centimetres thanks to the walls, is compared with the odometry: it gives the scale of the
+wheels, and scale and drift of the gyro, by the least squares of ``mounting``. Nothing is applied unless
+``apply_calibration`` is called.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ from itertools import pairwise
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.poses import between, compose
+from pfslam.evaluation.mounting import Drive
+from pfslam.motion import dead_reckoning
+from pfslam.poses import between
 from pfslam.recording import Recording
 from pfslam.run import SlamResult
 
@@ -23,6 +26,8 @@ MARGIN = 0.25
 """The wheels must also have stood still for this long (s) before and after a piece."""
 WARM_UP = 1.0
 """The first second of a gyro is left out: real ones, and the simulated, start up to 0.002 rad/s off."""
+BLOCK, LEAST_BLOCKS = 1.0, 10
+"""Seconds of matched motion compared at a time: a metre of driving against centimetres of error; and how many."""
 LEAST_WINDOWS = 3
 LEAST_SAMPLES = 10
 LARGEST_BIAS = 0.05
@@ -31,17 +36,6 @@ SHAKEN = 3.0
 """A piece counts as shaken if the gyro spreads this many times more than in the quietest piece."""
 SPREAD_FLOOR = 1e-4
 """Spread (rad/s) below which every gyro is quiet."""
-BLOCK = 1.0
-"""Seconds of matched motion compared at a time: a metre of driving against centimetres of error."""
-STRAIGHT = 0.1
-"""A block that turned by less (rad) is straight."""
-DROVE = 0.2
-"""Least way (m) of a straight block that says something about the wheels."""
-TURNED = 1.0
-"""A drive must turn by this much (rad) in all to say something about the gyro."""
-LEAST_BLOCKS = 5
-INSEPARABLE = 30.0
-"""Condition number above which turning and time run too much in step for two numbers to be found."""
 
 
 @dataclass(frozen=True)
@@ -61,30 +55,22 @@ class Calibration:
     drive_bias_error: float
     gyro_scale: float
     gyro_scale_error: float
-    turned_radians: float
     wheel_scale: float
     wheel_scale_error: float
-    straight_metres: float
 
 
 def calibrate(recording: Recording, result: SlamResult | None = None) -> Calibration:
     """Estimate bias from the still stretches; with the ``result`` of a run also drift and scales, from its motion."""
-    at_rest = gyro_bias(recording)
-    own = recording.robot.imu.gyro_bias
-    if result is None:
-        return Calibration(*at_rest, own, np.inf, 1.0, np.inf, 0.0, 1.0, np.inf, 0.0)
-    odometry, matched, seconds = matched_motion(recording, result)
-    way, turn = odometry[:, 0], odometry[:, 2]
-    straight = (np.abs(turn) < STRAIGHT) & (np.abs(way) > DROVE)
-    wheels = scale(way[straight], matched[straight, 0])
-    turned = float(np.abs(turn[np.abs(turn) > STRAIGHT]).sum())
-    drift, gyro = (own, np.inf), (1.0, np.inf)
-    if turned > TURNED:
-        drift, gyro = drift_and_scale(turn, seconds, matched[:, 2])
-        shown = recording.robot.imu.gyro_scale * gyro[0]
-        drift = (own - drift[0] / shown, drift[1] / shown)
-    metres = float(np.abs(way[straight]).sum())
-    return Calibration(*at_rest, *drift, *gyro, turned, *wheels, metres)
+    gyro, values, errors = recording.robot.imu, np.array([1.0, 0.0, 0.0, 1.0]), np.full(4, np.inf)
+    t0, t1, moves = matched_motion(recording, result) if result is not None else (values[:0],) * 3
+    if len(t0) >= LEAST_BLOCKS:
+        drive = Drive.of(dead_reckoning(recording), t0, t1)
+        found, error = (v[:4] for v in drive.fit(drive.start(moves), moves, np.zeros((3, 3))))
+        values, errors = np.where(error < 1.0, [found, error], [values, errors])
+    (turns, drift, _, ways), (error_turns, error_drift, _, error_ways) = values.tolist(), errors.tolist()
+    shown = gyro.gyro_scale * turns
+    bias = gyro.gyro_bias - drift / shown, error_drift / abs(shown)
+    return Calibration(*gyro_bias(recording), *bias, turns, error_turns, ways, error_ways)
 
 
 def apply_calibration(recording: Recording, calibration: Calibration) -> Recording:
@@ -94,8 +80,7 @@ def apply_calibration(recording: Recording, calibration: Calibration) -> Recordi
     """
     wheels, gyro = recording.robot.encoders, recording.robot.imu
     wheels = replace(wheels, metres_per_count=wheels.metres_per_count * calibration.wheel_scale)
-    known = np.isfinite(calibration.drive_bias_error)
-    bias = calibration.drive_bias if known else calibration.gyro_bias
+    bias = calibration.drive_bias if np.isfinite(calibration.drive_bias_error) else calibration.gyro_bias
     gyro = replace(gyro, gyro_bias=bias, gyro_scale=gyro.gyro_scale * calibration.gyro_scale)
     return replace(recording, robot=replace(recording.robot, encoders=wheels, imu=gyro))
 
@@ -146,58 +131,17 @@ def _whole_pieces(t: np.ndarray, length: float) -> list[tuple[int, int]]:
 
 
 def matched_motion(recording: Recording, result: SlamResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compare motions ``(B, 3)`` of odometry and estimate in blocks of a second; also return each block's length (s).
+    """Return begin and end ``(B,)`` (s) of blocks of a second, and the estimated motion ``(B, 3)`` in each.
 
     Only blocks count in which every scan was matched and no direction was left to odometry: where the map says
     nothing, the estimate is the odometry, and comparing the two would prove whatever one likes.
     """
-    motions = result.config.used_scans(recording).motion
-    trajectory, infos = result.trajectory, result.infos
-    if len(motions) != len(infos):
+    path, scans = result.trajectory, len(result.config.used_scans(recording).motion)
+    if scans != len(result.infos):
         raise DataError(
-            "calibrate", "result", f"{len(infos)} scans", f"the run of this recording: {len(motions)}"
+            "calibrate", "result", f"{len(result.infos)} scans", f"the run of this recording: {scans}"
         )
-    usable = np.array([info.matched and info.silent_direction is None for info in infos])
-    odometry, matched, seconds = [], [], []
-    for i, j in _whole_pieces(trajectory.t, BLOCK):
-        if usable[i + 1 : j + 1].all():
-            pose = np.zeros(3)
-            for motion in motions[i + 1 : j + 1]:
-                pose = compose(pose, motion)
-            odometry.append(pose)
-            matched.append(between(trajectory.poses[i], trajectory.poses[j]))
-            seconds.append(trajectory.t[j] - trajectory.t[i])
-    return np.reshape(odometry, (-1, 3)), np.reshape(matched, (-1, 3)), np.array(seconds)
-
-
-def scale(shown: np.ndarray, true: np.ndarray) -> tuple[float, float]:
-    """Fit the factor from ``shown (B,)`` to ``true (B,)`` by least squares through zero, with its standard error.
-
-    (1, inf) for too few blocks.
-    """
-    if len(shown) < LEAST_BLOCKS:
-        return 1.0, np.inf
-    return _least_squares(shown[:, None], true)[0]
-
-
-def drift_and_scale(
-    shown: np.ndarray, seconds: np.ndarray, true: np.ndarray
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Fit rate (rad/s) and factor in ``true = rate * seconds + factor * shown``, each with its standard error.
-
-    (0, inf) and (1, inf) for a drive that turns all the time at one rate, where drift and scale cannot be separated.
-    """
-    A = np.column_stack([seconds, shown])
-    if len(true) < LEAST_BLOCKS or np.linalg.cond(A / np.linalg.norm(A, axis=0)) > INSEPARABLE:
-        return (0.0, np.inf), (1.0, np.inf)
-    drift, factor = _least_squares(A, true)
-    return drift, factor
-
-
-def _least_squares(A: np.ndarray, b: np.ndarray) -> list[tuple[float, float]]:
-    """Solve by least squares, with standard errors from each block's residual, so that slip counts in full."""
-    inverse = np.linalg.inv(A.T @ A)
-    value = inverse @ (A.T @ b)
-    left = b - A @ value
-    error = np.sqrt(np.diag(inverse @ ((A * left[:, None] ** 2).T @ A) @ inverse))
-    return list(zip(value.tolist(), error.tolist(), strict=True))
+    usable = np.array([info.matched and info.silent_direction is None for info in result.infos])
+    blocks = [(i, j) for i, j in _whole_pieces(path.t, BLOCK) if usable[i + 1 : j + 1].all()]
+    i, j = np.array(blocks, dtype=int).reshape(-1, 2).T
+    return path.t[i], path.t[j], between(path.poses[i], path.poses[j])

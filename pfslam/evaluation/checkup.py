@@ -13,12 +13,13 @@ from functools import partial
 import numpy as np
 
 from pfslam.evaluation.calibration import gyro_bias
-from pfslam.evaluation.scenes import place_fit, scene_fit
+from pfslam.evaluation.mounting import Estimate, Mounting, fit_mounting
+from pfslam.evaluation.scenes import STANDING
 from pfslam.io.headings import LEAST_SECONDS, compare_turns
 from pfslam.io.jumps import JUMPS
-from pfslam.motion import Controls, controls, dead_reckoning
+from pfslam.motion import dead_reckoning
 from pfslam.poses import between
-from pfslam.recording import LidarScans, Recording, image_pairs
+from pfslam.recording import Recording, image_pairs
 from pfslam.refined.health import LONGEST_PAUSE, farther_than_usual
 from pfslam.refined.outliers import NOISY
 
@@ -32,22 +33,8 @@ LONGEST_GAP = 0.5
 """Seconds without a reading that a filter should not have to bridge."""
 OFTEN = 0.01
 """Share of impossible speeds from which they are no single reading that went wrong."""
-SCAN_STEP = 0.1
-"""Time (s) between the scans that are compared with one another."""
-WIDEST_TURN = 0.35
-"""Largest turn (rad) between two scans that is looked for."""
-MOST_PAIRS = 300
-"""Pairs of scans that are compared: those in the strongest turns."""
-STANDING = 0.02
-"""Way (m) between two scans up to which a robot stands."""
-NO_TURN, LEAST_TURNS = 0.02, 10
-"""Turn (rad) between two scans up to which an instrument shows none, and turns that scans must see to contradict it."""
-LATEST = 0.3
-"""Largest offset (s) between two clocks that is looked for."""
-SPARSE = 0.3
-"""Seconds between readings from which turns in between are not known well enough to set a clock by."""
-EVEN = 0.005
-"""Where the correlation of turns varies by no more than this from offset to offset, it says nothing about a clock."""
+LATE = 0.02
+"""Offset (s) between two clocks that a run can do with: a fast robot turns by a degree meanwhile."""
 WIDEST_YAW = 10.0
 """Degrees: so far a direction may seem off, where wheels slide sideways, without anything being mounted otherwise."""
 FARTHEST_APART = 1.5
@@ -72,8 +59,9 @@ class Finding:
 
 def check_up(recording: Recording) -> list[Finding]:
     """Ask all questions, in the order in which to mend what they find."""
-    turns, clock = check_scans(recording)
-    scene = check_scene(recording)
+    mounting = fit_mounting(recording)
+    turns, clock = check_scans(recording, mounting)
+    scene = check_scene(mounting)
     return [
         check_overlap(recording),
         check_gaps(recording),
@@ -86,7 +74,7 @@ def check_up(recording: Recording) -> list[Finding]:
         turns,
         clock,
         scene,
-        check_place(recording, after=[turns, scene]),
+        check_place(mounting, after=[turns, scene]),
         check_images(recording),
     ]
 
@@ -205,24 +193,23 @@ def check_scatter(recording: Recording) -> Finding:
     return answer(scatter <= NOISY, f"{100 * scatter:.1f} cm", expected)
 
 
-def check_scans(recording: Recording) -> list[Finding]:
+def check_scans(recording: Recording, mounting: Mounting) -> list[Finding]:
     """Check that successive scans turn as the gyro says, or the odometry, and at the same time by both clocks.
 
-    An upside-down LiDAR or a flipped gyro gives a factor of -1. Late is by how much the turns agree best.
+    An upside-down LiDAR or a flipped gyro gives a factor of -1. Readings that are far apart do not set a clock better
+    than to half of their period.
     """
-    other, fit = "gyro" if recording.odometry is None else "odometry", scan_turn_fit(recording)
-    if fit is None:
-        turn = clock = None
-        found = ["too few scans in turns"] * 2
-    else:
-        factor, late = fit
-        unknown = not np.isfinite(late)
-        turn, clock = 0.8 <= factor <= 1.2, None if unknown else abs(late) <= 0.03
-        lateness = "too even or too sparse to tell" if unknown else f"scans {1000 * late:+.0f} ms late"
-        found = [f"factor {factor:+.2f}", lateness]
+    other = "gyro" if recording.odometry is None else "odometry"
+    odometry = recording.odometry or recording.encoders
+    period = float(np.median(np.diff(odometry.t))) if odometry is not None and len(odometry.t) > 1 else 0.0
+    tolerance = max(LATE, 0.5 * period)
+    turns, clock = mounting.turns.within(1.0, 0.2), mounting.late.within(0.0, tolerance)
+    turned = "too few scans in turns" if turns is None else f"factor {mounting.turns.value:+.2f}"
+    late = f"scans {1000 * mounting.late.value:+z.0f} ms late"
+    late = "too even or too sparse to tell" if clock is None else late
     return [
-        Finding(f"Do scans turn as the {other} does?", turn, found[0], "a factor of 0.8 to 1.2"),
-        Finding(f"Do scans and {other} share a clock?", clock, found[1], "within 0.03 s"),
+        Finding(f"Do scans turn as the {other} does?", turns, turned, "a factor of 0.8 to 1.2"),
+        Finding(f"Do scans and {other} share a clock?", clock, late, f"within {tolerance:.2f} s"),
     ]
 
 
@@ -251,31 +238,34 @@ def _way_between_scans(recording: Recording) -> float:
     return float(np.median(ways[ways > STANDING])) if (ways > STANDING).any() else 0.0
 
 
-def check_scene(recording: Recording) -> Finding:
+def check_scene(mounting: Mounting) -> Finding:
     """Check that the scene moves as the odometry says: as far, in the direction of the mounting, without swaying."""
     answer = partial(Finding, "Does the scene move as odometry says?")
     expected = f"a factor of 0.97 to 1.03, within {WIDEST_YAW:.0f} deg, steady"
-    if (fit := scene_fit(recording)) is None:
+    if (ways := mounting.ways.within(1.0, 0.03)) is None:
         return answer(None, "too few scans to compare", expected)
-    factor, yaw, sway = fit
-    found, ok = f"factor {factor:.2f}, turned by {yaw:+.0f} deg", abs(yaw) <= WIDEST_YAW
-    found += f", swaying by {sway:.0f} deg" if sway >= WIDEST_SWAY else ""
+    yaw, error = np.rad2deg(mounting.yaw).round().tolist()  # as it is printed: what is said is what is judged
+    ahead, sway = Estimate(yaw, error).within(0.0, WIDEST_YAW), float(np.rad2deg(mounting.sway))
+    found = f"factor {mounting.ways.value:z.2f}, turned by {0.0 if ahead is None else yaw:+z.0f} deg"
+    if sway >= WIDEST_SWAY:  # then its mean direction says nothing about the mounting
+        return answer(False, f"{found}, swaying by {sway:.0f} deg", expected)
     remedy = f"the LiDAR seems mounted {yaw:+.0f} deg from what is stated: correct its yaw"
-    return answer(ok and 0.97 <= factor <= 1.03 and sway < WIDEST_SWAY, found, expected, "" if ok else remedy)
+    return answer(ways and ahead is not False, found, expected, remedy if ahead is False else "")
 
 
-def check_place(recording: Recording, after: Sequence[Finding] = ()) -> Finding:
+def check_place(mounting: Mounting, after: Sequence[Finding] = ()) -> Finding:
     """Check that the LiDAR sits where it is stated to be.
 
     A wrong answer of ``after``, about turns and ways, would make the right place look wrong: then it is not asked.
     """
     answer = partial(Finding, "Does the LiDAR sit where stated?")
-    expected = f"within {FARTHEST_PLACE:.2f} m"
+    expected, (ahead, left) = f"within {FARTHEST_PLACE:.2f} m", (mounting.ahead, mounting.left)
     if any(finding.ok is False for finding in after):
         return answer(None, "to be asked when scans and odometry agree", expected)
-    if (place := place_fit(recording)) is None:
+    off = Estimate(float(np.hypot(ahead.value, left.value)), max(ahead.error, left.error))
+    if (ok := off.within(0.0, FARTHEST_PLACE)) is None:
         return answer(None, "too few scans in turns", expected)
-    found, ok = "x {:+.1f} m, y {:+.1f} m".format(*place), bool(np.hypot(*place) <= FARTHEST_PLACE)
+    found = f"x {ahead.value:+z.1f} m, y {left.value:+z.1f} m"
     remedy = f"the LiDAR seems to sit {found} from where it is stated to be: correct its place"
     return answer(ok, found, expected, "" if ok else remedy)
 
@@ -296,13 +286,11 @@ def effective_track(recording: Recording) -> float | None:
     Wheels that skid sideways make it wider than a ruler would. A negative one means that a sign is wrong, or that the
     sides are swapped.
     """
-    inputs = controls(recording)
-    edges = np.arange(inputs.t[0], inputs.t[-1], 1.0)
+    path = dead_reckoning(recording)
+    edges = np.arange(path.t[0], path.t[-1], 1.0)
     apart = np.diff(turned_by_wheels(recording, edges, track=1.0))
-    turned = np.diff(turned_by_gyro(inputs, edges))
-    if np.abs(turned).sum() < 1.0:
-        return None
-    return float(apart @ turned / (turned @ turned))
+    turned = np.diff(np.interp(edges, path.t, np.unwrap(path.poses[:, 2])))
+    return float(apart @ turned / (turned @ turned)) if np.abs(turned).sum() >= 1.0 else None
 
 
 def turned_by_wheels(recording: Recording, t: np.ndarray, track: float) -> np.ndarray:
@@ -311,79 +299,6 @@ def turned_by_wheels(recording: Recording, t: np.ndarray, track: float) -> np.nd
     right, left = encoders.counts[:, [0, 2]].mean(axis=1), encoders.counts[:, [1, 3]].mean(axis=1)
     apart = np.cumsum(right - left) * recording.robot.encoders.metres_per_count
     return np.interp(t, encoders.t, (apart - apart[0]) / track)
-
-
-def turned_by_gyro(inputs: Controls, t: np.ndarray) -> np.ndarray:
-    """Return the heading (rad) at times ``t (K,)`` from the yaw rates of the controls."""
-    return np.interp(t, inputs.t, np.concatenate([[0.0], np.cumsum(inputs.omega * np.diff(inputs.t))]))
-
-
-def scan_turn_fit(recording: Recording) -> tuple[float, float] | None:
-    """Fit the turns seen by the LiDAR to those of the gyro: their ratio, and how many seconds the scans are late.
-
-    None if there are no scans, or no turns to compare; a ratio of 0 where only the scans turn. The lateness is NaN if
-    it hardly matters to the fit, as on a drive in a circle, which looks the same at any time, or if readings are far
-    apart. The odometry takes the gyro's place where there is none.
-    """
-    if recording.lidar is None or not recording.robot.lidar.increment:
-        return None
-    inputs, scans = controls(recording), recording.lidar
-    first, second = _scan_pairs(inputs, scans)
-    if len(first) < 20:
-        return None
-    seen = scan_turns(recording, first, second)
-    good = np.isfinite(seen)
-    t0, t1, seen = scans.t[first[good]], scans.t[second[good]], seen[good]
-    shifts = np.arange(-LATEST, LATEST + 1e-9, 0.005)
-    by_gyro = np.array(
-        [turned_by_gyro(inputs, t1 - late) - turned_by_gyro(inputs, t0 - late) for late in shifts]
-    )
-    if len(seen) < 20 or not seen.any():
-        return None
-    if np.abs(by_gyro).max() < NO_TURN:
-        return (0.0, np.nan) if np.count_nonzero(np.abs(seen) > 2 * NO_TURN) >= LEAST_TURNS else None
-    likeness = (by_gyro @ seen) / np.sqrt((by_gyro**2).sum(axis=1) * (seen @ seen))
-    best = int(np.argmax(np.abs(likeness)))
-    sparse = max(np.median(np.diff(t)) for t in (inputs.t, scans.t)) > SPARSE
-    late = np.nan if sparse or np.ptp(likeness) <= EVEN else float(shifts[best])
-    return float(by_gyro[best] @ seen / (by_gyro[best] @ by_gyro[best])), late
-
-
-def scan_turns(recording: Recording, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Measure the turn (rad) from scan ``first (P,)`` to ``second (P,)`` by how many beams the view moved, else NaN.
-
-    The robot also moves a little in between, which blurs the answer and does not turn it.
-    """
-    lidar, scans = recording.robot.lidar, recording.scans()
-    reach = min(int(WIDEST_TURN / lidar.increment) + 1, lidar.beams // 3)
-    shifts = np.arange(-reach, reach + 1)
-    turns = np.full(len(first), np.nan)
-    inner = slice(reach, lidar.beams - reach)
-    for k, (i, j) in enumerate(zip(first, second, strict=True)):
-        before, after = (np.where(lidar.valid(r), r, np.nan) for r in (scans.ranges[i], scans.ranges[j]))
-        moved = np.lib.stride_tricks.sliding_window_view(before, lidar.beams - 2 * reach)
-        gap = np.abs(moved - after[inner])
-        usable = np.isfinite(gap).sum(axis=1) > 0.3 * gap.shape[1]
-        if usable.any():
-            cost = np.where(usable, np.nanmean(np.minimum(gap, 0.5), axis=1), np.inf)
-            turns[k] = shifts[int(np.argmin(cost))] * lidar.increment
-    return turns
-
-
-def _scan_pairs(inputs: Controls, scans: LidarScans) -> tuple[np.ndarray, np.ndarray]:
-    """Choose pairs of scans about ``SCAN_STEP`` apart, with the strongest turns, inside the odometry's time."""
-    second = np.searchsorted(scans.t, scans.t + SCAN_STEP)
-    first = np.flatnonzero(second < len(scans.t))
-    second = second[first]
-    inside = (scans.t[first] > inputs.t[0] + LATEST) & (scans.t[second] < inputs.t[-1] - LATEST)
-    inside &= scans.t[second] - scans.t[first] < 10 * SCAN_STEP
-    first, second = first[inside], second[inside]
-    turn = np.abs(turned_by_gyro(inputs, scans.t[second]) - turned_by_gyro(inputs, scans.t[first]))
-    small = np.flatnonzero(turn < 0.8 * WIDEST_TURN)
-    if turn.max(initial=0.0) < NO_TURN:  # any pair is as good as another: take them from the whole drive
-        small = small[:: len(small) // MOST_PAIRS + 1]
-    strongest = np.sort(small[np.argsort(-turn[small], kind="stable")[:MOST_PAIRS]])
-    return first[strongest], second[strongest]
 
 
 def _stamps(recording: Recording) -> dict[str, np.ndarray]:

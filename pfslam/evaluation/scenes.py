@@ -1,172 +1,155 @@
-"""How a LiDAR is mounted, told from the drive: two scenes lie on each other only if it sits where it is taken to sit.
+"""How a LiDAR moved between two scans, told by the scans alone.
 
-A scan and a later one are two views of the same walls. The odometry says how the robot moved in between, and the
-mounting how the LiDAR moved with it; so moved, the points of the later scan must fall on those of the earlier one. On a
-straight way the direction of the LiDAR shows, and in a turn its place: the farther from the axis, the wider its circle.
+Many pairs of scans are matched at once: the end points of the second scan are moved onto the walls that the first one
+saw, by Gauss-Newton steps on their distances from short lines (Censi, "An ICP variant using a point-to-line metric",
+2008). The line that a point belongs to is that of the first scan's beam that points at it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from math import ceil
 
-import cv2
 import numpy as np
 
-from pfslam.motion import dead_reckoning
-from pfslam.poses import between, transform_points
+from pfslam.poses import Trajectory, between, wrap_angle
 from pfslam.recording import Recording
-from pfslam.sensors import scan_points
+from pfslam.sensors import LidarModel, beam_directions
 
-STRIDE, CORNER = 1.0, 0.6
-"""Way (m) and turn (rad) between two scans that are compared; the more, the less of one is seen in the other."""
-NEARLY_STRAIGHT, NEARLY_STANDING = 0.2, 0.5
-"""Turn (rad) up to which such a way has one direction, and way (m) in such a turn, which odometry must know."""
-LEAST_PAIRS, MOST_PAIRS = 10, 40
-"""Pairs of scans that say something, and those that are compared."""
-SLACK = np.arange(-4, 5) * 0.015
-"""By how much (rad) an odometry may be wrong about a turn, without anything being mounted otherwise."""
-SEEN, SCENE_CELL = 10.0, 0.05
-"""A scene is drawn up to so many metres from the LiDAR, in cells of this size (m)."""
-APART = 0.3
-"""A point farther (m) than this from the other scene's walls is on none of them: how much farther says nothing."""
-TELLING, TELLING_FACTOR = 0.1, 0.04
-"""Share of the range of distances by which one answer must be better than what is stated, to be believed.
+STANDING, NO_TURN = 0.02, 0.02
+"""Way (m) and turn (rad) between two scans up to which a robot stands."""
+LEAST_PAIRS, MOST_PAIRS = 10, 100
+"""Pairs of scans that say something, and those that are matched."""
+LATEST = 1.0
+"""Largest offset (s) between two clocks that is looked for."""
+GAP = 3.0
+"""Readings that are so many times farther apart than usual have a gap between them."""
+MOST_BEAMS = 120
+"""Beams of the second scan that are matched."""
+HALF_LINE = np.radians(4.0)
+"""A beam's line is fitted to the end points within this angle to its left and right."""
+OVERLAP = 0.3
+"""Least share of beams that must meet a line of the other scan."""
+FAR, FINEST = 0.5, 0.02
+"""Distances (m) from its line at which a point may be in a first guess, and at which it is always believed."""
+ROUNDS = (0.4, FAR * 0.6 ** np.arange(8)), (1.0, np.array([0.1, 0.1, FINEST, FINEST]))
+"""Least time (s) between the scans of a pair, and how far (m) from its line a point counts, iteration by iteration.
 
-Of factors, those that are 5 % off had 0.05 and more, sound robots 0.02 at most, but for 0.03 among many people.
+First for scans so close that even a guess of no motion leads to the match, then for some that lie farther apart, from
+where the first ones are expected to lead.
 """
 
 
-def scene_fit(recording: Recording) -> tuple[float, float, float] | None:
-    """Fit how far the scene moved on straight ways, by the odometry's measure, and how the LiDAR is turned (deg).
-
-    The points of each scan are moved onto those of another, by the odometry's motion in every direction and then at
-    every scale; what puts most of them onto the scene counts. (1, 0) unless another answer is clearly better; None if
-    there is too little to compare. A scene that stands still has no direction. The third number is the sway (deg):
-    half of the scenes have turned by at least so much more, or less, than is usual for the drive, as they do where a
-    LiDAR is loose.
-    """
-    pairs = [*_scenes(recording, turning=False)]
-    if len(pairs) < LEAST_PAIRS:
-        return None
-    degrees, factors = np.arange(-175.0, 181.0, 5.0), np.arange(101) / 50.0
-    turns = np.exp(-1j * np.deg2rad(degrees))
-    apart = np.sum([a.apart(b, way * turns) for a, b, way, _ in pairs], axis=0)
-    yaw = float(_best(degrees, apart, 0.0, TELLING))
-    ahead, unmoved = np.exp(-1j * np.deg2rad(yaw)), np.zeros(1)
-    apart = np.sum([a.apart(b, way * ahead * factors) for a, b, way, _ in pairs], axis=0)
-    factor = float(_best(factors, apart, 1.0, TELLING_FACTOR))
-    if factor <= 0.1:
-        return factor, 0.0, 0.0
-    moved = [_apart_turned(a, b, way * ahead * factor, turn, unmoved) for a, b, way, turn in pairs]
-    turned = np.rad2deg(SLACK[np.argmin(moved, axis=1)[:, 0]])
-    sway = float(np.median(np.abs(turned - np.median(turned))))
-    return factor, yaw, sway
-
-
-def place_fit(recording: Recording) -> tuple[float, float] | None:
-    """Fit how far (m) ahead and to the left of its stated place the LiDAR sits, by how scenes move in turns.
-
-    A LiDAR that sits at ``d`` from there moves by ``(turn - 1) d`` more than stated. Each pair of scans may turn a
-    little more or less than the odometry says. (0, 0) unless another place is clearly better, up to half a metre away;
-    None if there is too little to compare.
-    """
-    pairs = [*_scenes(recording, turning=True)]
-    if len(pairs) < LEAST_PAIRS:
-        return None
-    metres = np.arange(-5, 6) / 10.0
-    places = (metres[:, None] + 1j * metres).ravel()
-    apart = np.sum([_apart_turned(*pair, places).min(axis=0) for pair in pairs], axis=0)
-    place = complex(_best(places, apart, 0.0, TELLING))
-    return place.real, place.imag
-
-
-def _apart_turned(
-    scene: Scene, after: np.ndarray, way: complex, turn: complex, places: np.ndarray
-) -> np.ndarray:
-    """Measure how far (m) points lie from a scene, for further turns ``SLACK`` and places ``(K,)`` of the LiDAR."""
-    turned = [transform_points([0.0, 0.0, slack], after) for slack in SLACK]
-    ways = [way + (turn * np.exp(1j * slack) - 1.0) * places for slack in SLACK]
-    return np.array([scene.apart(*both) for both in zip(turned, ways, strict=True)])
-
-
-def _best(answers: np.ndarray, apart: np.ndarray, stated: complex, telling: float):
-    """Return the answer that brings the scenes together, or the stated one where none is better by a telling share."""
-    better = apart[np.argmin(np.abs(answers - stated))] - apart.min()
-    return answers[np.argmin(apart)] if better > telling * np.ptp(apart) else stated
-
-
-def _scenes(recording: Recording, turning: bool) -> Iterator[tuple[Scene, np.ndarray, complex, complex]]:
-    """Yield pairs of scans, a stride apart on straight ways or a corner apart in turns.
-
-    Of each: the scene that the first one saw, the points of the second, turned as the first, the LiDAR's way between
-    them, and the turn between them, as complex numbers in the axes of the first.
-    """
-    if recording.lidar is None:
-        return
-    lidar, scans, odometry = recording.robot.lidar, recording.scans(), dead_reckoning(recording)
-    covered = np.flatnonzero(odometry.covers(scans.t))
-    poses = odometry.at(scans.t[covered])
-    first, second = _pairs(poses, turning)
-    motion = between(poses[first], poses[second])
-    place = np.array(lidar.position_b[:2])
-    for k in np.unique(np.linspace(0, len(first) - 1, MOST_PAIRS).astype(int)) if len(first) else ():
-        before, after = (scan_points(scans.ranges[covered[i]], lidar) - place for i in (first[k], second[k]))
-        if min(len(before), len(after)) > 0:
-            x, y = (transform_points(motion[k], place[None]) - place)[0]
-            after = transform_points([0.0, 0.0, motion[k, 2]], after)
-            yield Scene.of(before), after, x + 1j * y, np.exp(1j * motion[k, 2])
-
-
-def _pairs(poses: np.ndarray, turning: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Choose the first and the second of pairs of poses ``(K, 3)`` between which a robot drove on, or turned."""
-
-    def measured(motion):
-        metres, turn = np.hypot(*motion[:, :2].T), np.abs(motion[:, 2])
-        return (turn, metres) if turning else (metres, turn)
-
-    stride, limit = (CORNER, NEARLY_STANDING) if turning else (STRIDE, NEARLY_STRAIGHT)
-    gone = np.append(0.0, np.cumsum(measured(between(poses[:-1], poses[1:]))[0]))
-    second = np.searchsorted(gone, gone + stride)
-    first = np.flatnonzero(second < len(gone))
-    second = second[first]
-    wanted, other = measured(between(poses[first], poses[second]))
-    good = (wanted > 0.5 * stride) & (wanted < 2.0 * stride) & (other < limit)
-    return first[good], second[good]
+def pairs_of_scans(recording: Recording, path: Trajectory, apart: float) -> tuple[np.ndarray, np.ndarray]:
+    """Choose first and second scans ``(P,)``, ``apart`` (s) or more, evenly from when the path shows motion."""
+    t, gaps = recording.scans().t, np.append(np.diff(path.t), 0.0)
+    since = gaps[np.searchsorted(path.t, t, side="right").clip(1) - 1]
+    covered = np.flatnonzero(
+        path.covers(t - LATEST) & path.covers(t + LATEST) & (since <= GAP * np.median(gaps))
+    )
+    second = np.searchsorted(t[covered], t[covered] + apart)
+    first, second = covered[second < len(covered)], covered[second[second < len(covered)]]
+    close = t[second] - t[first] <= GAP * np.median(np.append(t[second] - t[first], apart))
+    first, second = first[close], second[close]
+    step = np.abs(between(path.at(t[first]), path.at(t[second])))
+    moved = np.flatnonzero((step > [STANDING, STANDING, NO_TURN]).any(axis=1))
+    moved = moved if len(moved) >= LEAST_PAIRS else np.arange(len(first))
+    some = moved[np.unique(np.linspace(0, len(moved) - 1, min(MOST_PAIRS, len(moved))).astype(int))]
+    return first[some], second[some]
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
-    """How far (m) each cell ``away (H, W)`` is from the nearest point that a scan saw, at most ``APART``.
+class Matcher:
+    """Pairs of scans: end ``points (P, M, 2)`` of the second ones, and a line near each beam of the first ones.
 
-    ``corner (2,)`` is the cell (ix, iy) of the first, among those of ``SCENE_CELL`` from ``-SEEN`` on. All further
-    cells are as far away as those at the edge: on none of the walls, or beyond what is drawn.
+    A line has a unit ``normal (P, B, 2)`` and a ``distance (P, B)`` (m) from the LiDAR; ``trust (P, B)`` is 0 where
+    there is none, and towards 1 the straighter it is, compared with others of its scan.
     """
 
-    corner: np.ndarray
-    away: np.ndarray
+    lidar: LidarModel
+    points: np.ndarray
+    normal: np.ndarray
+    distance: np.ndarray
+    trust: np.ndarray
 
     @classmethod
-    def of(cls, points: np.ndarray) -> Scene:
-        """Draw the points ``(M, 2)`` of a scan."""
-        size = int(2 * SEEN / SCENE_CELL)
-        near = points[np.abs(points).max(axis=1) < SEEN]
-        cells = np.minimum(((near + SEEN) / SCENE_CELL).astype(int), size - 1)
-        if not len(cells):
-            return cls(np.zeros(2, dtype=int), np.full((1, 1), APART, dtype=np.float32))
-        margin = ceil(APART / SCENE_CELL) + 1
-        corner = np.maximum(cells.min(axis=0) - margin, 0)
-        width, height = np.minimum(cells.max(axis=0) + margin + 1, size) - corner
-        empty = np.ones((height, width), dtype=np.uint8)
-        ix, iy = (cells - corner).T
-        empty[iy, ix] = 0
-        away = cv2.distanceTransform(empty, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        return cls(corner, np.minimum(SCENE_CELL * away, APART))
+    def of(cls, recording: Recording, first: np.ndarray, second: np.ndarray) -> Matcher:
+        """Take the points, NaN where a beam saw nothing, and fit the lines.
 
-    def apart(self, after: np.ndarray, ways: np.ndarray) -> np.ndarray:
-        """Measure how far (m) points ``(M, 2)`` are away when moved by each of the ways, complex ``(K,)``."""
-        moved = after[:: len(after) // 180 + 1].T[:, None] + np.array([ways.real, ways.imag])[..., None]
-        ix, iy = ((moved + SEEN) / SCENE_CELL).astype(int) - self.corner[:, None, None]
-        height, width = self.away.shape
-        return self.away.take(iy.clip(0, height - 1) * width + ix.clip(0, width - 1)).mean(axis=1)
+        A line with normal n at distance d meets the beam with direction u at r = d / (n u). So 1 / r = (n / d) u is
+        linear in n / d, and noise of the range leaves the direction of the beam alone.
+        """
+        lidar, ranges = recording.robot.lidar, recording.scans().ranges
+        some = np.arange(0, lidar.beams, -(-lidar.beams // MOST_BEAMS))
+        after = np.where(lidar.valid(ranges[second]), ranges[second], np.nan)[:, some, None]
+        seen = lidar.valid(ranges[first])
+        r = _without_strays(ranges[first], seen, all_round(lidar))
+        q, (c, s) = np.where(seen, 1.0 / r, 0.0), beam_directions(lidar).T
+        moments = np.stack([seen, seen * c * c, seen * c * s, seen * s * s, q * c, q * s, q * q])
+        half = max(1, round(HALF_LINE / lidar.increment))
+        n, cc, cs, ss, qc, qs, qq = _around(moments, half, all_round(lidar)).sum(axis=-1)
+        determinant = cc * ss - cs * cs
+        found = seen & (n > 2.5) & (determinant > 1e-9)
+        x, y = np.where(found, [ss * qc - cs * qs, cc * qs - cs * qc], 1.0) / np.where(
+            found, determinant, 1.0
+        )
+        left = np.sqrt(np.maximum(qq - x * qc - y * qs, 0.0) / np.maximum(n, 1.0)) * r * r + 1e-3
+        typical = np.median(np.where(found, left, left.max()), axis=1, keepdims=True)
+        distance = 1.0 / np.hypot(x, y)
+        normal = np.stack([x, y], axis=-1) * distance[..., None]
+        points = after * beam_directions(lidar)[some]
+        return cls(lidar, points, normal, distance, found / (1.0 + (left / typical) ** 2))
+
+    def gaps(self, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Measure how far points moved by ``moves (P, 3)`` are from lines ``(P, M)`` (m), with Jacobian and trust."""
+        rows, middle = np.arange(len(moves))[:, None], self.lidar.beams // 2
+        x, y, turn = moves.T[..., None]
+        arm = (self.points[..., 0] + 1j * self.points[..., 1]) * np.exp(1j * turn)
+        moved = arm + x + 1j * y
+        seen = np.isfinite(moved)
+        off = wrap_angle(np.angle(moved) - self.lidar.angles[middle]) / self.lidar.increment
+        beam = np.rint(np.where(seen, off, 0.0)).astype(int) + middle
+        seen &= all_round(self.lidar) | ((beam >= 0) & (beam < self.lidar.beams))
+        beam %= self.lidar.beams
+        nx, ny = np.moveaxis(self.normal[rows, beam], -1, 0)
+        jacobian = np.stack([nx, ny, ny * arm.real - nx * arm.imag], axis=-1)
+        gap = nx * moved.real + ny * moved.imag - self.distance[rows, beam]
+        trust = np.where(seen, self.trust[rows, beam], 0.0)
+        return np.where(trust > 0.0, gap, 0.0), np.where(trust[..., None] > 0.0, jacobian, 0.0), trust
+
+    def best(self, *starts: np.ndarray) -> np.ndarray:
+        """Choose for each pair the move ``(3,)`` that brings its scans closest together, of each of ``(P, 3)``."""
+        met = [self.gaps(moves) for moves in starts]
+        apart = [
+            np.where(trust > 0.0, np.minimum(np.abs(gap), FAR), FAR).mean(axis=1) for gap, _, trust in met
+        ]
+        return np.array(starts)[np.argmin(apart, axis=0), np.arange(len(starts[0]))]
+
+    def match(self, moves: np.ndarray, reaches: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Improve ``moves (P, 3)``; also return their covariance ``(P, 3, 3)``, and which scans overlap ``(P,)``."""
+        for reach in reaches:
+            gap, jacobian, trust = self.gaps(moves)
+            spread = 4.0 * np.median(np.abs(gap), axis=1, keepdims=True)
+            weight = trust / (1.0 + (gap / np.maximum(spread, max(FINEST, reach))) ** 2) ** 2
+            weighted = np.swapaxes(jacobian * weight[..., None], 1, 2)
+            H = weighted @ jacobian + 1e-6 * np.eye(3)
+            moves = moves - np.clip(np.linalg.solve(H, weighted @ gap[..., None])[..., 0], -0.2, 0.2)
+        variance = (weight * gap**2).sum(axis=1) / weight.sum(axis=1).clip(1e-9) + 1e-6
+        return moves, np.linalg.inv(H) * variance[:, None, None], (trust > 0.0).mean(axis=1) > OVERLAP
+
+
+def all_round(lidar: LidarModel) -> bool:
+    """Tell whether the beams go all around, so that the last one is the first one's neighbour."""
+    return lidar.beams * lidar.increment > 2.0 * np.pi - 1.5 * lidar.increment
+
+
+def _without_strays(ranges: np.ndarray, seen: np.ndarray, wrap: bool) -> np.ndarray:
+    """Replace ranges ``(P, B)`` by the median of five neighbours, those that saw nothing by the last one that did."""
+    last = np.maximum.accumulate(np.where(seen, np.arange(ranges.shape[1]), 0), axis=1)
+    return np.median(_around(np.take_along_axis(np.where(seen, ranges, 1.0), last, axis=1), 2, wrap), axis=-1)
+
+
+def _around(values: np.ndarray, half: int, wrap: bool) -> np.ndarray:
+    """Return each of ``values (..., B)`` with its neighbours ``(..., B, 2 half + 1)``; at an end it stands for them."""
+    padding = [(0, 0)] * (values.ndim - 1) + [(half, half)]
+    padded = np.pad(values, padding, mode="wrap" if wrap else "edge")
+    return np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=-1)

@@ -1,0 +1,128 @@
+"""The fit of odometry and mounting, against robots whose every fault is known because it was made.
+
+The robots drive along smooth paths through a room of straight walls. Their scans are cast here, wall by wall, and their
+odometry is the true path, made wrong by known numbers.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pfslam.evaluation.mounting import Estimate, fit_mounting
+from pfslam.poses import Trajectory, compose
+from pfslam.recording import LidarScans, Recording
+from pfslam.sensors import LidarModel, RobotModel
+
+CORNERS = 9.0 * np.exp(1j * np.array([0.1, 0.9, 1.5, 2.6, 3.3, 4.4, 5.2]))
+PILLARS = [(2 - 3j, 3 - 2.5j), (-4 + 1j, -3 + 3j), (1 + 5j, 2.5 + 4.5j), (-3 - 5j, -1 - 6j)]
+WALLS = [*zip(CORNERS, np.roll(CORNERS, -1), strict=True), *PILLARS]
+TRUE = {"turns": 1.06, "drift": 0.01, "late": 0.045, "ways": 1.04, "yaw": 0.2, "ahead": 0.08, "left": -0.05}
+PLACE, VIEW = (0.2, -0.1), 1.5 * np.pi
+
+
+def cast(poses, angles):
+    """The distances from poses (x, y, heading) to the nearest wall along each angle: two lines meet, one by one."""
+    ranges = np.full((len(poses), len(angles)), np.inf)
+    origin, ray = (poses[:, 0] + 1j * poses[:, 1])[:, None], np.exp(1j * (poses[:, 2, None] + angles))
+    for begin, end in WALLS:
+        wall, gap = end - begin, begin - origin
+        cross = (ray.conj() * wall).imag
+        along, part = (gap.conj() * wall).imag / cross, (gap.conj() * ray).imag / cross
+        ranges = np.where((along > 0) & (part > 0) & (part < 1) & (along < ranges), along, ranges)
+    return ranges
+
+
+def robot(seed, noise=0.01, seconds=60.0, **wrong):
+    """A minute's drive on a loop of changing curvature, with the faults ``TRUE``, or others."""
+    true, rng = TRUE | wrong, np.random.default_rng(seed)
+    t, dt = np.arange(0.0, seconds, 0.02), 0.02
+    phases = rng.uniform(0.0, 2 * np.pi, 3)
+    rate = 0.25 + sum(
+        a * np.sin(w * t + p) for a, w, p in zip((0.3, 0.25, 0.2), (0.5, 1.1, 1.9), phases, strict=True)
+    )
+    speed = 0.4 + 0.15 * np.sin(0.7 * t + phases[0])
+    steps = np.column_stack([speed, np.zeros_like(t), rate]) * dt
+
+    def path(steps):
+        poses = np.zeros((len(steps), 3))
+        for k in range(1, len(steps)):
+            half = [0.0, 0.0, 0.5 * steps[k, 2]]
+            poses[k] = compose(compose(compose(poses[k - 1], half), [steps[k, 0], 0.0, 0.0]), half)
+        return poses
+
+    truth = Trajectory(t, path(steps))
+    slip = 1.0 + 0.02 * rng.standard_normal((len(t), 2))
+    shown = steps / [true["ways"], 1.0, true["turns"]]
+    shown[:, 2] -= true["drift"] * dt / true["turns"]
+    odometry = Trajectory(t, path(shown * np.column_stack([slip[:, 0], slip[:, 0], slip[:, 1]])))
+    stamps, angles = np.arange(2.0, seconds - 2.0, 0.1), np.linspace(-0.5 * VIEW, 0.5 * VIEW, 180)
+    sits = [PLACE[0] + true["ahead"], PLACE[1] + true["left"], true["yaw"]]
+    ranges = cast(compose(truth.at(stamps), sits), angles) + noise * rng.standard_normal(
+        (len(stamps), len(angles))
+    )
+    lidar = LidarModel(-0.5 * VIEW, 0.5 * VIEW, 180, 0.05, 30.0, (*PLACE, 0.3))
+    scans = LidarScans(stamps + true["late"], ranges.astype(np.float32))
+    return Recording("made", replace(RobotModel(), lidar=lidar), lidar=scans, odometry=odometry)
+
+
+def values(found):
+    return np.array([getattr(found, name) for name in TRUE])
+
+
+def test_each_number_is_found_within_its_error_and_the_errors_are_honest():
+    """Over twelve drives the numbers are off by about one standard error, root mean square."""
+    away = []
+    for seed in range(12):
+        number, error = values(fit_mounting(robot(seed))).T
+        np.testing.assert_array_less(error, [0.003, 0.002, 0.002, 0.004, 0.004, 0.006, 0.006])
+        away.append((number - list(TRUE.values())) / error)
+    typical = np.sqrt(np.mean(np.square(away), axis=0))
+    assert (typical > 0.4).all(), typical
+    assert (typical < 1.8).all(), typical
+
+
+GROSS = {
+    "backwards": {"yaw": np.pi - 0.1},
+    "sideways": {"yaw": -0.5 * np.pi},
+    "in millimetres": {"ways": 0.001},
+    "half as far": {"ways": 2.0},
+    "turns the other way": {"turns": -1.0},
+    "late": {"late": 0.8},
+    "early": {"late": -0.6},
+    "far ahead": {"ahead": 0.7, "left": 0.5},
+    "backwards, late and too far": {"yaw": -3.0, "late": 0.4, "ways": 0.5, "ahead": -0.4},
+}
+
+
+@pytest.mark.parametrize("name", GROSS)
+def test_gross_faults_are_far_from_right_and_found_all_the_same(name):
+    number, error = values(fit_mounting(robot(3, **GROSS[name]))).T
+    off = np.abs(number - list((TRUE | GROSS[name]).values()))
+    assert (off < np.maximum(5.0 * error, 0.005)).all(), (number, error)
+    assert (error < 0.01).all()
+
+
+def test_what_a_drive_does_not_show_has_a_large_error():
+    """On a straight line nothing turns: neither the turns' scale nor the place shows, but the way does."""
+    made = robot(0, seconds=40.0)
+    straight = np.column_stack([0.1 * made.odometry.t, np.zeros((len(made.odometry), 2))])
+    angles = np.linspace(-0.5 * VIEW, 0.5 * VIEW, 180)
+    poses = compose(Trajectory(made.odometry.t, straight).at(made.lidar.t), [*PLACE, 0.0])
+    recording = replace(
+        made,
+        odometry=Trajectory(made.odometry.t, straight),
+        lidar=LidarScans(made.lidar.t, cast(poses, angles).astype(np.float32)),
+    )
+    found = fit_mounting(recording)
+    assert (
+        found.turns.within(1.0, 0.2) is found.late.within(0.0, 0.02) is found.ahead.within(0.0, 0.15) is None
+    )
+    assert found.ways.within(1.0, 0.03) is found.yaw.within(0.0, 0.1) is True
+
+
+def test_a_number_is_wrong_beyond_the_tolerance_and_beyond_three_errors():
+    assert Estimate(1.1, 0.01).within(1.0, 0.2) is True
+    assert Estimate(1.3, 0.01).within(1.0, 0.2) is False
+    assert Estimate(1.3, 0.15).within(1.0, 0.2) is True
+    assert Estimate(1.3, 0.25).within(1.0, 0.2) is Estimate(1.0, np.nan).within(1.0, 0.2) is None
