@@ -1,16 +1,20 @@
-"""A map for every particle: Rao-Blackwellised SLAM.
+"""A map for every particle: the Rao-Blackwellised particle filter GMapping.
 
 Given the path of a particle, its map is certain, so each particle carries its own (Grisetti, Stachniss and Burgard,
-"Improved techniques for grid mapping with Rao-Blackwellized particle filters", 2007). A particle is then a whole small
-SLAM run: one pose, one map drawn from that pose, and a weight that says how well its scans have fitted its own map.
-Resampling copies whole histories: the first heir of a particle keeps its map, every other one gets a copy.
+"Improved techniques for grid mapping with Rao-Blackwellized particle filters", 2007). A particle is then a hypothesis:
+a pose, a map drawn from the poses before it, and a weight that says how well its scans have fitted its own map.
+
+Hypotheses with one map are a family, and are processed together: one search, one alignment. Where walls fix the pose in
+every direction they are then at one pose, and go on as one hypothesis with the sum of their weights. Where walls leave
+a direction open, each draws its own pose along it, and gets a map of its own when the next scan is drawn. So the cost
+follows the number of hypotheses that differ.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
 from math import inf
 from typing import Annotated, Any
 
@@ -18,11 +22,20 @@ import numpy as np
 
 from pfslam.events import ScanEvent
 from pfslam.grid import OccupancyGrid
-from pfslam.particles import MAX_PARTICLES, RESAMPLERS, Particles, effective_sample_size, reweight
-from pfslam.poses import compose
+from pfslam.particles import (
+    MAX_PARTICLES,
+    RESAMPLERS,
+    Particles,
+    effective_sample_size,
+    log_sum_exp,
+    reweight,
+)
+from pfslam.poses import average_pose, compose, wrap_angle
 from pfslam.refined.events import RefinedEvent
 from pfslam.refined.filling import filled
+from pfslam.refined.lines import MAX_STEP
 from pfslam.refined.map import Prior, RefinedMap
+from pfslam.refined.noise import predicted
 from pfslam.refined.step import RefinedBelief, RefinedConfig, RefinedStep, refined_step
 from pfslam.settings import Range
 
@@ -39,8 +52,9 @@ class PerParticleConfig(RefinedConfig):
     draw_radians: Distance = 0.1
 
     def start(self) -> Histories:  # type: ignore[override]
-        """Make the hypotheses before the first scan."""
-        return Histories.start(self)
+        """Make the hypotheses before the first scan: one family with an empty map."""
+        family = Family.start(self)
+        return Histories((family,), family)
 
     def step(self, belief: Any, event: Any, rng: np.random.Generator) -> tuple[Any, RefinedStep]:
         """Process one scan: ``per_particle_step``."""
@@ -52,43 +66,84 @@ class PerParticleConfig(RefinedConfig):
 
 
 @dataclass(frozen=True, eq=False)
-class Hypothesis(RefinedBelief):
-    """One particle with its own map. What odometry says of it is its own prediction, noise and all.
+class Family(RefinedBelief):
+    """Hypotheses that share a map: ``particles`` are their poses, and their weights among one another.
 
-    Along a direction in which walls say nothing, and where there are no scans, the hypotheses therefore differ.
+    ``log_weight`` is that of them all. The estimate is their mean, noise and all: along a direction in which walls say
+    nothing, a family of one stays where its own noise has led it.
     """
 
+    log_weight: float = 0.0
+
     def predict(self, event: ScanEvent, config: RefinedConfig, rng: np.random.Generator) -> Prior:
-        """Move the particle by the motion of an event, with noise of its own."""
+        """Move every hypothesis by the motion of an event. With lines its noise waits for the scan: see ``spread``."""
         prior = super().predict(event, config, rng)
-        return replace(prior, pose=prior.particles.poses[0])
+        particles = prior.particles
+        if config.lines is not None:
+            particles = Particles(compose(self.particles.poses, event.motion), self.particles.log_weights)
+        pose = average_pose(particles.poses, particles.weights)
+        return replace(prior, particles=particles, pose=pose)
+
+    def of(self, some: np.ndarray, pose: np.ndarray) -> Family:
+        """Return the hypotheses that ``some`` selects, by number or by a mask ``(N,)``, as a family at ``pose (3,)``."""
+        log_weights = self.particles.log_weights[some]
+        particles = Particles(self.particles.poses[some], log_weights)
+        log_weight = self.log_weight + log_sum_exp(log_weights)
+        return replace(self, particles=particles, estimate=pose, log_weight=log_weight)
+
+    def each(self) -> list[Family]:
+        """Return every hypothesis as a family of one."""
+        return [self.of(np.array([k]), pose) for k, pose in enumerate(self.particles.poses)]
+
+    def apart(self) -> list[Family]:
+        """Return a family for every pose that differs from the others, in their order."""
+        poses, first, which = np.unique(self.particles.poses, axis=0, return_index=True, return_inverse=True)
+        return [self.of(which.reshape(-1) == k, poses[k]) for k in np.argsort(first)]
+
+    def spread(self, step: RefinedStep, noise: np.ndarray) -> Family | None:
+        """Draw a pose for every hypothesis about the aligned one, given the motion's ``noise (N, 3)``.
+
+        This is the improved proposal: a normal distribution that lines and odometry give together. Lines are sharp, so
+        it has a width along the silent direction only, and there it is the motion's. A scan that was not matched
+        leaves all of the noise.
+
+        None if some were matched farther from the estimate than one step of the alignment leads: what is best for the
+        family need not be best for each.
+        """
+        off, open_to_noise = self.particles.poses - self.estimate, np.zeros((3, 3))
+        off[:, 2] = wrap_angle(off[:, 2])
+        if not step.matched:
+            open_to_noise = np.eye(3)
+        elif step.silent_direction is not None:
+            open_to_noise[:2, :2] = np.outer(step.silent_direction, step.silent_direction)
+        if (np.abs(off - off @ open_to_noise) > MAX_STEP).any():
+            return None
+        poses = self.estimate + (off + noise) @ open_to_noise
+        poses[:, 2] = wrap_angle(poses[:, 2])
+        if not open_to_noise.any():
+            return replace(self, particles=Particles(poses, np.zeros(len(poses))))
+        particles = Particles(poses, self.particles.log_weights)
+        return replace(self, particles=particles, estimate=average_pose(poses, particles.weights))
 
 
 @dataclass(frozen=True, eq=False)
 class Histories:
-    """N hypotheses, their normalised ``log_weights (N,)``, and the heaviest of them before they were resampled.
+    """All hypotheses, in families; ``best`` is the heaviest family before they were resampled.
 
-    The map of ``best`` is the run's map, because maps cannot be averaged.
+    Its map is the run's map, because maps cannot be averaged.
     """
 
-    beliefs: tuple[RefinedBelief, ...]
-    log_weights: np.ndarray
-    best: RefinedBelief
-
-    @classmethod
-    def start(cls, config: PerParticleConfig) -> Histories:
-        """Make the hypotheses before the first scan: all alike, sharing one empty map."""
-        one = Hypothesis.start(replace(config, particles=1))
-        return cls((one,) * config.particles, np.full(config.particles, -np.log(config.particles)), one)
+    families: tuple[Family, ...]
+    best: Family
 
     @property
     def particles(self) -> Particles:
-        """The hypotheses' poses and weights."""
-        return Particles(np.array([belief.estimate for belief in self.beliefs]), self.log_weights)
+        """The hypotheses' poses and weights, family by family."""
+        return everyone(self.families)
 
     @property
     def map(self) -> RefinedMap:
-        """The map of the heaviest hypothesis."""
+        """The map of the heaviest family."""
         return self.best.map
 
     @property
@@ -100,60 +155,97 @@ class Histories:
 def per_particle_step(
     histories: Histories, event: RefinedEvent, config: PerParticleConfig, rng: np.random.Generator
 ) -> tuple[Histories, RefinedStep]:
-    """Take one scan for every hypothesis by itself, weigh each by its fit to its own map, and resample histories."""
-    # Until there is a map, the hypotheses do not differ: one step serves all, and each gets a copy of the map.
+    """Take one scan for every family by itself, weigh each by its fit to its own map, and resample hypotheses."""
     if histories.best.map.is_empty:
-        belief, step = refined_step(histories.best, event, config, rng)
-        everyone = np.zeros(len(histories.beliefs), dtype=int)
-        histories = Histories(offspring([belief], everyone), histories.log_weights, belief)
-        return histories, replace(step, particles=histories.particles)
-    undrawn = replace(config, particles=1, draw_metres=inf, draw_radians=inf)
-    taken = [refined_step(belief, event, undrawn, rng) for belief in histories.beliefs]
-    beliefs, steps = [belief for belief, _ in taken], [step for _, step in taken]
-    cloud = Particles(np.array([belief.estimate for belief in beliefs]), histories.log_weights)
-    cloud, evidence = reweight(cloud, np.array([step.log_evidence for step in steps]))
-    n_eff, heaviest = effective_sample_size(cloud.weights), int(np.argmax(cloud.log_weights))
-    odometry = compose(histories.beliefs[heaviest].estimate, event.motion)
-    few, ancestors, log_weights = n_eff <= config.resample_below * len(beliefs), None, cloud.log_weights
-    if few:
-        ancestors = RESAMPLERS[config.resampler](cloud.weights, rng)
-        log_weights = np.full(len(beliefs), -np.log(len(beliefs)))
+        family, step = refined_step(histories.best, event, config, rng)
+        return Histories((family,), family), step
+    taken = [pair for family in histories.families for pair in family_step(family, event, config, rng)]
+    families, steps = [family for family, _ in taken], [step for _, step in taken]
+    # GMapping's weights: each family's is multiplied by the mean likelihood of its samples.
+    tops = Particles(np.array([f.estimate for f in families]), np.array([f.log_weight for f in families]))
+    tops, evidence = reweight(tops, np.array([step.log_evidence for step in steps]))
+    families = [replace(f, log_weight=weight) for f, weight in zip(families, tops.log_weights, strict=True)]
+    cloud = everyone(families)
+    n_eff, heaviest = effective_sample_size(cloud.weights), int(np.argmax(tops.log_weights))
+    few = n_eff <= config.resample_below * len(cloud)
+    ancestors = RESAMPLERS[config.resampler](cloud.weights, rng) if few else None
     # Maps are written when all else is done, so that an error leaves every one as it was.
-    drawn = draw_each(beliefs, steps, event, config)
+    families = draw_each(families, steps, filled(event, config.beam_spacing))
     step = replace(
         steps[heaviest],
         particles=cloud,
         effective_sample_size=n_eff,
         log_evidence=evidence,
-        departure=cloud.poses[heaviest, :2] - odometry[:2],
         resampled=few,
-        drawn=drawn[heaviest],
     )
-    after = tuple(beliefs) if ancestors is None else offspring(beliefs, ancestors)
-    return Histories(after, log_weights, beliefs[heaviest]), step
+    after = families if ancestors is None else survivors(families, ancestors)
+    return Histories(tuple(after), families[heaviest]), step
 
 
-def draw_each(
-    beliefs: Sequence[RefinedBelief],
-    steps: Sequence[RefinedStep],
-    event: RefinedEvent,
-    config: PerParticleConfig,
-) -> list[bool]:
-    """Draw a scan into the map of every hypothesis that has moved enough, or into none; return who has drawn."""
-    event = filled(event, config.beam_spacing)
-    moved = [
-        step.matched and belief.map.has_moved(belief.estimate, config.draw_metres, config.draw_radians)
-        for belief, step in zip(beliefs, steps, strict=True)
+def family_step(
+    family: Family, event: RefinedEvent, config: PerParticleConfig, rng: np.random.Generator
+) -> list[tuple[Family, RefinedStep]]:
+    """Take one scan for the hypotheses of one map, and leave the map as it is.
+
+    If the scan is to be drawn, every pose gets a family of its own: their maps will differ.
+    """
+    undrawn = replace(config, draw_metres=inf, draw_radians=inf, resample_below=0.0)
+    after, step = refined_step(family, event, undrawn, rng)
+    if config.lines is not None and (step.aligned or not step.matched):
+        noisy, _ = predicted(family.particles, event, config.noise, rng)
+        spread = after.spread(step, noisy.poses - compose(family.particles.poses, event.motion))
+        if spread is None:
+            return [pair for one in family.each() for pair in family_step(one, event, config, rng)]
+        after = spread
+    draws = step.matched and after.map.has_moved(after.estimate, config.draw_metres, config.draw_radians)
+    odometry = compose(family.estimate, event.motion)
+    return [
+        (one, replace(step, estimate=one.estimate, departure=(one.estimate - odometry)[:2], drawn=draws))
+        for one in (after.apart() if draws else [after])
     ]
-    for belief in compress(beliefs, moved):
-        belief.map.check_room(event, belief.estimate)
-    for belief in compress(beliefs, moved):
-        belief.map.draw(event, belief.estimate, belief.covariance)
-    return moved
 
 
-def offspring(beliefs: Sequence[RefinedBelief], ancestors: np.ndarray) -> tuple[RefinedBelief, ...]:
-    """Return the beliefs with numbers ``ancestors (N,)``; no two of them share a map."""
-    first = set(np.unique(ancestors, return_index=True)[1].tolist())
-    chosen = [beliefs[k] for k in ancestors]
-    return tuple(b if k in first else replace(b, map=b.map.copy()) for k, b in enumerate(chosen))
+def draw_each(families: Sequence[Family], steps: Sequence[RefinedStep], event: RefinedEvent) -> list[Family]:
+    """Draw a scan into the map of every family whose step says so, or into none; return the families after it.
+
+    A map that others share is copied before.
+    """
+    for family, step in zip(families, steps, strict=True):
+        if step.drawn:
+            family.map.check_room(event, family.estimate)
+    owners, after, written = Counter(id(family.map) for family in families), [], []
+    try:
+        for family, step in zip(families, steps, strict=True):
+            if step.drawn and owners[id(family.map)] > 1:
+                owners[id(family.map)] -= 1
+                family = replace(family, map=family.map.copy())
+            if step.drawn:
+                family.map.draw(event, family.estimate, family.covariance)
+                written.append(family.map)
+            after.append(family)
+    except BaseException:
+        for drawn in written:
+            drawn.undo()
+        raise
+    return after
+
+
+def survivors(families: Sequence[Family], ancestors: np.ndarray) -> list[Family]:
+    """Return the families of the hypotheses with numbers ``ancestors (N,)``, counted family by family."""
+    ends = np.cumsum([len(family.particles) for family in families])
+    owner, after = np.searchsorted(ends, ancestors, side="right"), []
+    for k in np.unique(owner):
+        own = ancestors[owner == k] - ends[k] + len(families[k].particles)
+        particles = Particles(families[k].particles.poses[own], np.zeros(len(own)))
+        estimate = average_pose(particles.poses, particles.weights)
+        log_weight = float(np.log(len(own) / len(ancestors)))
+        after.append(replace(families[k], particles=particles, estimate=estimate, log_weight=log_weight))
+    return after
+
+
+def everyone(families: Sequence[Family]) -> Particles:
+    """Return the poses and weights of all hypotheses, family by family."""
+    return Particles(
+        np.vstack([family.particles.poses for family in families]),
+        np.concatenate([family.log_weight + family.particles.log_weights for family in families]),
+    )
