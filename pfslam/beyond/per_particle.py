@@ -12,7 +12,6 @@ follows the number of hypotheses that differ.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
@@ -22,19 +21,12 @@ import numpy as np
 
 from pfslam.events import ScanEvent
 from pfslam.grid import OccupancyGrid
-from pfslam.particles import (
-    MAX_PARTICLES,
-    RESAMPLERS,
-    Particles,
-    effective_sample_size,
-    log_sum_exp,
-    reweight,
-)
+from pfslam.particles import MAX_PARTICLES, RESAMPLERS, Particles, effective_sample_size, reweight
 from pfslam.poses import average_pose, compose, wrap_angle
 from pfslam.refined.events import RefinedEvent
 from pfslam.refined.filling import filled
 from pfslam.refined.lines import MAX_STEP
-from pfslam.refined.map import Prior, RefinedMap
+from pfslam.refined.map import Prior
 from pfslam.refined.noise import predicted
 from pfslam.refined.step import RefinedBelief, RefinedConfig, RefinedStep, refined_step
 from pfslam.settings import Range
@@ -84,21 +76,12 @@ class Family(RefinedBelief):
         pose = average_pose(particles.poses, particles.weights)
         return replace(prior, particles=particles, pose=pose)
 
-    def of(self, some: np.ndarray, pose: np.ndarray) -> Family:
-        """Return the hypotheses that ``some`` selects, by number or by a mask ``(N,)``, as a family at ``pose (3,)``."""
-        log_weights = self.particles.log_weights[some]
-        particles = Particles(self.particles.poses[some], log_weights)
-        log_weight = self.log_weight + log_sum_exp(log_weights)
-        return replace(self, particles=particles, estimate=pose, log_weight=log_weight)
-
     def each(self) -> list[Family]:
         """Return every hypothesis as a family of one."""
-        return [self.of(np.array([k]), pose) for k, pose in enumerate(self.particles.poses)]
-
-    def apart(self) -> list[Family]:
-        """Return a family for every pose that differs from the others, in their order."""
-        poses, first, which = np.unique(self.particles.poses, axis=0, return_index=True, return_inverse=True)
-        return [self.of(which.reshape(-1) == k, poses[k]) for k in np.argsort(first)]
+        return [
+            replace(self, particles=Particles.at(pose, 1), estimate=pose, log_weight=self.log_weight + weight)
+            for pose, weight in zip(self.particles.poses, self.particles.log_weights, strict=True)
+        ]
 
     def spread(self, step: RefinedStep, noise: np.ndarray) -> Family | None:
         """Draw a pose for every hypothesis about the aligned one, given the motion's ``noise (N, 3)``.
@@ -120,10 +103,16 @@ class Family(RefinedBelief):
             return None
         poses = self.estimate + (off + noise) @ open_to_noise
         poses[:, 2] = wrap_angle(poses[:, 2])
-        if not open_to_noise.any():
-            return replace(self, particles=Particles(poses, np.zeros(len(poses))))
-        particles = Particles(poses, self.particles.log_weights)
+        # At one pose they are one hypothesis: how its weight is shared out does not matter.
+        log_weights = self.particles.log_weights if open_to_noise.any() else np.zeros(len(poses))
+        particles = Particles(poses, log_weights)
         return replace(self, particles=particles, estimate=average_pose(poses, particles.weights))
+
+    def drawing(self, event: RefinedEvent) -> Family:
+        """Return the family with a scan drawn into a copy of the map, which others may share."""
+        drawn = self.map.copy()
+        drawn.draw(event, self.estimate, self.covariance)
+        return replace(self, map=drawn)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,17 +128,15 @@ class Histories:
     @property
     def particles(self) -> Particles:
         """The hypotheses' poses and weights, family by family."""
-        return everyone(self.families)
-
-    @property
-    def map(self) -> RefinedMap:
-        """The map of the heaviest family."""
-        return self.best.map
+        return Particles(
+            np.vstack([family.particles.poses for family in self.families]),
+            np.concatenate([family.log_weight + family.particles.log_weights for family in self.families]),
+        )
 
     @property
     def grid(self) -> OccupancyGrid:
-        """The occupancy grid of that map."""
-        return self.map.grid
+        """The occupancy grid of the heaviest family."""
+        return self.best.grid
 
 
 def per_particle_step(
@@ -157,29 +144,26 @@ def per_particle_step(
 ) -> tuple[Histories, RefinedStep]:
     """Take one scan for every family by itself, weigh each by its fit to its own map, and resample hypotheses."""
     if histories.best.map.is_empty:
-        family, step = refined_step(histories.best, event, config, rng)
-        return Histories((family,), family), step
+        first: tuple[Any, RefinedStep] = refined_step(histories.best, event, config, rng)
+        return Histories(first[:1], first[0]), first[1]
     taken = [pair for family in histories.families for pair in family_step(family, event, config, rng)]
     families, steps = [family for family, _ in taken], [step for _, step in taken]
     # GMapping's weights: each family's is multiplied by the mean likelihood of its samples.
     tops = Particles(np.array([f.estimate for f in families]), np.array([f.log_weight for f in families]))
     tops, evidence = reweight(tops, np.array([step.log_evidence for step in steps]))
-    families = [replace(f, log_weight=weight) for f, weight in zip(families, tops.log_weights, strict=True)]
-    cloud = everyone(families)
-    n_eff, heaviest = effective_sample_size(cloud.weights), int(np.argmax(tops.log_weights))
-    few = n_eff <= config.resample_below * len(cloud)
-    ancestors = RESAMPLERS[config.resampler](cloud.weights, rng) if few else None
-    # Maps are written when all else is done, so that an error leaves every one as it was.
-    families = draw_each(families, steps, filled(event, config.beam_spacing))
-    step = replace(
-        steps[heaviest],
-        particles=cloud,
-        effective_sample_size=n_eff,
-        log_evidence=evidence,
-        resampled=few,
-    )
-    after = families if ancestors is None else survivors(families, ancestors)
-    return Histories(tuple(after), families[heaviest]), step
+    heaviest, drawn = int(np.argmax(tops.log_weights)), filled(event, config.beam_spacing)
+    families = [
+        replace(family.drawing(drawn) if step.drawn else family, log_weight=log_weight)
+        for family, step, log_weight in zip(families, steps, tops.log_weights, strict=True)
+    ]
+    histories = Histories(tuple(families), families[heaviest])
+    cloud = histories.particles
+    n_eff = effective_sample_size(cloud.weights)
+    step = replace(steps[heaviest], particles=cloud, effective_sample_size=n_eff, log_evidence=evidence)
+    if n_eff <= config.resample_below * len(cloud):
+        ancestors = RESAMPLERS[config.resampler](cloud.weights, rng)
+        return replace(histories, families=survivors(families, ancestors)), replace(step, resampled=True)
+    return histories, step
 
 
 def family_step(
@@ -190,6 +174,7 @@ def family_step(
     If the scan is to be drawn, every pose gets a family of its own: their maps will differ.
     """
     undrawn = replace(config, draw_metres=inf, draw_radians=inf, resample_below=0.0)
+    after: Any
     after, step = refined_step(family, event, undrawn, rng)
     if config.lines is not None and (step.aligned or not step.matched):
         noisy, _ = predicted(family.particles, event, config.noise, rng)
@@ -198,39 +183,15 @@ def family_step(
             return [pair for one in family.each() for pair in family_step(one, event, config, rng)]
         after = spread
     draws = step.matched and after.map.has_moved(after.estimate, config.draw_metres, config.draw_radians)
+    one_pose = (after.particles.poses == after.particles.poses[0]).all()
     odometry = compose(family.estimate, event.motion)
     return [
         (one, replace(step, estimate=one.estimate, departure=(one.estimate - odometry)[:2], drawn=draws))
-        for one in (after.apart() if draws else [after])
+        for one in (after.each() if draws and not one_pose else [after])
     ]
 
 
-def draw_each(families: Sequence[Family], steps: Sequence[RefinedStep], event: RefinedEvent) -> list[Family]:
-    """Draw a scan into the map of every family whose step says so, or into none; return the families after it.
-
-    A map that others share is copied before.
-    """
-    for family, step in zip(families, steps, strict=True):
-        if step.drawn:
-            family.map.check_room(event, family.estimate)
-    owners, after, written = Counter(id(family.map) for family in families), [], []
-    try:
-        for family, step in zip(families, steps, strict=True):
-            if step.drawn and owners[id(family.map)] > 1:
-                owners[id(family.map)] -= 1
-                family = replace(family, map=family.map.copy())
-            if step.drawn:
-                family.map.draw(event, family.estimate, family.covariance)
-                written.append(family.map)
-            after.append(family)
-    except BaseException:
-        for drawn in written:
-            drawn.undo()
-        raise
-    return after
-
-
-def survivors(families: Sequence[Family], ancestors: np.ndarray) -> list[Family]:
+def survivors(families: Sequence[Family], ancestors: np.ndarray) -> tuple[Family, ...]:
     """Return the families of the hypotheses with numbers ``ancestors (N,)``, counted family by family."""
     ends = np.cumsum([len(family.particles) for family in families])
     owner, after = np.searchsorted(ends, ancestors, side="right"), []
@@ -240,12 +201,4 @@ def survivors(families: Sequence[Family], ancestors: np.ndarray) -> list[Family]
         estimate = average_pose(particles.poses, particles.weights)
         log_weight = float(np.log(len(own) / len(ancestors)))
         after.append(replace(families[k], particles=particles, estimate=estimate, log_weight=log_weight))
-    return after
-
-
-def everyone(families: Sequence[Family]) -> Particles:
-    """Return the poses and weights of all hypotheses, family by family."""
-    return Particles(
-        np.vstack([family.particles.poses for family in families]),
-        np.concatenate([family.log_weight + family.particles.log_weights for family in families]),
-    )
+    return tuple(after)
