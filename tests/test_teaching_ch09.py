@@ -81,3 +81,17 @@ def test_pairs_that_do_not_differ_are_called_the_same_runs():
     errors = np.linspace(0.1, 0.2, 8)
     assert paired(errors, errors)[1] == "the same runs"
     assert paired(errors, errors - 0.05) == ("-5.0", "-5.0 to -5.0", "8")
+
+
+def test_the_graph_is_decided_in_rings_and_private_maps_are_where_the_page_says_so():
+    for percent in (3, 6):
+        for column in ("ate_rmse_m", "return_m"):
+            assert ch09.nearer("scan matching, loops closed", "ring", percent, column) == 6
+    found = {}
+    for method, percent in (("own maps, 10", 3), ("own maps, 30", 3), ("own maps, 10", 6)):
+        for place in ("corridor", "ring"):
+            for column in ("ate_rmse_m", "return_m"):
+                found[method, percent, place, column] = ch09.nearer(method, place, percent, column)
+    assert len(found) == 12
+    decided = {key for key, wins in found.items() if wins in (0, 6)}
+    assert decided == {("own maps, 10", 6, "corridor", "ate_rmse_m")}
