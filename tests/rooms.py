@@ -3,6 +3,8 @@
 Nothing here calls the code under test, except to pack the numbers into a ``Recording``.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from pfslam.poses import Trajectory
@@ -120,3 +122,9 @@ def drive(legs, walls=ROOM, lidar=LIDAR, epoch=0.0, name="by hand"):
 SQUARE = [(2.0, 12, 0.0), (2.0, 0, np.pi / 4), (1.0, 12, 0.0), (2.0, 0, np.pi / 4), (2.0, 12, 0.0)]
 """Lines and turns on the spot, 0.48 m/s and 45 degrees a second: here Euler steps are exact. It ends facing back."""
 CURVES = [(1.0, 10, 0.0), (2.0, 10, 0.8), (1.5, 8, -0.6), (1.0, 10, 0.0)]
+
+
+def bare_corridor():
+    """A drive along two long walls, of which a scanner that sees six metres sees no end."""
+    walls = np.array([[-60.0, -1.03, 60.0, -1.03], [-60.0, 1.02, 60.0, 1.02]])
+    return drive([(2.0, 12, 0.0)], walls, replace(LIDAR, range_max=6.0))

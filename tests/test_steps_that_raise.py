@@ -6,14 +6,14 @@ from pkgutil import resolve_name
 
 import numpy as np
 import pytest
-from rooms import CURVES, drive
+from rooms import CURVES, bare_corridor, drive
 
 from pfslam.errors import DataError
 from pfslam.refined.map import RefinedMap
 from pfslam.refined.step import RefinedConfig
 from pfslam.slam import SlamConfig
 
-ROOM = drive(CURVES)
+ROOM, CORRIDOR = drive(CURVES), bare_corridor()
 ALWAYS = {"draw_metres": 0.0, "draw_radians": 0.0, "resample_below": 1.0}
 REPORT = replace(SlamConfig.report(), particles=6, resample_below=1.0)
 REFINED = replace(SlamConfig.refined(), particles=6, **ALWAYS)
@@ -32,9 +32,9 @@ class Broken(Exception):
 
 
 def after(method, scans):
-    """The belief after so many scans of the room, and the event that follows."""
+    """The belief after so many scans, and the event that follows, where hypotheses differ if there are any."""
     config, rng = METHODS[method], np.random.default_rng(0)
-    events = list(config.used_scans(ROOM).events())
+    events = list(config.used_scans(CORRIDOR if method == "per-particle" else ROOM).events())
     belief = config.start()
     for event in events[:scans]:
         belief, _ = config.step(belief, event, rng)
@@ -54,11 +54,12 @@ def one_state(belief):
 
 
 def state(belief):
-    """The same, or that of every hypothesis and of the best."""
-    if not hasattr(belief, "beliefs"):
+    """The same, or that of every family and of the best."""
+    if not hasattr(belief, "families"):
         return one_state(belief)
-    every = [part for one in (*belief.beliefs, belief.best) for part in one_state(one)]
-    return [*every, belief.log_weights.copy(), len({id(one.map) for one in belief.beliefs})]
+    every = [part for one in (*belief.families, belief.best) for part in one_state(one)]
+    weights = [one.log_weight for one in belief.families]
+    return [*every, weights, len({id(one.map) for one in belief.families})]
 
 
 def assert_same(found, expected):
@@ -110,8 +111,10 @@ PLACES = {
         "refined.map.match",
         "refined.map.align_to_lines",
         "refined.step.reweight",
-        "map.Map.check_room",
+        "refined.map.RefinedMap.copy",
+        "refined.map.RefinedMap.draw",
         "beyond.per_particle.reweight",
+        "beyond.per_particle.effective_sample_size",
     ],
 }
 

@@ -77,13 +77,14 @@ class Fix:
     """One pose for the whole cloud: ``pose (3,)``, ``covariance (3, 3)`` or None, and the silent direction.
 
     Along ``silent_direction (2,)`` no line says anything; None where all directions are constrained. ``score`` is the
-    mean score per beam there.
+    mean score per beam there. ``aligned`` is False where too few beams lay on lines, or none were looked for.
     """
 
     pose: np.ndarray
     covariance: np.ndarray | None = None
     silent_direction: np.ndarray | None = None
     score: float = 0.0
+    aligned: bool = False
 
 
 class RefinedMap(Map):
@@ -166,7 +167,8 @@ class RefinedMap(Map):
             return Fix(pose, score=self.score(event, pose))
         points = event.points_b[::BEAM_STRIDE]
         fit = align_to_lines(self.moments, points, pose, prior.pose, self.lines, prior.variance)
-        return Fix(fit.pose, self._covariance(fit, prior), fit.silent_direction, self.score(event, fit.pose))
+        score, covariance = self.score(event, fit.pose), self._covariance(fit, prior)
+        return Fix(fit.pose, covariance, fit.silent_direction, score, fit.fit is not None)
 
     def _covariance(self, found: Alignment, prior: Prior) -> np.ndarray | None:
         predicted = prior.covariance(found.pose)

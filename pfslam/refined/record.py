@@ -25,6 +25,8 @@ class RefinedStep(Step):
     rejected: bool = False
     aligned_score: float = 0.0
     """The score at the estimate: where odometry is far off, lines lead it to where no particle has searched."""
+    aligned: bool = False
+    """Whether lines of the map have moved the estimate."""
     silent_direction: np.ndarray | None = None
     """The direction ``(2,)`` along which no line constrained the pose, None where there was none."""
     departure: np.ndarray = field(default_factory=lambda: np.zeros(2))
@@ -92,6 +94,7 @@ class RefinedStep(Step):
             log_evidence=log_evidence,
             struck_floor=event.struck_floor,
             aligned_score=fix.score,
+            aligned=fix.aligned,
             silent_direction=fix.silent_direction,
             departure=fix.pose[:2] - prior.pose[:2],
             unexplained=map.unexplained(event, fix.pose),

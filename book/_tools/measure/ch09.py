@@ -1,22 +1,29 @@
-"""Chapter 09: what scoring on a lattice costs the report's filter."""
+"""Chapter 09: what scoring on a lattice costs the report's filter, and where private maps win."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
+from pfslam_book.ch10.building import SCANS_PER_SECOND, driven, world_of
 from pfslam_book.show.faults import with_fault
 
 from measure import cases
+from pfslam.beyond.loops.closing import close_loops
 from pfslam.correlation import Match, best_perturbations
-from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.evaluation.trajectory import aligned_at_first, rms, trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.io.datasets import load
 from pfslam.particles import Particles
-from pfslam.run import run_slam
+from pfslam.poses import Trajectory
+from pfslam.recording import Recording
+from pfslam.run import run_slam, slam_steps
 from pfslam.search.lattice import Lattice
+from pfslam.simulator import simulate
+from pfslam.simulator.config import RING
 from pfslam.slam import SlamConfig
 from pfslam.study import Case, Study
 from pfslam.study.disturbances import first_seconds
@@ -49,11 +56,115 @@ def scored(case: Case) -> dict[str, Any]:
     return {"ate_rmse_m": trajectory_error(path, recording.true_path()).ate_rmse_m}
 
 
+def on_floors(recording: Recording, percent: float) -> Recording:
+    """The same drive on three floors: the wheels count so much too much, then too little, then half of it too much."""
+    encoders, share = recording.encoders, percent / 100.0
+    third = 3 * np.arange(len(encoders.t)) // len(encoders.t)
+    factor = np.array([1.0 + share, 1.0 - share, 1.0 + share / 2])[third]
+    rolled = np.rint(np.cumsum(encoders.counts * factor[:, None], axis=0))
+    counts = np.diff(rolled, axis=0, prepend=0.0).astype(encoders.counts.dtype)
+    return replace(recording, encoders=replace(encoders, counts=counts))
+
+
+@lru_cache(maxsize=1)
+def drive(place: str, percent: float, seed: int) -> Recording:
+    """Once round a ring of corridors, or along a corridor of 70 m and back, on three floors."""
+    if place == "ring":
+        slip = replace(RING.slip, true_metres_per_count=RING.slip.true_metres_per_count * 1.02)
+        ring = replace(simulate(replace(RING, slip=slip), seed).recording, camera=None)
+        return on_floors(ring, percent)
+    rng = np.random.default_rng(seed)
+    doors = [(x, -1.15, x + 0.9, 1.15) for x in [*rng.uniform(2.0, 9.0, 2), rng.uniform(58.0, 66.0)]]
+    lap = [(2.0, -0.2), (35.0, -0.3), (68.0, -0.2), (68.4, 0.2), (35.0, 0.3), (1.6, 0.2)]
+    world = world_of(np.array([(0.0, -1.0, 70.0, 1.0), *doors]), np.array(lap))
+    return on_floors(driven(world, seed), percent)
+
+
+def as_driven_and_as_told(recording: Recording, config: Any, seed: int) -> tuple[Trajectory, Trajectory]:
+    """The path as it was told scan by scan, and the path of the particle that is heaviest at the end."""
+    told, clouds, parents = [], [], []
+    for belief, step in slam_steps(recording, config, np.random.default_rng(seed)):
+        before, after = step.particles.poses, belief.particles.poses
+        told.append((step.t, step.estimate))
+        clouds.append(before)
+        same = (after[:, None] == before).all(axis=2)
+        parents.append(same.argmax(axis=1) if step.resampled else np.arange(len(before)))
+        heaviest = int(np.argmax(step.particles.log_weights))
+    t, path = np.array([at for at, _ in told]), [clouds[-1][heaviest]]
+    for parent, cloud in zip(parents[-2::-1], clouds[-2::-1], strict=True):
+        heaviest = parent[heaviest]
+        path.append(cloud[heaviest])
+    return Trajectory(t, np.array([pose for _, pose in told])), Trajectory(t, np.array(path[::-1]))
+
+
+def at_the_return(case: Case) -> dict[str, Any]:
+    """Measure a path as told, and where it ends, back at the start; ``path_rmse_m`` is that of the path known then.
+
+    That path is the heaviest history of private maps, and the revised one of a graph.
+    """
+    place, method, n = case.get("place"), case.get("method"), case.get("particles")
+    recording = drive(place, case.get("percent"), case.get("building"))
+    every = 80 if place == "ring" else 2 * SCANS_PER_SECOND
+    preset = {"shared": SlamConfig.refined, "private": SlamConfig.per_particle}.get(
+        method, SlamConfig.matching
+    )
+    config = replace(preset(), particles=n, every=every, draw_metres=0.2, draw_radians=0.1)
+    if method == "private":
+        told, known = as_driven_and_as_told(recording, config, 0)
+    else:
+        result = run_slam(recording, config, rng=np.random.default_rng(0), keep_particles=False)
+        told = known = result.trajectory
+        if method == "graph":
+            told = known = close_loops(recording, result).trajectory
+    pairs = (aligned_at_first(path, recording.true_path()) for path in (told, known))
+    off, off_known = (np.hypot(*(path - true)[:, :2].T) for path, true in pairs)
+    return {"ate_rmse_m": rms(off), "return_m": float(off[-1]), "path_rmse_m": rms(off_known)}
+
+
+COMPARED = {
+    "scan matching": ("matching", 1),
+    "scan matching, loops closed": ("graph", 1),
+    "shared map, 30": ("shared", 30),
+    "own maps, 10": ("private", 10),
+    "own maps, 30": ("private", 30),
+}
+
+
+def drives_by(place: str, percent: float, methods: int) -> tuple[Case, ...]:
+    """Six buildings by the first so many methods, building by building."""
+    return tuple(
+        Case(
+            label,
+            (
+                ("place", place),
+                ("percent", percent),
+                ("building", building),
+                ("method", method),
+                ("particles", n),
+            ),
+        )
+        for building in range(1, 7)
+        for label, (method, n) in list(COMPARED.items())[:methods]
+    )
+
+
+def private_maps() -> tuple[Case, ...]:
+    """Every drive; on floors that are 6 % off without the larger numbers of maps."""
+    drives = itertools.product((3.0, 6.0), ("corridor", "ring"))
+    return sum((drives_by(place, percent, 5 if percent == 3.0 else 4) for percent, place in drives), ())
+
+
 STUDIES = [
     Study(
         "ch09_lattice",
         "The report's filter, scored at the nearest nodes of a lattice and exactly at its particles.",
         cases("scoring", scoring=["lattice", "exact"], seed=range(12)),
         run=scored,
-    )
+    ),
+    Study(
+        "ch09_private",
+        "Long corridors and rings on floors where wheels count 3 or 6 % too much or too little: whose map closes them.",
+        private_maps(),
+        run=at_the_return,
+    ),
 ]

@@ -12,7 +12,9 @@ from pfslam_book.ch09.tables import (
     lattice_medians,
     median_interval,
     missed,
+    nearer,
     paired,
+    private_table,
     rungs,
     situation,
 )
@@ -36,4 +38,4 @@ __all__ = [
 ]
 __all__ += ["errors_by_label", "hard_comparisons", "hard_table", "is_decided", "kinds", "ladder"]
 __all__ += ["ladder_table", "lattice_medians", "line_step", "map_along", "median_interval", "missed"]
-__all__ += ["paired", "read_table", "rungs", "show_source", "situation"]
+__all__ += ["nearer", "paired", "private_table", "read_table", "rungs", "show_source", "situation"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import pairwise, product
 from math import comb
 from typing import Any
 
@@ -152,6 +152,26 @@ def missed(alignment: bool) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 # ---- kinds, and where the world moves
+
+
+def nearer(method: str, place: str, percent: int, column: str = "return_m") -> int:
+    """Count the buildings of six in which a method is nearer the truth than the shared map, on such floors."""
+    errors = errors_by_label(select(read_table("ch09_private"), place=place, percent=percent), column)
+    return int((errors[method] < errors["shared map, 30"]).sum())
+
+
+def private_table() -> Shown:
+    """Return how far off each method is along the drive and back at the start, and how often it beats a shared map."""
+    rows: list[tuple[str, ...]] = []
+    for percent, place in product((3, 6), ("corridor", "ring")):
+        table = select(read_table("ch09_private"), place=place, percent=percent)
+        drive, end = (errors_by_label(table, column) for column in (ERROR, "return_m"))
+        for label in drive:
+            better = (str(nearer(label, place, percent, column)) for column in (ERROR, "return_m"))
+            of_drive, of_end = better if label != "shared map, 30" else ("", "")
+            rows.append((f"{place}, {percent} %", label, cm(drive[label]), of_drive, cm(end[label]), of_end))
+    head = ("floors", "method", "drive [cm]", "better [of 6]", "return [cm]", "better [of 6]")
+    return Shown(head, rows, left=(1,))
 
 
 def kinds(study: str, alignment: bool) -> dict[str, np.ndarray]:
