@@ -97,16 +97,13 @@ REACH = np.array([2, 2, 2])
 
 def test_headings_on_both_sides_of_pi_are_two_boxes_even_if_one_side_holds_a_single_node():
     nodes = np.array([[0, 0, -628], [0, 0, 620], [1, 0, 621], [0, 1, 625], [0, 0, 626], [1, 1, 627]])
-    assert [list(part) for part in cheapest_boxes(nodes, REACH, 200)] == [[0], [1, 2, 3, 4, 5]]
+    assert [list(part) for part in cheapest_boxes(nodes, REACH)] == [[0], [1, 2, 3, 4, 5]]
 
 
-@given(
-    st.lists(st.tuples(*[st.integers(-300, 300)] * 3), min_size=1, max_size=40, unique=True),
-    st.integers(1, 2000),
-)
+@given(st.lists(st.tuples(*[st.integers(-300, 300)] * 3), min_size=1, max_size=40, unique=True))
 @settings(max_examples=50)
-def test_boxes_part_the_nodes(nodes, beams):
-    parts = cheapest_boxes(np.array(nodes), np.array([4, 4, 4]), beams)
+def test_boxes_part_the_nodes(nodes):
+    parts = cheapest_boxes(np.array(nodes), np.array([4, 4, 4]))
     assert sorted(np.concatenate(parts)) == list(range(len(nodes)))
 
 

@@ -89,10 +89,9 @@ def search(
     if lie_together(nodes, window.reach):
         boxes = [(np.arange(len(nodes)), volume_blocks)]
     else:
-        cells = distinct_cells(points_b, lattice.step_yaw * nodes[len(nodes) // 2, 2], spec)
         boxes = [
-            (part, volume_blocks if volume_is_cheaper(nodes[part], window.reach, cells) else window_scores)
-            for part in cheapest_boxes(nodes, window.reach, cells)
+            (part, volume_blocks if volume_is_cheaper(nodes[part], window.reach) else window_scores)
+            for part in cheapest_boxes(nodes, window.reach)
         ]
     for part, scored in boxes:
         row = np.full(len(nodes), -1)
@@ -100,11 +99,6 @@ def search(
         members = np.flatnonzero(row[node_of_particle] >= 0)
         blocks = scored(credit, spec, points_b, lattice, nodes[part], window)
         yield BoxScores(nodes[part], blocks, members, row[node_of_particle[members]])
-
-
-def distinct_cells(points_b: np.ndarray, yaw: float, spec: GridSpec) -> int:
-    """Count the different cells that points ``(M, 2)`` fall into when the body is turned by ``yaw`` (rad)."""
-    return len(np.unique(rotated_cells(points_b, np.array([yaw]), spec)[0], axis=0))
 
 
 def volume_blocks(
