@@ -127,24 +127,16 @@ def same_event(found, expected):
             np.testing.assert_array_equal(a, b, err_msg=name)
 
 
-@pytest.mark.parametrize("source", ["wheels and gyro", "poses"])
 @pytest.mark.parametrize("sweep", [0.0, -0.05])
-def test_an_odometer_fed_sample_by_sample_makes_the_events_of_the_drive_to_the_last_bit(source, sweep):
-    """Samples come in the order of their stamps, which jitter; a scan is asked for once they have passed it."""
-    recording = jittered(told(drive(LEGS), sweep))
-    if source == "poses":
-        start = compose(np.array([3.0, 4.0, 1.0]), recording.truth.poses)
-        recording = replace(recording, encoders=None, imu=None, odometry=Trajectory(recording.truth.t, start))
-        samples = [(t, Odometer.add_pose, pose) for t, pose in zip(recording.truth.t, start, strict=True)]
-    else:
-        wheels, imu = recording.encoders, recording.imu
-        rates = recording.robot.imu.yaw_rate(imu.angular_velocity)
-        samples = [(t, Odometer.add_counts, c) for t, c in zip(wheels.t, wheels.counts, strict=True)]
-        samples += [(t, Odometer.add_rate, w) for t, w in zip(imu.t, rates, strict=True)]
+def test_an_odometer_fed_pose_by_pose_makes_the_events_of_the_drive_to_the_last_bit(sweep):
+    """A scan is asked for as soon as the poses have passed it."""
+    recording = told(drive(LEGS), sweep)
+    start = compose(np.array([3.0, 4.0, 1.0]), recording.truth.poses)
+    recording = replace(recording, encoders=None, imu=None, odometry=Trajectory(recording.truth.t, start))
     whole, odometer = LevelledScans.of(recording, tilt=False), Odometer(recording.robot)
     waiting, compared = list(whole.events()), 0
-    for t, add, value in sorted(samples, key=lambda sample: sample[0]):
-        add(odometer, t, value)
+    for t, pose in zip(recording.truth.t, start, strict=True):
+        odometer.add_pose(t, pose)
         while waiting and odometer.covers(waiting[0].t):
             expected = waiting.pop(0)
             same_event(odometer.event(expected.t, recording.lidar.ranges[whole.scans[compared]]), expected)
@@ -169,19 +161,6 @@ def test_jumps_of_an_odometry_are_left_out_and_counted_and_the_odometer_leaves_t
     assert odometer.jumps == 2
     for i, expected in zip(whole.scans, whole.events(), strict=True):
         same_event(odometer.event(expected.t, recording.lidar.ranges[i]), expected)
-
-
-def jittered(recording):
-    """The recording with stamps that jitter by up to 4 ms; some fall together."""
-    rng = np.random.default_rng(0)
-
-    def shaken(stream):
-        return replace(stream, t=stream.t + np.rint(rng.uniform(-4, 4, len(stream.t))) * 1e-3)
-
-    counts = recording.encoders.counts.copy()
-    counts[0] = 7  # from before the drive
-    wheels = replace(shaken(recording.encoders), counts=counts)
-    return replace(recording, encoders=wheels, imu=shaken(recording.imu))
 
 
 def test_an_odometer_refuses_what_it_cannot_use():

@@ -25,7 +25,7 @@ from pfslam.refined.step import RefinedBelief, RefinedConfig
 from pfslam.sensors import LidarModel, RobotModel
 from pfslam.settings import changed, flat, plain, value_of
 
-FORMAT = b"pfslam belief 4"
+FORMAT = b"pfslam belief 5"
 """Changes with the layout, and the seal with it."""
 LAYERS = ("log_odds", "scores", "slots", "sums", "first", "drawn")
 STEPS = {f"step_{name}": name for name in COLUMNS}

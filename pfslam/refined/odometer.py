@@ -1,4 +1,4 @@
-"""Dead reckoning for a robot's own node, which gets its samples one at a time."""
+"""The odometry of a robot's own node, which gets its samples one at a time."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import numpy as np
 
 from pfslam.errors import DataError
 from pfslam.io.jumps import FASTEST, jumped, rejoined
-from pfslam.motion import Controls, motion_model
+from pfslam.motion import Controls
 from pfslam.poses import Trajectory, between
 from pfslam.refined.events import LEVEL, RefinedEvent, gone_on, levelled_event
 from pfslam.sensors import RobotModel
 
 
 class Odometer:
-    """Dead reckoning for a robot's own node: samples go in as they come, the event of a scan comes out.
+    """The odometry of a robot's own node: poses go in as they come, the event of a scan comes out.
 
-    Either wheel counts and yaw rates, or the poses of an odometry, each in the order of its stamps (s). The events are
-    those of ``LevelledScans`` over the whole recording, to the last bit, but for the lean of the body, which the node
-    may know and hands over. The first begins at its own scan, or at the first sample with ``from_odometry``.
+    Poses come in the order of their stamps (s). The events are those of ``LevelledScans`` over the whole recording, to
+    the last bit, but for the lean of the body, which the node may know and hands over. The first begins at its own
+    scan, or at the first sample with ``from_odometry``.
 
     >>> odometer = Odometer(RobotModel())
     >>> odometer.add_pose(10.0, [0.0, 0.0, 0.0])
@@ -36,9 +36,6 @@ class Odometer:
         self._first: np.ndarray | None = None
         self._last: np.ndarray | None = None
         self._speed = FASTEST
-        self._wheels: list[tuple[float, float]] = []  # stamp, distance since the first reading
-        self._waiting: list[tuple[float, float]] = []  # yaw rates whose stamps the wheels have not passed yet
-        self._travelled = self._start = self._distance = 0.0
         self._t: list[float] = []
         self._poses: list[np.ndarray] = []
         self._inputs: list[tuple[float, float]] = []  # speed and yaw rate up to each stamp but the first
@@ -55,7 +52,10 @@ class Odometer:
     def add_pose(self, t: float, pose) -> None:
         """Add a pose ``(3,)`` (m, m, rad) of the robot's own odometry, in whatever frame that has."""
         pose = np.asarray(pose, dtype=float)
-        self._check(t, pose, (3,), self._t)
+        if pose.shape != (3,) or not np.isfinite(pose).all() or not np.isfinite(t):
+            raise DataError("Odometer", "sample", f"{pose} at {t} s", "finite numbers of shape (3,)")
+        if self._t and t <= self._t[-1]:
+            raise DataError("Odometer", "stamp", f"{t!r} after {self._t[-1]!r}", "increasing times")
         if self._last is None or self._first is None:
             self._first = pose
         else:
@@ -68,25 +68,6 @@ class Odometer:
         self._last = pose
         self._t.append(t)
         self._poses.append(between(self._first, pose))
-
-    def add_counts(self, t: float, counts) -> None:
-        """Add a reading ``(4,)`` of the encoders: the counts of each wheel since the reading before."""
-        counts = np.asarray(counts, dtype=float)
-        self._check(t, counts, (4,), [stamp for stamp, _ in self._wheels[-1:]])
-        distance = counts.mean() * self.robot.encoders.metres_per_count
-        self._start = self._start if self._wheels else distance
-        self._travelled += distance
-        self._wheels.append((t, self._travelled - self._start))
-        while self._waiting and self._waiting[0][0] <= t:
-            self._turn(*self._waiting.pop(0))
-
-    def add_rate(self, t: float, yaw_rate: float) -> None:
-        """Add a yaw rate (rad/s) of the gyro, positive to the left; it stands for the time that ends at its stamp."""
-        self._check(t, np.asarray(yaw_rate), (), [stamp for stamp, _ in self._waiting[-1:]] or self._t)
-        if self._wheels and t <= self._wheels[-1][0]:
-            self._turn(t, yaw_rate)
-        else:
-            self._waiting.append((t, yaw_rate))
 
     def reaches(self, t: float) -> bool:
         """Whether samples go on to the last beam of a scan stamped ``t`` (s), so that its time has come."""
@@ -119,31 +100,7 @@ class Odometer:
         self._forget(t - 0.5 * abs(lidar.sweep))
         return made
 
-    def _turn(self, t: float, yaw_rate: float) -> None:
-        """Move to the stamp of a yaw rate that the wheels have passed."""
-        if t < self._wheels[0][0]:
-            return  # the wheels were not heard of yet
-        distance = float(np.interp(t, *np.array(self._wheels).T))
-        if not self._t:
-            self._poses.append(np.zeros(3))
-        else:
-            dt, before = t - self._t[-1], self._poses[-1]
-            speed = (distance - self._distance) / dt
-            step = motion_model(np.array([0.0, 0.0, before[2]]), speed, yaw_rate, dt)
-            self._poses.append(before + [step[0], step[1], yaw_rate * dt])
-            self._inputs.append((speed, yaw_rate))
-        self._t.append(t)
-        self._distance = distance
-
-    def _check(self, t: float, value: np.ndarray, shape: tuple, before: list[float]) -> None:
-        if value.shape != shape or not np.isfinite(value).all() or not np.isfinite(t):
-            raise DataError("Odometer", "sample", f"{value} at {t} s", f"finite numbers of shape {shape}")
-        if before and t <= before[-1]:
-            raise DataError("Odometer", "stamp", f"{t!r} after {before[-1]!r}", "increasing times")
-
     def _forget(self, t: float) -> None:
         """Drop what no later scan can ask for: all but one sample before time ``t``."""
         old = max(int(np.searchsorted(self._t, t, side="right")) - 1, 0)
         del self._t[:old], self._poses[:old], self._inputs[:old]
-        while len(self._wheels) > 2 and self._wheels[1][0] <= self._t[-1]:
-            self._wheels.pop(0)
