@@ -62,21 +62,17 @@ class Map:
             self.shrink_to(before)
             raise
 
-    def check_room(self, event: ScanEvent, pose: np.ndarray) -> None:
-        """Raise ``DataError`` if the map would grow too large to hold a scan seen from ``pose (3,)``."""
-        self._room_for(*self._seen(event, pose))
-
     def make_room(self, event: ScanEvent, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Grow to hold a scan; return its end points ``(M, 2)`` and the LiDAR's place ``(2,)`` in the world (m)."""
-        points_w, sensor_w = self._seen(event, pose)
+        seen = transform_points(pose, np.vstack([event.points_b, event.sensor_b]))
         if self.is_empty:
-            around = np.vstack([points_w, pose[:2]])
+            around = np.vstack([seen[:-1], pose[:2]])
             self.lay_out(GridSpec.around(around, self.config.resolution, margin=5.0))
-        spec = self._room_for(points_w, sensor_w)
+        spec = self.spec.covering(seen)
         if spec != self.spec:
             for canvas in self.canvases():  # one after the other: only one has its old block beside it
                 canvas.cover(spec)
-        return points_w, sensor_w[0]
+        return seen[:-1], seen[-1]
 
     def shrink_to(self, spec: GridSpec) -> None:
         """Go back to a former grid, which holds all that is drawn."""
@@ -85,9 +81,3 @@ class Map:
         else:
             for canvas in self.canvases():
                 canvas.cover(spec)
-
-    def _seen(self, event: ScanEvent, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return transform_points(pose, event.points_b), transform_points(pose, event.sensor_b[None])
-
-    def _room_for(self, points_w: np.ndarray, sensor_w: np.ndarray) -> GridSpec:
-        return self.spec.covering(np.concatenate([points_w, sensor_w]))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pfslam.evaluation.mounting import Estimate, fit_mounting
-from pfslam.poses import Trajectory, compose
+from pfslam.poses import Trajectory, between, compose
 from pfslam.recording import LidarScans, Recording
 from pfslam.sensors import LidarModel, RobotModel
 
@@ -119,6 +119,22 @@ def test_what_a_drive_does_not_show_has_a_large_error():
         found.turns.within(1.0, 0.2) is found.late.within(0.0, 0.02) is found.ahead.within(0.0, 0.15) is None
     )
     assert found.ways.within(1.0, 0.03) is found.yaw.within(0.0, 0.1) is True
+
+
+def test_a_robot_that_turns_at_one_rate_may_as_well_drift_at_that_rate():
+    """Even where its odometry has lost a step, which turning less and drifting more would explain."""
+    made = robot(0, noise=0.0)
+    t = made.odometry.t
+    circle = np.column_stack([np.sin(0.4 * t), 1.0 - np.cos(0.4 * t), 0.4 * t])
+    poses = compose(Trajectory(t, circle).at(made.lidar.t), [*PLACE, 0.0])
+    angles = np.linspace(-0.5 * VIEW, 0.5 * VIEW, 180)
+    lost = compose(circle[0], circle)
+    half = len(t) // 2
+    lost[half:] = compose(circle[half - 1], between(circle[half], circle[half:]))
+    for odometry in (circle, lost):
+        scans = LidarScans(made.lidar.t, cast(poses, angles).astype(np.float32))
+        found = fit_mounting(replace(made, odometry=Trajectory(t, odometry), lidar=scans))
+        assert found.turns.within(1.0, 0.2) is found.ways.within(1.0, 0.03) is None
 
 
 def test_a_number_is_wrong_beyond_the_tolerance_and_beyond_three_errors():

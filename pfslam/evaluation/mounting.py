@@ -85,7 +85,11 @@ def fit_mounting(recording: Recording) -> Mounting:
         drive = Drive.of(path, t[first[good]], t[second[good]])
         values = drive.start(moves[good]) if not len(errors) else values
         values, errors = drive.fit(values, moves[good], covariance[good])
-    if np.abs(drive.odometry(0.0)[1]).max() < NO_TURN:  # the factor is 0 where only the scans turn
+    turn = drive.odometry(0.0)[1]
+    otherwise = np.abs(turn - np.median(turn)) > NO_TURN
+    if np.abs(np.median(turn)) > NO_TURN and np.count_nonzero(otherwise) < LEAST_PAIRS:
+        return nothing  # a robot that always turns at one rate may as well drift at that rate
+    if np.abs(turn).max() < NO_TURN:  # the factor is 0 where only the scans turn
         turned = np.count_nonzero(np.abs(moves[good, 2]) > 2.0 * NO_TURN) >= LEAST_PAIRS
         values[0], errors[[0, 2]] = 0.0, (0.0 if turned else np.inf, np.inf)
     sway = drive.sway(values, moves[good])

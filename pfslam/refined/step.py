@@ -67,7 +67,8 @@ def refined_step(
         belief.map.draw(event, fix.pose, fix.covariance)
         step = replace(step, drawn=True)
     # The scan has fixed the pose, so the uncertainty of the motion starts again from zero.
-    return belief.at(fix.pose, particles, np.zeros(2), fix.covariance, prior), step
+    fixed = {"particles": particles, "variance": np.zeros(2), "covariance": fix.covariance}
+    return belief.after(prior, fix.pose, **fixed), step
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,26 +112,12 @@ class RefinedBelief(Belief):
         if inherited is not None:
             inherited = predicted_covariance(inherited, self.estimate, pose, np.zeros(2))
         step = RefinedStep.coasted(event, pose, prior.particles, prior.covariance(pose), rejected=rejected)
-        return self.at(pose, prior.particles, prior.variance, inherited, prior), step
+        state = {"particles": prior.particles, "variance": prior.variance, "covariance": inherited}
+        return self.after(prior, pose, **state), step
 
-    def at(
-        self,
-        pose: np.ndarray,
-        particles: Particles,
-        variance: np.ndarray,
-        covariance: np.ndarray | None,
-        prior: Prior,
-    ) -> Self:
-        """Return the belief after a scan."""
-        corrected = prior.corrected_by(pose)
-        return replace(
-            self,
-            estimate=pose,
-            particles=particles,
-            variance=variance,
-            covariance=covariance,
-            corrected=corrected,
-        )
+    def after(self, prior: Prior, pose: np.ndarray, **state: Any) -> Self:
+        """Return the belief after a scan that left the estimate at ``pose (3,)``, with what else has changed."""
+        return replace(self, estimate=pose, corrected=prior.corrected_by(pose), **state)
 
 
 def begin(
