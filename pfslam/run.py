@@ -136,5 +136,5 @@ def one_run(
     grid: Any = None
     for belief, info in progress(steps, total=len(scans)) if progress else steps:
         infos.append(info if keep_particles else replace(info, particles=None))
-        grid = belief.grid
+        grid = belief.map.grid
     return kind.of(infos, grid, scans.dropped, config)

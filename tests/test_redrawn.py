@@ -86,3 +86,8 @@ def test_walls_between_coarse_beams_and_people_who_left_are_drawn_as_the_run_did
         recording("people"), replace(walked, config=replace(robust, outliers=None)), walked.trajectory.poses
     )
     assert (ghosts.log_odds != walked.grid.log_odds).any()
+
+
+def test_with_a_map_for_each_particle_that_of_the_run_is_drawn_again():
+    """In a room the walls fix the pose, so all hypotheses are one, whose path is the run's."""
+    assert_redrawn("room", replace(SlamConfig.per_particle(), particles=4))

@@ -20,13 +20,12 @@ from typing import Annotated, Any
 import numpy as np
 
 from pfslam.events import ScanEvent
-from pfslam.grid import OccupancyGrid
 from pfslam.particles import MAX_PARTICLES, RESAMPLERS, Particles, effective_sample_size, reweight
 from pfslam.poses import average_pose, compose, wrap_angle
 from pfslam.refined.events import RefinedEvent
 from pfslam.refined.filling import filled
 from pfslam.refined.lines import MAX_STEP
-from pfslam.refined.map import Prior
+from pfslam.refined.map import Prior, RefinedMap
 from pfslam.refined.noise import predicted
 from pfslam.refined.step import RefinedBelief, RefinedConfig, RefinedStep, refined_step
 from pfslam.settings import Range
@@ -134,9 +133,9 @@ class Histories:
         )
 
     @property
-    def grid(self) -> OccupancyGrid:
-        """The occupancy grid of the heaviest family."""
-        return self.best.grid
+    def map(self) -> RefinedMap:
+        """The map of the heaviest family."""
+        return self.best.map
 
 
 def per_particle_step(

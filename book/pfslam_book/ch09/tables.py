@@ -169,7 +169,9 @@ def private_table() -> Shown:
         for label in drive:
             better = (str(nearer(label, place, percent, column)) for column in (ERROR, "return_m"))
             of_drive, of_end = better if label != "shared map, 30" else ("", "")
-            rows.append((f"{place}, {percent}\u00a0%", label, cm(drive[label]), of_drive, cm(end[label]), of_end))
+            rows.append(
+                (f"{place}, {percent}\u00a0%", label, cm(drive[label]), of_drive, cm(end[label]), of_end)
+            )
     head = ("floors", "method", "drive [cm]", "better [of 6]", "return [cm]", "better [of 6]")
     return Shown(head, rows, left=(1,))
 
