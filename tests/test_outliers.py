@@ -105,7 +105,7 @@ def test_a_beam_is_left_out_if_the_map_is_sure_that_nothing_is_there():
     grid = OccupancyGrid.empty(SPEC)
     for _ in range(CONFIG.free_scans):
         integrate_scan(grid, *room_and_person(4.0), SENSOR, MAP)
-    field = score_field(grid.occupied, "distance")
+    field = score_field(grid.occupied)
     ends = np.array([[2.0, 0.0], [3.9, 0.0], [5.0, 0.0], [100.0, 0.0]])  # free, by the wall, unknown, outside
     assert inliers(grid, field, ends, MAP.free, CONFIG).tolist() == [False, True, True, True]
     surer = replace(CONFIG, free_scans=CONFIG.free_scans + 1)

@@ -31,7 +31,7 @@ def layers(map):
     """All that a map holds, as arrays of their own."""
     held = (
         map.grid.log_odds,
-        map.field.values,
+        map.field,
         map.moments.sums,
         map.moments.slots.values,
         np.array(map.drawn),

@@ -164,7 +164,7 @@ def test_settings_are_values():
         assert hash(config) == hash(replace(config))
 
 
-PLAIN = RefinedConfig.of(SlamConfig.report())
+PLAIN = replace(RefinedConfig.of(SlamConfig.report()), search=SearchConfig(cells=(4, 4)))
 
 
 def test_dotted_and_nested_names_change_the_same_fields():

@@ -99,12 +99,12 @@ def test_a_map_that_is_copied_is_drawn_into_by_nobody_else():
     drawn = RefinedConfig(outliers=OutlierConfig()).start().map
     drawn.draw(event_at((0.0, 0.0, 0.0)), np.zeros(3), np.eye(3))
     kept = drawn.copy()
-    before = kept.grid.log_odds.copy(), kept.field.values.copy(), kept.moments.sums.copy(), len(kept.drawn)
+    before = kept.grid.log_odds.copy(), kept.field.copy(), kept.moments.sums.copy(), len(kept.drawn)
     drawn.draw(event_at((0.3, 0.0, 0.0)), np.array([0.3, 0.0, 0.0]), np.eye(3))
     assert isinstance(kept, RefinedMap)
     assert not np.array_equal(drawn.grid.log_odds, before[0])
     for found, expected in zip(
-        (kept.grid.log_odds, kept.field.values, kept.moments.sums, len(kept.drawn)), before, strict=True
+        (kept.grid.log_odds, kept.field, kept.moments.sums, len(kept.drawn)), before, strict=True
     ):
         np.testing.assert_array_equal(found, expected)
 

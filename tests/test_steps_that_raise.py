@@ -47,7 +47,7 @@ def one_state(belief):
     held = [belief.particles.poses, belief.particles.log_weights, belief.estimate]
     held += [drawn.spec.origin, drawn.spec.shape, drawn.is_empty, drawn.grid.log_odds]
     if isinstance(drawn, RefinedMap):
-        held += [belief.variance, belief.covariance, belief.corrected, drawn.field.values, drawn.drawn_at]
+        held += [belief.variance, belief.covariance, belief.corrected, drawn.field, drawn.drawn_at]
         held += [drawn.moments.sums, drawn.moments.first, drawn.moments.slots.values, np.array(drawn.drawn)]
         held += [part for scan in drawn.waiting for part in vars(scan).values()]
     return deepcopy(held)
@@ -106,7 +106,7 @@ PLACES = {
     ],
     "robust": ["refined.map.inliers", "refined.map.beyond_gate", "refined.map.RefinedMap.draw"],
     "matching": ["refined.map.match", "refined.map.aligned_covariance"],
-    "report, widened": ["refined.noise.predict", "refined.map.match"],
+    "report, widened": ["refined.noise.predict", "refined.map.best_perturbations"],
     "per-particle": [
         "refined.map.match",
         "refined.map.align_to_lines",

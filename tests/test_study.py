@@ -291,7 +291,7 @@ BAD = {
     "[common]\nseed = { count = 0 }": "seed: found",
     "[common]\nseed = { count = 99999999999 }": "a count from 1 to",
     "[common]\n'map.free' = { count = 3 }": "a count only for a key of whole numbers",
-    "[common]\nsearch.field = ['distance', 'blur']": "search.field: found 'blur', expected one of occupied, distance",
+    "[common]\nestimate = ['mean', 'middle']": "estimate: found 'middle', expected one of best, mean",
     "[common]\n'disturb.missing_beams' = 1.5": "disturb.missing_beams: found 1.5, expected a number from 0 to 1",
     "[common]\n'disturb.kidnap' = [nan, 1]": "disturb.kidnap: found [nan, 1], expected a list of 2",
     "[common]\n'disturb.blind' = 3": "disturb.blind: found 3, expected a list",

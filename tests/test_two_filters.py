@@ -12,6 +12,7 @@ from pfslam.errors import DataError
 from pfslam.io.selection import select
 from pfslam.particles import RESAMPLERS
 from pfslam.refined.lines import LineConfig
+from pfslam.refined.matching import SearchConfig
 from pfslam.refined.noise import MotionNoise
 from pfslam.refined.step import RefinedConfig, with_changes
 from pfslam.slam import SlamConfig
@@ -90,8 +91,7 @@ def test_a_change_of_its_own_settings_leaves_the_reports_class():
         ({"lines": True}, {"lines": LineConfig()}),
         ({"estimate": "mean", "particles": 3}, {"estimate": "mean", "particles": 3}),
         ({"noise": "MotionNoise"}, {"noise": MotionNoise()}),
-        ({"search.prior": True}, {"search": replace(RefinedConfig.of(REPORT).search, prior=True)}),
-        ({"search.cells": [4, 6]}, {"search": replace(RefinedConfig.of(REPORT).search, cells=(4, 6))}),
+        ({"search": "SearchConfig", "search.cells": [4, 6]}, {"search": SearchConfig(cells=(4, 6))}),
     ],
 )
 def test_a_change_of_a_foreign_setting_widens_them_and_leaves_the_rest(changes, expected):

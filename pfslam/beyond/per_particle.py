@@ -39,6 +39,7 @@ class PerParticleConfig(RefinedConfig):
     """The settings of the accurate filter with a map for each particle, drawn from that particle's own path."""
 
     particles: Count = 30
+    resample_below: Annotated[float, Range(0.0, 1.0)] = 0.5
     draw_metres: Distance = 0.2
     draw_radians: Distance = 0.1
 

@@ -25,7 +25,7 @@ from pfslam.refined.step import RefinedBelief, RefinedConfig
 from pfslam.sensors import LidarModel, RobotModel
 from pfslam.settings import changed, flat, plain, value_of
 
-FORMAT = b"pfslam belief 5"
+FORMAT = b"pfslam belief 6"
 """Changes with the layout, and the seal with it."""
 LAYERS = ("log_odds", "scores", "slots", "sums", "first", "drawn")
 STEPS = {f"step_{name}": name for name in COLUMNS}
@@ -54,7 +54,7 @@ def write_belief(
     }
     text = json.dumps(told, default=lambda value: value.tolist())
     moments, drawn = map.moments, np.reshape(map.drawn, (-1, 3, 3))
-    layers = map.grid.log_odds, map.field.values, moments.slots.values, moments.sums, moments.first, drawn
+    layers = map.grid.log_odds, map.field, moments.slots.values, moments.sums, moments.first, drawn
     arrays = {"told": np.frombuffer(text.encode(), dtype=np.uint8)} | dict(zip(LAYERS, layers, strict=True))
     arrays |= {key: steps.columns[name] for key, name in STEPS.items()}
     write_npz(path, **arrays, seal=_seal(arrays))
@@ -79,7 +79,7 @@ def read_belief(
     vars(particles).update(cloud)  # normalised a second time, weights may differ in the last bit
     origin, drawn_at, waiting = told["map"]
     spec = GridSpec(origin, config.map.resolution, data["log_odds"].shape)
-    map = RefinedMap(config.map, spec, config.search.field, config.lines, config.outliers)
+    map = RefinedMap(config.map, spec, config.lines, config.outliers)
     map._log_odds, map._scores, slots = (Canvas(spec, data[n].dtype, data[n]) for n in LAYERS[:3])
     map.moments.slots, map.moments.used = slots, len(data["first"])
     map.moments._sums, map.moments._first = data["sums"], data["first"]

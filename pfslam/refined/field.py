@@ -5,9 +5,6 @@ The accurate filter looks its scores up here. The report's own count needs no fi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import isqrt
-
 import cv2
 import numpy as np
 
@@ -16,46 +13,29 @@ FIELD_REACH = 4
 
 At that distance the credit is 1000 exp(-8) = 0.3, which rounds to 0.
 """
-
-CREDIT = {
-    "occupied": np.array([1.0]),
-    "distance": np.rint(1000.0 * np.exp(-0.5 * np.arange(FIELD_REACH**2 + 1))),
-}
-"""By kind of field: the score of an end point at squared distance 0, 1, 2, ... (cells) from the nearest occupied cell.
+CREDIT = np.rint(1000.0 * np.exp(-0.5 * np.arange(FIELD_REACH**2 + 1)))
+"""The score of an end point at squared distance 0, 1, 2, ... (cells) from the nearest occupied cell.
 
 Sums over up to 16,777 beams stay below 2^24, where float32 counts exactly.
 """
-
-NEAR = {"occupied": 1.0, "distance": float(CREDIT["distance"][4])}
-"""By kind of field: the least score of an end point that a wall explains: on a wall, or up to two cells away."""
-
-
-@dataclass(frozen=True, eq=False)
-class ScoreField:
-    """What one end point scores in each cell: ``values (H, W)`` float32, whole numbers from 0 to ``top``."""
-
-    values: np.ndarray
-    kind: str
-
-    @property
-    def top(self) -> int:
-        """The score of an end point that falls on an occupied cell."""
-        return int(CREDIT[self.kind][0])
+TOP = int(CREDIT[0])
+"""The score of an end point that falls on an occupied cell."""
+NEAR = float(CREDIT[4])
+"""The least score of an end point that a wall explains: up to two cells away."""
 
 
-def score_field(occupied: np.ndarray, kind: str) -> ScoreField:
-    """Make the field of scores for occupied cells ``(H, W)`` bool.
+def score_field(occupied: np.ndarray) -> np.ndarray:
+    """Return what one end point scores in each cell, ``(H, W)`` float32, for occupied cells ``(H, W)`` bool.
 
-    "occupied": 1 on occupied cells, 0 elsewhere: the report's count. "distance": 1000 exp(-d^2 / 2) with d the distance
-    in cells to the nearest occupied cell, cut off at 4 cells. This is the likelihood field of Thrun, Burgard and Fox
-    ("Probabilistic Robotics", 6.4): a near miss scores too, so the best pose is not decided by how a wall happens to
-    fall into cells.
+    1000 exp(-d^2 / 2) with d the distance in cells to the nearest occupied cell, in whole numbers, cut off at 4 cells.
+    This is the likelihood field of Thrun, Burgard and Fox ("Probabilistic Robotics", 6.4): a near miss scores too, so
+    the best pose is not decided by how a wall happens to fall into cells.
     """
     if not occupied.any():
-        return ScoreField(np.zeros(occupied.shape, dtype=np.float32), kind)
+        return np.zeros(occupied.shape, dtype=np.float32)
     credit = np.zeros(256, dtype=np.float32)
-    credit[: len(CREDIT[kind])] = CREDIT[kind]
-    return ScoreField(cv2.LUT(squared_distance(occupied, _reach(kind)), credit), kind)
+    credit[: len(CREDIT)] = CREDIT
+    return cv2.LUT(squared_distance(occupied, FIELD_REACH), credit)
 
 
 def squared_distance(occupied: np.ndarray, reach: int) -> np.ndarray:
@@ -81,21 +61,14 @@ def squared_distance(occupied: np.ndarray, reach: int) -> np.ndarray:
     return squared[:, :width]
 
 
-def renew_field(field: ScoreField, log_odds: np.ndarray, rectangle: tuple[slice, slice]) -> None:
-    """Renew a score field, in place, after the cells in ``rectangle`` of the map's ``log_odds (H, W)`` have changed.
+def renew_field(field: np.ndarray, log_odds: np.ndarray, rectangle: tuple[slice, slice]) -> None:
+    """Renew a field ``(H, W)``, in place, after the cells in ``rectangle`` of the map's ``log_odds`` have changed.
 
     Only around them is it computed again, so the cost does not depend on the size of the map.
     """
-    reach = _reach(field.kind)
-    (inner, outer) = (_widened(rectangle, log_odds.shape, n * reach) for n in (1, 2))
-    fresh = score_field(log_odds[outer] > 0, field.kind).values
+    (inner, outer) = (_widened(rectangle, log_odds.shape, n * FIELD_REACH) for n in (1, 2))
     inside = tuple(slice(i.start - o.start, i.stop - o.start) for i, o in zip(inner, outer, strict=True))
-    field.values[inner] = fresh[inside]
-
-
-def _reach(kind: str) -> int:
-    """Return how many cells away from an occupied cell an end point may lie and still score."""
-    return isqrt(len(CREDIT[kind]) - 1)
+    field[inner] = score_field(log_odds[outer] > 0)[inside]
 
 
 def _widened(rectangle: tuple[slice, slice], shape: tuple[int, int], by: int) -> tuple[slice, slice]:

@@ -13,6 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from pfslam.correlation import Perturbations, best_perturbations
 from pfslam.events import ScanEvent
 from pfslam.grid import Canvas, GridSpec, MapConfig, OccupancyGrid, free_cells, integrate_scan
 from pfslam.map import Map
@@ -24,7 +25,7 @@ from pfslam.refined.covariance import (
     transported,
     with_silent_direction,
 )
-from pfslam.refined.field import FIELD_REACH, NEAR, ScoreField, renew_field, score_field
+from pfslam.refined.field import FIELD_REACH, NEAR, TOP, renew_field, score_field
 from pfslam.refined.lines import BEAM_STRIDE, Alignment, HitMoments, LineConfig, align_to_lines
 from pfslam.refined.matching import Match, SearchConfig, match
 from pfslam.refined.outliers import (
@@ -98,11 +99,10 @@ class RefinedMap(Map):
         self,
         config: MapConfig,
         spec: GridSpec | None = None,
-        kind: str = "occupied",
         lines: LineConfig | None = None,
         outliers: OutlierConfig | None = None,
     ):
-        self.lines, self.outliers, self.kind = lines, outliers, kind
+        self.lines, self.outliers = lines, outliers
         self.drawn_at: np.ndarray | None = None
         self.drawn: list[np.ndarray] = []
         self.waiting: tuple[WaitingScan, ...] = ()
@@ -110,11 +110,10 @@ class RefinedMap(Map):
         super().__init__(config, spec)
 
     @classmethod
-    def known(cls, grid: OccupancyGrid, config: MapConfig, kind: str) -> RefinedMap:
+    def known(cls, grid: OccupancyGrid, config: MapConfig) -> RefinedMap:
         """Make a map from a grid that is there already, such as one read from a file."""
-        made = cls(config, grid.spec, kind)
-        made.grid.log_odds[:] = grid.log_odds
-        made.field.values[:] = score_field(grid.occupied, kind).values
+        made = cls(config, grid.spec)
+        made.grid.log_odds[:], made.field[:] = grid.log_odds, score_field(grid.occupied)
         made.drawn_at, made.is_empty = np.zeros(3), False
         return made
 
@@ -130,9 +129,9 @@ class RefinedMap(Map):
         yield self.moments.slots
 
     @property
-    def field(self) -> ScoreField:
-        """The field of scores that belongs to the grid."""
-        return ScoreField(self._scores.values, self.kind)
+    def field(self) -> np.ndarray:
+        """The likelihood field ``(H, W)`` that belongs to the grid."""
+        return self._scores.values
 
     def copy(self) -> RefinedMap:
         """Return a map of its own that holds the same and is not written by this one's run."""
@@ -152,14 +151,19 @@ class RefinedMap(Map):
             return event
         return replace(event, points_b=event.points_b[known], beams=event.beams[known])
 
-    def match(self, event: ScanEvent, prior: Prior, search: SearchConfig, rng: np.random.Generator) -> Match:
+    def match(
+        self, event: ScanEvent, prior: Prior, search: SearchConfig | Perturbations, rng: np.random.Generator
+    ) -> Match:
         """Score a scan at every perturbation of every particle, and move each to its best one (Eq. 6, 8, 9).
 
-        The motion's variance sets how far is searched.
+        The motion's variance sets how far is searched, but for the report's search (``Perturbations``), which draws
+        among equals.
         """
-        points = event.points_b[:: search.beam_stride]
-        poses, sigmas = prior.particles.poses, np.sqrt(prior.variance)
-        return match(self.field, self.spec, points, poses, sigmas, search, rng)
+        if isinstance(search, Perturbations):
+            found = best_perturbations(self.grid, event.points_b, prior.particles, search, rng)
+            return Match(found.particles.poses, found.log_likelihood, found.score)
+        points, sigmas = event.points_b[:: search.beam_stride], np.sqrt(prior.variance)
+        return match(self.field, self.spec, points, prior.particles.poses, sigmas, search)
 
     def align(self, event: ScanEvent, pose: np.ndarray, prior: Prior) -> Fix:
         """Align a pose ``(3,)`` to the lines that the map's hits form, if the map has settings for lines."""
@@ -186,18 +190,18 @@ class RefinedMap(Map):
         return self.unexplained(event, pose) <= MOST_UNEXPLAINED
 
     def unexplained(self, event: ScanEvent, pose: np.ndarray) -> float:
-        """Return the share of beams that end in ground the map knows, but farther than ``NEAR`` from its walls."""
+        """Return the share of beams that end in ground the map knows, but more than two cells from its walls."""
         cells = self.spec.world_to_cell(transform_points(pose, event.points_b))
         ix, iy = cells.compress(self.spec.contains(cells), axis=0).T
         known = self.grid.log_odds[iy, ix] != 0.0
-        far = self.field.values[iy, ix] < NEAR[self.kind]
+        far = self.field[iy, ix] < NEAR
         return float(np.count_nonzero(known & far)) / max(int(np.count_nonzero(known)), 1)
 
     def score(self, event: ScanEvent, pose: np.ndarray) -> float:
         """Return the mean score per beam, from 0 to 1, of a scan seen from ``pose (3,)``; 0 outside the map."""
         cells = self.spec.world_to_cell(transform_points(pose, event.points_b))
         ix, iy = cells.compress(self.spec.contains(cells), axis=0).T
-        return float(self.field.values[iy, ix].sum()) / (self.field.top * max(len(cells), 1))
+        return float(self.field[iy, ix].sum()) / (TOP * max(len(cells), 1))
 
     def on_old_walls(self, event: ScanEvent, pose: np.ndarray) -> float:
         """Return the share of beams that end on walls which scans had hit long before, seen from ``pose (3,)``."""

@@ -23,7 +23,6 @@ import numpy as np
 
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, free_cells
 from pfslam.poses import wrap_angle
-from pfslam.refined.field import ScoreField
 from pfslam.settings import Range, Settings
 
 NOISY = 0.035
@@ -54,9 +53,9 @@ class OutlierConfig(Settings):
 
 
 def inliers(
-    grid: OccupancyGrid, field: ScoreField, points_w: np.ndarray, free: float, config: OutlierConfig
+    grid: OccupancyGrid, field: np.ndarray, points_w: np.ndarray, free: float, config: OutlierConfig
 ) -> np.ndarray:
-    """Find the end points ``(M, 2)`` that the map does not contradict, ``(M,)`` bool.
+    """Find the end points ``(M, 2)`` that the map does not contradict, ``(M,)`` bool; ``field (H, W)`` is its field.
 
     The others lie in cells seen free ``config.free_scans`` times, at ``free`` log-odds each, out of reach of any wall.
     """
@@ -66,7 +65,7 @@ def inliers(
     known = np.ones(len(cells), dtype=bool)
     round_off = 1e-4
     often_free = grid.log_odds[iy, ix] <= -config.free_scans * free + round_off
-    known[inside] = ~(often_free & (field.values[iy, ix] == 0))
+    known[inside] = ~(often_free & (field[iy, ix] == 0))
     return known
 
 

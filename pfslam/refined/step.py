@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 
+from pfslam.correlation import Perturbations
 from pfslam.errors import DataError
 from pfslam.events import ScanEvent
 from pfslam.grid import LOG_4, MapConfig
@@ -88,7 +89,7 @@ class RefinedBelief(Belief):
     @classmethod
     def start(cls, config: RefinedConfig) -> Self:  # type: ignore[override]
         """Make the belief before the first scan: all particles at the origin, and an empty map."""
-        empty = RefinedMap(config.map, None, config.search.field, config.lines, config.outliers)
+        empty = RefinedMap(config.map, None, config.lines, config.outliers)
         covariance = None if config.lines is None else np.zeros((3, 3))
         particles = Particles.at(np.zeros(3), config.particles)
         return cls(particles, np.zeros(3), empty, covariance=covariance)
@@ -164,10 +165,9 @@ class RefinedConfig(SlamConfig):
 
     noise: ControlNoise | MotionNoise = field(default_factory=MotionNoise)  # type: ignore[assignment]
     """White noise on every control sample (Eq. 11), or noise on the motion between two scans."""
-    search: SearchConfig = field(default_factory=SearchConfig)  # type: ignore[assignment]
-    map: MapConfig = field(default_factory=lambda: MapConfig(free=0.1 * LOG_4, clamp=5.0 * LOG_4))
-    resample_below: Annotated[float, Range(0.0, 1.0)] = 0.5
-    """Resample when N_eff is at most this share of N."""
+    search: SearchConfig | Perturbations = field(default_factory=SearchConfig)  # type: ignore[assignment]
+    """The search for the mode of likelihood times prior, or the report's for the greatest count."""
+    map: MapConfig = field(default_factory=lambda: MapConfig(free=0.1 * LOG_4))
     lines: LineConfig | None = field(default_factory=LineConfig)
     """Alignment of the estimate to the map's lines; ``None`` leaves it out."""
     outliers: OutlierConfig | None = None
@@ -205,7 +205,7 @@ class RefinedConfig(SlamConfig):
             particles=config.particles,
             every=config.every,
             noise=config.noise,
-            search=SearchConfig.counting(config.search),
+            search=config.search,
             map=config.map,
             resample_below=config.resample_below,
             resampler=config.resampler,

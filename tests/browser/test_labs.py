@@ -34,7 +34,7 @@ from pfslam.particles import (
     systematic_resample,
 )
 from pfslam.poses import average_pose, compose, transform_points, wrap_angle
-from pfslam.refined.field import score_field
+from pfslam.refined.field import TOP, score_field
 from pfslam.refined.noise import MotionNoise
 from pfslam.sensors import LidarModel, scan_points
 from pfslam.texture import NO_READING, associate_rgb, back_project, depth_from_disparity, to_world
@@ -250,12 +250,12 @@ class Replay:
 
     def score(self, sharpness: float) -> None:
         few = self.points_b[:: self.constants["EVERY"]]
-        field, scores = score_field(self.grid.occupied, "distance"), []
+        field, scores = score_field(self.grid.occupied), []
         for points_w in transform_points(self.cloud.poses, few):
             cells = self.spec.world_to_cell(points_w)
             ix, iy = cells[self.spec.contains(cells)].T
-            scores.append(field.values[iy, ix].sum())
-        self.cloud, _ = reweight(self.cloud, sharpness * np.array(scores) / (len(few) * field.top))
+            scores.append(field[iy, ix].sum())
+        self.cloud, _ = reweight(self.cloud, sharpness * np.array(scores) / (len(few) * TOP))
 
     def draw(self, free: float) -> None:
         hit, clamp = self.constants["HIT"], self.constants["CLAMP"]
@@ -618,12 +618,13 @@ def the_fit_agrees(hand: Hand) -> dict:
     hall = load("hall")
     places = {"corner": ch04.place_at(hall, 14.5).lost(-0.1, 0.1, np.deg2rad(-2))}
     start = (places | {"corridor": ch04.place_at(hall, 27.0)})[found["place"]]
-    field = score_field(start.grid.occupied, found["kind"])
+    occupied = start.grid.occupied
+    field = score_field(occupied) / TOP if found["kind"] == "distance" else occupied
 
     def share(dx, dy):
         cells = start.grid.spec.world_to_cell(start.moved(dx, dy, np.deg2rad(found["turn"])))
         ix, iy = cells[start.grid.spec.contains(cells)].T
-        return field.values[iy, ix].sum() / (field.top * len(cells))
+        return field[iy, ix].sum() / len(cells)
 
     assert found["share"] == pytest.approx(share(*found["shift"]), abs=1.5 / len(start.points_b))
     steps = 0.05 * np.arange(-8, 9)

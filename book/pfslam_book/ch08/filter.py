@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from pfslam.correlation import Perturbations, map_correlation
+from pfslam.correlation import map_correlation
 from pfslam.evaluation.trajectory import aligned_at_first, rms
 from pfslam.grid import LOG_4, GridSpec, MapConfig, OccupancyGrid, integrate_scan
 from pfslam.motion import controls
@@ -37,8 +37,7 @@ def plain_filter(particles: int = 100) -> RefinedConfig:
     With a search that moves every particle to its best pose, most faults of the filter stay hidden.
     """
     noise = MotionNoise(xy=0.006, xy_per_metre=0.03, yaw=0.002, yaw_per_radian=0.04, yaw_per_metre=0.01)
-    plain = SearchConfig.counting(Perturbations(cells=0, yaws=0, yaw_step=0.0025))
-    search = replace(plain, beam_stride=8, field="distance", sharpness=20.0, weight="likelihood")
+    search = SearchConfig(cells=(0, 0), yaws=(0, 0), yaw_step=0.0025, beam_stride=8, sharpness=20.0)
     plainly = replace(
         RefinedConfig(), lines=None, tilt=False, draw_metres=0.0, draw_radians=0.0, beam_spacing=0.0
     )

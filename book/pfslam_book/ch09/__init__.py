@@ -3,6 +3,8 @@
 from pfslam.cli.figures import map_along
 from pfslam_book.ch09.tables import (
     changes_table,
+    elimination,
+    elimination_table,
     hard_comparisons,
     hard_table,
     is_decided,
@@ -11,7 +13,6 @@ from pfslam_book.ch09.tables import (
     ladder_table,
     lattice_medians,
     median_interval,
-    missed,
     nearer,
     paired,
     private_table,
@@ -36,6 +37,15 @@ __all__ = [
     "check_log_weight",
     "check_sub_cell",
 ]
-__all__ += ["errors_by_label", "hard_comparisons", "hard_table", "is_decided", "kinds", "ladder"]
-__all__ += ["ladder_table", "lattice_medians", "line_step", "map_along", "median_interval", "missed"]
+__all__ += [
+    "elimination",
+    "elimination_table",
+    "errors_by_label",
+    "hard_comparisons",
+    "hard_table",
+    "is_decided",
+    "kinds",
+    "ladder",
+]
+__all__ += ["ladder_table", "lattice_medians", "line_step", "map_along", "median_interval"]
 __all__ += ["nearer", "paired", "private_table", "read_table", "rungs", "show_source", "situation"]

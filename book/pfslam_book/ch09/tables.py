@@ -9,22 +9,15 @@ from typing import Any
 import numpy as np
 
 from pfslam.study import read_study
-from pfslam_book.show.tables import ERROR, Shown, errors_by_label, read_table, select, study_file
+from pfslam.study.run import OFF
+from pfslam_book.show.tables import ERROR, Shown, errors_by_label, labels_of, read_table, select, study_file
 
 LADDER, HARD_LADDER = "ch09_ladder", "ch09_hard_ladder"
 KNOWN_AS = {
     "+ gentle clearing": "inverse sensor model",
-    "+ higher clamp": "clamping",
-    "+ likelihood field": "likelihood field",
-    "+ likelihood weights": "tempered likelihood",
-    "+ resampling at N/2": "adaptive resampling",
     "+ weighted mean": "posterior mean",
-    "+ motion prior": "maximum a posteriori",
-    "+ sub-cell step": "parabolic peak",
+    "+ likelihood and prior": "correlative scan matching",
     "+ noise of the motion": "odometry motion model",
-    "+ wider in x, y": "correlative matching",
-    "+ wider in heading": "correlative matching",
-    "+ every second beam": "thinning",
     "+ draw after motion": "keyframes",
     "+ tilt": "attitude compensation",
     "+ alignment": "point-to-line ICP, NDT",
@@ -134,21 +127,56 @@ def _value(value: Any) -> str:
         return "on" if value else "off"
     if isinstance(value, float):
         return f"{value:.3g}"
-    return "on" if str(value).endswith("Config") else str(value)
+    return str(value)
 
 
-def missed(alignment: bool) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return, for each change, the errors (m) of the whole filter and of the filter without it, building by building.
+# ---- what the finished filter would miss
 
-    On ``slopes`` the only change left out is the tilt.
-    """
-    own = {}
-    for label, errors in errors_by_label(read_table("ch09_leave_one_out")).items():
-        if label.endswith(", and no alignment") != alignment:
-            own[label.removesuffix(", and no alignment")] = errors
-    slopes = own.pop("ramp, nothing"), own.pop("ramp, tilt")
-    whole = own.pop("nothing")
-    return {label: (whole, errors) for label, errors in own.items()} | {"tilt, on slopes": slopes}
+
+def elimination() -> dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]:
+    """Return, for each change of the finished filter, its errors (m) before and after by group of drives."""
+    table = read_table("ch09_elimination")
+    group = np.array([drive.partition(" ")[0] for drive in table["drive"]])
+    found: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]] = {}
+    for label in labels_of(table)[1:]:
+        for name in dict.fromkeys(group.tolist()):
+            before, after = (
+                table["error_m"][(group == name) & (table["label"] == one)] for one in ("nothing", label)
+            )
+            found.setdefault(label, {})[name] = before, after
+    return found
+
+
+def missed_by(pairs: dict[str, tuple[np.ndarray, np.ndarray]]) -> str:
+    """Name the groups of six drives and more that are decidedly worse or better after a change, and by how much."""
+    words = []
+    for group, (before, after) in pairs.items():
+        if len(before) >= 6 and is_decided(before, after):
+            worse = np.count_nonzero(after > before)
+            words.append(f"{group} {100 * np.median(after - before):+.1f} ({worse} of {len(before)})")
+    return "; ".join(words)
+
+
+def elimination_table() -> Shown:
+    """Return for each change who misses it, how many runs are lost then, unnoticed, and what a run costs."""
+    table, off = read_table("ch09_elimination"), {}
+    for label in labels_of(table):
+        rows = select(table, label=label)
+        lost, silent = rows["max_m"] > OFF, rows["silent"] > 0.0
+        off[label] = f"{lost.sum()}", f"{silent.sum()}", rows["cpu_seconds"].sum()
+    rows = [("nothing", "", *off["nothing"][:2], "")]
+    for label, pairs in elimination().items():
+        lost, silent, seconds = off[label]
+        time = f"{100 * (seconds / off['nothing'][2] - 1):+.0f} %"
+        rows.append((label, missed_by(pairs), lost, silent, time))
+    head = (
+        "change",
+        "error, median change [cm] (worse)",
+        f"lost [of {len(select(table, label='nothing')['label'])}]",
+        "unnoticed",
+        "time",
+    )
+    return Shown(head, rows, left=(1,))
 
 
 # ---- kinds, and where the world moves

@@ -153,7 +153,7 @@ def after_moves(events: Iterable[ScanEvent]) -> Iterator[ScanEvent]:
 def match_along(grid: OccupancyGrid, recording: Recording, start: np.ndarray) -> Trajectory:
     """Follow a robot by scan matching in a known map, from a start that is given: ``refined_step`` that never draws."""
     config = replace(RefinedConfig.matching(), lines=None, draw_metres=np.inf, draw_radians=np.inf)
-    known = RefinedMap.known(grid, config.map, config.search.field)
+    known = RefinedMap.known(grid, config.map)
     start = np.asarray(start, dtype=float)
     state = RefinedBelief(Particles.at(start, 1), start, known)
     t, poses = [], []

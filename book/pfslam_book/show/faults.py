@@ -18,10 +18,10 @@ from pfslam.grid import GridSpec
 from pfslam.motion import Controls
 from pfslam.particles import RESAMPLERS, Particles
 from pfslam.recording import Imu, LidarScans, Recording
-from pfslam.refined.field import ScoreField
 from pfslam.refined.matching import Match, match
 from pfslam.refined.step import RefinedConfig
 from pfslam.sensors import RgbdModel
+from pfslam.settings import changed
 from pfslam.study.disturbances import ranges_and_valid, start_time, with_ranges
 
 
@@ -128,7 +128,7 @@ def torn_rows(particles: Particles, rng: np.random.Generator, scheme: str) -> Pa
 
 
 def match_without_translation(
-    field: ScoreField, spec: GridSpec, points_b: np.ndarray, poses: np.ndarray, *rest
+    field: np.ndarray, spec: GridSpec, points_b: np.ndarray, poses: np.ndarray, *rest
 ) -> Match:
     """Match wrongly: end points are (x, y, 0, 0), not (x, y, 0, 1), so that a pose turns and never moves them."""
     matched = match(field, spec, points_b, poses * [0.0, 0.0, 1.0], *rest)

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from pfslam.events import ScanEvent
 from pfslam.grid import GridSpec
 from pfslam.poses import transform_points
-from pfslam.refined.field import score_field
+from pfslam.refined.field import TOP, score_field
 from pfslam.search.lattice import Lattice
 from pfslam.search.volume import score_volume
 
@@ -107,11 +107,11 @@ def search_window(target: Place, source: Place, pose: np.ndarray, metres: float,
     points = source.points[::THINNED]
     occupied = np.zeros(spec.shape, dtype=bool)
     occupied[tuple(spec.world_to_cell(target.points).T[::-1])] = True
-    field = score_field(occupied, "distance")
+    field = score_field(occupied)
     half = np.ceil(np.array([metres, metres, radians]) / lattice.steps).astype(int)
     low = lattice.nearest(pose) - half
-    volume = score_volume(field.values, spec, points, lattice, low, low + 2 * half)
-    headings, left = volume.argmax(axis=0), volume.max(axis=0) / (field.top * len(points))
+    volume = score_volume(field, spec, points, lattice, low, low + 2 * half)
+    headings, left = volume.argmax(axis=0), volume.max(axis=0) / (TOP * len(points))
     peaks, (row, column) = [], np.indices(left.shape)
     for _ in range(2):
         y, x = np.unravel_index(np.argmax(left), left.shape)
