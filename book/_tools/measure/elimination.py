@@ -208,7 +208,7 @@ def trial(change: Change, particles: int) -> Trial:
 
 def judged(case: Case) -> dict[str, Any]:
     """Run one filter on one drive; tell the error (m), and what share of the scans is off, and off without a word."""
-    drive, every, change = case.get("drive"), case.get("every"), CHANGES[case.label]
+    drive, every, change = case.get("drive"), case.get("every"), CHANGES[case.get("change")]
     recording, config = recording_of(drive), trial(change, case.get("particles"))
     group, _, name = drive.partition(" ")
     if group == "logs" or recording.default_every == 1:
@@ -243,7 +243,9 @@ STUDIES = [
         "ch09_elimination",
         "The accurate filter without one ingredient, and with one that has left it: 118 runs each, with 50 particles.",
         tuple(
-            Case(label, (("drive", drive), ("seed", seed), ("every", 10), ("particles", 50)))
+            Case(
+                label, (("change", label), ("drive", drive), ("seed", seed), ("every", 10), ("particles", 50))
+            )
             for drive, seed in DRIVES
             for label in CHANGES
         ),
