@@ -131,11 +131,6 @@ def type_of(kind: Any, key: str) -> Any:
     return next((hint for hint in found if hint is not None), None)
 
 
-def depth(hint: Any) -> int:
-    """Count how deep the lists of one value are: 0 for a number, 1 for a pair, 2 for a list of pairs."""
-    return max(map(depth, get_args(hint)), default=0) + (get_origin(hint) is tuple)
-
-
 def flat(nested: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the entries of nested mappings as pairs of dotted name and value."""
     for key, value in nested.items():
