@@ -229,10 +229,10 @@ class Relations:
     t2: np.ndarray
     poses: np.ndarray
 
-    def at_stamps(self, stamps: np.ndarray, tolerance: float = 1e-3) -> Relations:
-        """Keep those with both ends within ``tolerance`` seconds of one of ``stamps (K,)``, moved onto them."""
+    def at_stamps(self, stamps: np.ndarray) -> Relations:
+        """Keep those with both ends within a millisecond of one of ``stamps (K,)``, moved onto them."""
         t1, t2 = (stamps[nearest_stamp(stamps, t)] for t in (self.t1, self.t2))
-        near = (np.abs(t1 - self.t1) <= tolerance) & (np.abs(t2 - self.t2) <= tolerance)
+        near = (np.abs(t1 - self.t1) <= 1e-3) & (np.abs(t2 - self.t2) <= 1e-3)
         return Relations(t1[near], t2[near], self.poses[near])
 
 
