@@ -200,7 +200,7 @@ def _grid(table: dict[str, Any], source: object) -> dict[str, list | range]:
 
 
 def _values(key: str, value: Any, source: object) -> list:
-    """Return the values of one key: a list is a grid, unless one value is a list, and this one holds no lists."""
+    """Return the values of one key: a list is a grid; of a key whose values are lists, a list of lists is."""
     takes_list = any(get_origin(hint) is tuple for hint in options(type_of(*_place(key))))
     is_grid = isinstance(value, list) and (not takes_list or any(isinstance(item, list) for item in value))
     values = value if is_grid else [value]
