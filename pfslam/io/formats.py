@@ -5,6 +5,7 @@ Row 0 of an image is y_max, while row 0 of our grids is y_min: this module holds
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,9 @@ from pfslam.recording import nearest_stamp
 
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
+GAP = rb"(?:\s|#.*\n)+"
+PGM_HEADER = re.compile(rb"P5" + GAP + rb"(\d{1,9})" + GAP + rb"(\d{1,9})" + GAP + rb"255[^\S\n]*(?:#.*)?\n")
+"""Width and height of a binary PGM image with 255 grey values; there may be comments between the words."""
 
 
 def write_tum(path: str | Path, trajectory: Trajectory) -> None:
@@ -193,17 +197,11 @@ def _read_pixels(path: Path) -> np.ndarray:
 
 def _pgm_pixels(path: Path, data: bytes) -> np.ndarray:
     """Take the pixels ``(H, W)`` uint8 out of the bytes of a binary PGM image."""
-    words: list[bytes] = []
-    at = 0
-    while len(words) < 4 and at < min(len(data), 4096):
-        end = data.find(b"\n", at)
-        end = len(data) if end < 0 else end
-        words += data[at:end].split(b"#")[0].split()
-        at = end + 1
-    if len(words) != 4 or words[0] != b"P5" or words[3] != b"255" or not all(w.isdigit() for w in words[1:]):
+    header = PGM_HEADER.match(data[:4096])
+    if header is None:
         expected = "a binary PGM image (P5) with 255 grey values, or a PNG image"
         raise DataError(path, "header", repr(data[:20]), expected)
-    width, height = int(words[1][:9]), int(words[2][:9])
+    (width, height), at = map(int, header.groups()), header.end()
     if len(data) - at != width * height or width * height == 0:
         raise DataError(path, "pixels", f"{len(data) - at} bytes", f"{width} x {height}, at least one")
     return np.frombuffer(data, dtype=np.uint8, offset=at).reshape(height, width)
