@@ -7,13 +7,16 @@ index. A stream that the robot did not have is ``None``.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from pfslam.errors import DataError
 from pfslam.poses import Trajectory, check_rows, check_stamps
 from pfslam.sensors import RobotModel
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +81,12 @@ class RgbdStream:
         check_stamps(self.rgb_t, "camera (rgb)")
 
 
+def chosen(stream: T, rows: np.ndarray, **others: np.ndarray) -> T:
+    """Return a stream of the readings of a mask ``(K,)``, with some of its arrays replaced by ``others``."""
+    kept = {field.name: getattr(stream, field.name)[rows] for field in fields(stream)}  # type: ignore[arg-type]
+    return replace(stream, **kept | others)  # type: ignore[type-var]
+
+
 SCANS_PER_SECOND = 8.0
 """How many scans of a faster scanner a filter uses unless told otherwise: 5 of the course's 40 make one update."""
 SCATTER_SCANS = 200
@@ -121,6 +130,11 @@ class Recording:
         if self.lidar is None:
             raise DataError(self.name, "lidar", "no scans", "a recording with LiDAR")
         return self.lidar
+
+    def streams(self) -> dict[str, Any]:
+        """The streams of numbers that the recording has, by their names; images are not among them."""
+        parts = {name: getattr(self, name) for name in ("encoders", "imu", "odometry", "lidar", "truth")}
+        return {name: part for name, part in parts.items() if part is not None}
 
     @property
     def default_every(self) -> int:

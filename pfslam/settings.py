@@ -131,11 +131,6 @@ def type_of(kind: Any, key: str) -> Any:
     return next((hint for hint in found if hint is not None), None)
 
 
-def depth(hint: Any) -> int:
-    """Count how deep the lists of one value are: 0 for a number, 1 for a pair, 2 for a list of pairs."""
-    return max(map(depth, get_args(hint)), default=0) + (get_origin(hint) is tuple)
-
-
 def flat(nested: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the entries of nested mappings as pairs of dotted name and value."""
     for key, value in nested.items():
@@ -193,6 +188,21 @@ def value_of(config: Any, key: str) -> Any:
     if config is None:
         return False
     return type(config).__name__ if isinstance(config, Settings) else config
+
+
+def written(kind: Any, content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what ``plain`` made of settings of a ``kind`` as ``changed`` takes it: by dotted name, infinite again."""
+    values = {key: value for key, value in flat(content) if key != "kind"}
+    # Which kind of noise or search it was is said inside, and is switched on first.
+    kinds = {key.removesuffix(".kind"): value for key, value in values.items() if key.endswith(".kind")}
+    rest = {key: value for key, value in values.items() if not key.endswith(".kind")}
+    return kinds | {key: inf if _is_infinite(kind, key, value) else value for key, value in rest.items()}
+
+
+def _is_infinite(kind: Any, key: str, value: Any) -> bool:
+    """Whether null, which ``plain`` has for no value and for infinity, is a number."""
+    hint = type_of(kind, key)
+    return value is None and hint is not None and NoneType not in options(hint)
 
 
 def plain(value: Any) -> Any:

@@ -174,8 +174,8 @@ def lines_of_code(path):
         ("**/*.py", 9557),
         ("*.py", 1500),
         ("beyond/loops/*.py", 265),
-        ("io/bags.py", 262),
-        ("io/topics.py", 143),
+        ("io/bags.py", 259),
+        ("io/topics.py", 141),
     ],
 )
 def test_what_is_to_be_read_stays_small(pattern, most):

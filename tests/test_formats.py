@@ -143,9 +143,9 @@ def test_a_cell_is_exported_as_what_the_run_takes_it_for(tmp_path):
 
 def test_a_map_of_another_program(tmp_path):
     """Comments in the image, quotes in the yaml, the origin item by item, negated grey values."""
-    (tmp_path / "their map.pgm").write_bytes(b"P5\n# made elsewhere\n2 1\n255\n\xff\x00")
+    (tmp_path / "their #1.pgm").write_bytes(b"P5\n# made elsewhere\n2 1\n255\n\xff\x00")
     lines = [
-        "image: 'their map.pgm'",
+        "image: 'their #1.pgm'",
         "resolution: 0.05 # m",
         "origin: # x, y, yaw",
         "  - 1",
@@ -185,6 +185,8 @@ ORIGIN = "origin: [-10.25, 3.5, 0.0]"
         (ORIGIN, "origin: [0, 0]", "origin: found 2 values"),
         ("negate: 0", "", "a key named negate"),
         ("negate: 0", "negate: 2", "negate: found 2, expected 0 or 1"),
+        ("negate: 0", "negate: [0", "file: found while parsing .*, expected YAML"),
+        (ORIGIN, "origin: 3", "origin: found 1 values"),
         ("resolution: 0.5", "resolution: big", "resolution: found 'big'"),
         ("resolution: 0.5", "resolution: -1", "resolution"),
         ("free_thresh: 0.196", "free_thresh: 0.7", "probabilities, the lesser first"),

@@ -214,8 +214,8 @@ def test_every_building_lets_the_robot_through(seed):
     assert distance_to_walls(truth[::20, :2], world.walls_w).min() > 0.35
     spec = world.spec(0.05)
     cells = spec.world_to_cell(truth[:, :2])
-    assert simulation.floor_area(spec)[cells[:, 1], cells[:, 0]].all()
-    assert not simulation.true_grid(spec)[cells[:, 1], cells[:, 0]].any()
+    assert world.free_area(spec)[cells[:, 1], cells[:, 0]].all()
+    assert not world.true_grid(spec)[cells[:, 1], cells[:, 0]].any()
     assert not world.is_floor(np.array([corners.mean(axis=0) for corners in world.clutter])).any()
     size = np.ptp(world.walls_w.reshape(-1, 2), axis=0)
     assert (size > 20).all()

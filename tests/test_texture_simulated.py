@@ -25,7 +25,7 @@ def drive(name):
     read_once = {"read_disparity": cache(camera.read_disparity), "read_rgb": cache(camera.read_rgb)}
     recording = replace(simulation.recording, camera=replace(camera, **read_once))
     spec = GridSpec.around(recording.truth.poses[:, :2], 0.05, margin=6.0)
-    floor, walls = simulation.floor_area(spec), simulation.true_grid(spec)
+    floor, walls = simulation.world.free_area(spec), simulation.world.true_grid(spec)
     t = recording.camera.disparity_t[image_pairs(recording.camera, every=EVERY).disparity]
     poses = recording.truth.at(t[recording.truth.covers(t)])
     visible = visible_floor(spec, poses, recording.robot.camera, ~floor, max_depth=4.0)

@@ -12,15 +12,16 @@ import cv2
 import numpy as np
 
 from pfslam.beyond.localization import LocalizationResult
-from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
+from pfslam.events import scan_event
+from pfslam.grid import GridSpec, MapConfig, OccupancyGrid
 from pfslam.io.formats import map_pixels
+from pfslam.map import Map
 from pfslam.motion import controls, dead_reckoning
 from pfslam.particles import ControlNoise, Particles, predict
 from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording
 from pfslam.refined.floor import map_texture
 from pfslam.run import run_slam
-from pfslam.sensors import scan_points
 from pfslam.slam import SlamConfig
 from pfslam.texture import TextureConfig
 
@@ -100,20 +101,16 @@ def map_along(
     recording: Recording, trajectory: Trajectory, config: MapConfig | None = None, every: int = 5
 ) -> OccupancyGrid:
     """Draw the map along a given trajectory, scan by scan: no filter. Scans outside its time are left out."""
-    config = config or MapConfig()
-    lidar, scans = recording.robot.lidar, recording.scans()
-    drawn = []
-    for i in (i for i in range(0, len(scans.t), every) if trajectory.covers(scans.t[i])):
-        pose = trajectory.at(scans.t[i])
-        points = transform_points(pose, scan_points(scans.ranges[i], lidar))
-        sensor = transform_points(pose, np.array([lidar.position_b[:2]]))
-        drawn.append((points, np.flatnonzero(lidar.valid(scans.ranges[i])), sensor))
-    ends = np.concatenate([part for points, _, sensor in drawn for part in (points, sensor)])
-    grid = OccupancyGrid.empty(GridSpec.around(ends, config.resolution))
-    for points, beams, sensor in drawn:
-        if len(points):
-            integrate_scan(grid, points, beams, sensor[0], config)
-    return grid
+    config, scans, lidar = config or MapConfig(), recording.scans(), recording.robot.lidar
+    used = [i for i in range(0, len(scans.t), every) if trajectory.covers(scans.t[i])]
+    events = [scan_event(scans.t[i], scans.ranges[i], lidar, np.zeros(3), ()) for i in used]
+    drawn = list(zip(events, trajectory.at(scans.t[used]), strict=True))
+    seen = [transform_points(pose, np.vstack([event.points_b, event.sensor_b])) for event, pose in drawn]
+    map = Map(config, GridSpec.around(np.concatenate(seen), config.resolution))
+    map.is_empty = False  # it lies where it is
+    for event, pose in drawn:
+        map.draw(event, pose)
+    return map.grid
 
 
 def sheet(title: str) -> tuple[Figure, Any]:

@@ -144,7 +144,6 @@ def _add_run(add) -> None:
     add("--method", choices=METHODS, help="which filter (default refined)")
     add("--particles", type=number, metavar="N", help="default 200; 30 with a map for each, 1 for matching")
     add("--every", type=number, metavar="K", help="use every K-th scan (default: about eight scans a second)")
-    add("--seed", type=SEED, metavar="S", help="of the filter's random numbers (default 0)")
     _add_settings(add, "run", "search.sharpness=30 or lines=false")
     again = "run again with robust settings where people, glass or noise mislead the scans (default: yes)"
     add("--second-look", action=YES_OR_NO, help=again)
@@ -158,6 +157,7 @@ def _add_run(add) -> None:
 
 
 def _add_settings(add, what: str, example: str) -> None:
+    add("--seed", type=SEED, metavar="S", help="of the filter's random numbers (default 0)")
     config = (
         f"settings in TOML, named as in summary.json; or the summary.json of a {what} that is to be repeated"
     )
@@ -170,7 +170,6 @@ def _add_locate(add) -> None:
     add("--out", type=Path, metavar="DIR", help="folder to write to (default out/DATASET-located)")
     particles = "the most after the first scan, which has ten times as many (default 10000)"
     add("--particles", type=number, metavar="N", help=particles)
-    add("--seed", type=SEED, metavar="S", help="of the filter's random numbers (default 0)")
     _add_settings(add, "search", "sigma=0.1 or inject=false")
 
 

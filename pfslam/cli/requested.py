@@ -7,9 +7,7 @@ import tomllib
 from argparse import Namespace
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf
 from pathlib import Path
-from types import NoneType
 from typing import Any
 
 from pfslam.beyond.localization import LocalizationConfig
@@ -17,7 +15,7 @@ from pfslam.errors import DataError
 from pfslam.io.files import read_text
 from pfslam.methods import METHODS, preset
 from pfslam.refined.step import RefinedConfig, with_changes
-from pfslam.settings import changed, flat, options, type_of
+from pfslam.settings import changed, flat, written
 
 
 def requested_run(arguments: Namespace) -> tuple[str, int, bool, Any]:
@@ -95,18 +93,9 @@ def read_settings(path: Path | None, kind: type) -> dict[str, Any]:
         return dict(flat(content))
     if not isinstance(content, Mapping) or not isinstance(content.get("config"), Mapping):
         raise DataError(path, "config", "nothing", "the settings of a run")
-    settings = {key: _from_json(kind, key, value) for key, value in flat(content["config"]) if key != "kind"}
-    # Which kind of noise or search it was is said inside, and is switched on first.
-    kinds = {key.removesuffix(".kind"): value for key, value in settings.items() if key.endswith(".kind")}
-    rest = {key: value for key, value in settings.items() if not key.endswith(".kind")}
     names = {"method": "method", "seed": "seed", "second_look_allowed": "second_look"}
-    return kinds | rest | {name: content[key] for key, name in names.items() if key in content}
-
-
-def _from_json(kind: type, key: str, value: Any) -> Any:
-    """Return a value as it was: JSON has no infinite number, and a summary null in its place."""
-    hint = type_of(kind, key)
-    return inf if value is None and hint is not None and NoneType not in options(hint) else value
+    beside = {name: content[key] for key, name in names.items() if key in content}
+    return written(kind, content["config"]) | beside
 
 
 def toml_value(text: str) -> Any:

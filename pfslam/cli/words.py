@@ -72,8 +72,7 @@ def _rates(t: np.ndarray) -> tuple[str, str, str, str]:
 
 def describe(recording: Recording) -> str:
     """Say what a recording holds: its streams, its LiDAR, what was left out and what its loader had to say."""
-    names = ("encoders", "imu", "odometry", "lidar", "truth")
-    stamps = {name: part.t for name in names if (part := getattr(recording, name)) is not None}
+    stamps = {name: part.t for name, part in recording.streams().items()}
     if recording.camera is not None:
         stamps |= {"depth images": recording.camera.disparity_t, "colour images": recording.camera.rgb_t}
     begin, end = min(t[0] for t in stamps.values()), max(t[-1] for t in stamps.values())
@@ -244,9 +243,9 @@ def closing_words_of_search(recording: Recording, result: LocalizationResult, ou
         fit = f"the map explains {100 * result.explained:.0f} % of the last beams"
         if result.found:
             lines.append(f"found after {seconds:.1f} s; now at {place}; {fit}")
-        elif result.located[-1]:
-            lines.append(f"not found: {fit}, too few at {place}; is it the map of this building?")
         else:
-            lines.append(f"not sure at the end: seemed found after {seconds:.1f} s; last guess {place}")
+            lines.append(
+                f"not sure at the end: seemed found after {seconds:.1f} s; last guess {place}; {fit}"
+            )
             lines.append("is it the map of this building?")
     return "\n".join([*lines, f"results are in {out}"])

@@ -19,8 +19,8 @@ from pfslam.particles import Particles
 from pfslam.poses import Trajectory, average_pose, compose, invert, wrap_angle
 from pfslam.slam import Step
 
-CLAIMS = {0.5: (1.386294, 2.365974), 0.9: (4.605170, 6.251389), 0.99: (9.210340, 11.344867)}
-"""Probabilities whose ellipsoids are checked, each with the chi-square of 2 and of 3 dimensions that it stands for."""
+CLAIMS = {0.5: 2.365974, 0.9: 6.251389, 0.99: 11.344867}
+"""Probabilities whose ellipsoids are checked, each with the chi-square of 3 dimensions that it stands for."""
 LEAST_SPREAD = 1e-9
 """A cloud that spreads by less (m, or rad) along some direction counts as certain there."""
 
@@ -30,17 +30,15 @@ class CloudConsistency:
     """How well the spread of a run's clouds, or of its covariances, agrees with their errors.
 
     ``nees (K,)`` is the normalised estimation error squared: the squared Mahalanobis distance of the truth from each
-    cloud (infinite if the cloud is certain and wrong), 2 or 3 on average if the clouds are consistent. ``inside`` maps
-    each probability of ``CLAIMS`` to the share of clouds whose ellipsoid holds the truth. ``claimed_m`` and
-    ``actual_m`` are root mean squares of the clouds' spread and of the truth's distance from their means; ``certain``
-    counts clouds without spread in some direction.
+    cloud (infinite if the cloud has no spread in some direction), 3 on average if the clouds are consistent. ``inside``
+    maps each probability of ``CLAIMS`` to the share of clouds whose ellipsoid holds the truth. ``claimed_m`` and
+    ``actual_m`` are root mean squares of the clouds' spread and of the truth's distance from their means.
     """
 
     nees: np.ndarray
     inside: dict[float, float]
     claimed_m: float
     actual_m: float
-    certain: int
 
 
 def cloud_moments(particles: Particles) -> tuple[np.ndarray, np.ndarray]:
@@ -59,20 +57,20 @@ def squared_mahalanobis(error: np.ndarray, covariance: np.ndarray) -> np.ndarray
     return np.where(certain[..., 0], np.inf, (error * solved[..., 0]).sum(axis=-1))
 
 
-def cloud_consistency(infos: Iterable[Step], truth: Trajectory, dof: int = 3) -> CloudConsistency:
-    """Compare the clouds of a run with the truth; ``dof`` 2 is for position alone, 3 for heading too.
+def cloud_consistency(infos: Iterable[Step], truth: Trajectory) -> CloudConsistency:
+    """Compare the clouds of a run with the truth, in position and heading.
 
     The run is moved as a whole so that its first estimate is true, as for the trajectory error; that first cloud,
     which knows its place by definition, is not counted. Clouds count as they gave the estimate, before resampling.
     """
     known = _known(infos, truth, "particles")
-    return _consistency(known, [cloud_moments(info.particles) for info in known[1:]], truth, dof)
+    return _consistency(known, [cloud_moments(info.particles) for info in known[1:]], truth)
 
 
-def covariance_consistency(infos: Iterable[Step], truth: Trajectory, dof: int = 3) -> CloudConsistency:
+def covariance_consistency(infos: Iterable[Step], truth: Trajectory) -> CloudConsistency:
     """Compare the estimates of a run and their covariances with the truth, as ``cloud_consistency`` does its clouds."""
     known = _known(infos, truth, "covariance")
-    return _consistency(known, [(info.estimate, info.covariance) for info in known[1:]], truth, dof)
+    return _consistency(known, [(info.estimate, info.covariance) for info in known[1:]], truth)
 
 
 def _known(infos: Iterable[Step], truth: Trajectory, what: str) -> list:
@@ -83,19 +81,18 @@ def _known(infos: Iterable[Step], truth: Trajectory, what: str) -> list:
     return known
 
 
-def _consistency(infos: list[Step], moments: list[tuple], truth: Trajectory, dof: int) -> CloudConsistency:
+def _consistency(infos: list[Step], moments: list[tuple], truth: Trajectory) -> CloudConsistency:
     """Compare means and covariances of all infos but the first with the truth, moved to the first estimate."""
     first = compose(infos[0].estimate, invert(truth.at(infos[0].t)))
     true_poses = compose(first, truth.at(np.array([info.t for info in infos[1:]])))
     means, covariances = (np.array(part) for part in zip(*moments, strict=True))
     error, variance = _difference(true_poses, means), np.diagonal(covariances, axis1=1, axis2=2)
-    nees = squared_mahalanobis(error[:, :dof], covariances[:, :dof, :dof])
+    nees = squared_mahalanobis(error, covariances)
     return CloudConsistency(
         nees=nees,
-        inside={share: float(np.mean(nees <= reach[dof - 2])) for share, reach in CLAIMS.items()},
+        inside={share: float(np.mean(nees <= reach)) for share, reach in CLAIMS.items()},
         claimed_m=rms(np.sqrt(variance[:, 0] + variance[:, 1])),
         actual_m=rms(np.hypot(error[:, 0], error[:, 1])),
-        certain=int(np.count_nonzero(np.isinf(nees))),
     )
 
 

@@ -169,12 +169,9 @@ def _read_frames(log: Log, topics: Iterable[Topic]) -> Frames:
     """Collect the transforms of TFMessages, by pair of frames."""
     found: dict[tuple[str, str], list[Topic]] = {}
     for topic in topics:
-        which = np.fromiter(map(id, topic.contents), dtype=np.int64, count=len(topic.t))
-        order = np.argsort(which, kind="stable")
-        for rows in np.split(order, np.flatnonzero(np.diff(which[order])) + 1):
-            if len(rows):
-                said = topic if len(rows) == len(topic.t) else topic[rows]
-                found.setdefault(topic.contents[rows[0]], []).append(said)
+        for pair in dict.fromkeys(topic.contents):
+            of_pair = np.fromiter((names is pair for names in topic.contents), bool, len(topic.t))
+            found.setdefault(pair, []).append(topic if of_pair.all() else topic[of_pair])
     named = {pair: Topic.joined(f"/tf ({' -> '.join(pair)})", TF, parts) for pair, parts in found.items()}
     return {pair: _poses(log, topic) for pair, topic in named.items()}
 

@@ -5,10 +5,13 @@ Row 0 of an image is y_max, while row 0 of our grids is y_min: this module holds
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import yaml
 
 from pfslam.errors import DataError, naming_source
 from pfslam.grid import MAX_CELLS, GridSpec, OccupancyGrid
@@ -26,6 +29,9 @@ from pfslam.recording import nearest_stamp
 
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
+GAP = rb"(?:\s|#.*\n)+"
+PGM_HEADER = re.compile(rb"P5" + GAP + rb"(\d{1,9})" + GAP + rb"(\d{1,9})" + GAP + rb"255[^\S\n]*(?:#.*)?\n")
+"""Width and height of a binary PGM image with 255 grey values; there may be comments between the words."""
 
 
 def write_tum(path: str | Path, trajectory: Trajectory) -> None:
@@ -125,22 +131,17 @@ def _yaml_name(path: str | Path) -> Path:
 
 
 def _yaml(image: str, spec: GridSpec, keys: dict[str, float]) -> str:
-    x, y = spec.origin
-    head = f"image: {image}\nresolution: {spec.resolution!r}\norigin: [{x!r}, {y!r}, 0.0]\n"
-    return head + "".join(f"{key}: {value}\n" for key, value in keys.items())
+    content = {"image": image, "resolution": float(spec.resolution), "origin": [*spec.origin, 0.0]} | keys
+    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=float("inf"))
 
 
-def _yaml_keys(text: str) -> dict[str, str]:
-    """Split the lines ``key: value`` of a map's text; lists stand in brackets or have a line for each item."""
-    keys: dict[str, str] = {}
-    for line in (line.split("#")[0].strip() for line in text.splitlines()):
-        if keys and line.startswith("- "):
-            last = next(reversed(keys))
-            keys[last] = ",".join(filter(None, [keys[last], line[2:].strip()]))
-        elif ":" in line:
-            key, _, value = line.partition(":")
-            keys[key.strip()] = value.strip()
-    return keys
+def _yaml_keys(path: Path) -> dict[str, Any]:
+    """Read the keys of a map's text."""
+    try:
+        keys = yaml.safe_load(read_text(path))
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # a date that is none is a ValueError
+        raise DataError(path, "file", error, "YAML, as map_server writes it") from None
+    return keys if isinstance(keys, dict) else {}
 
 
 def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
@@ -149,15 +150,16 @@ def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
     Row 0 is y_min, as in all our grids. Rotated maps (a third origin value) are refused.
     """
     path = Path(path)
-    keys = _yaml_keys(read_text(path))
+    keys = _yaml_keys(path)
     needed = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
     if missing := [key for key in needed if key not in keys]:
-        raise DataError(path, "keys", ", ".join(keys)[:200] or "none", f"a key named {missing[0]}")
+        raise DataError(path, "keys", ", ".join(map(str, keys)) or "none", f"a key named {missing[0]}")
     resolution, negate, occupied, free = (
-        numbers(path, key, [keys[key]], 1)[0]
+        numbers(path, key, [str(keys[key])], 1)[0]
         for key in ("resolution", "negate", "occupied_thresh", "free_thresh")
     )
-    x, y, yaw = numbers(path, "origin", keys["origin"].strip("[]").split(","), 3)
+    origin = keys["origin"] if isinstance(keys["origin"], list) else [keys["origin"]]
+    x, y, yaw = numbers(path, "origin", list(map(str, origin)), 3)
     if negate not in (0.0, 1.0):
         raise DataError(path, "negate", keys["negate"], "0 or 1")
     if not 0.0 <= free < occupied <= 1.0:
@@ -165,9 +167,9 @@ def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
         raise DataError(path, "free_thresh, occupied_thresh", found, "probabilities, the lesser first")
     if yaw != 0.0:
         raise DataError(path, "origin", f"a map rotated by {yaw:g} rad", "a third value of 0")
-    if (mode := keys.get("mode", "trinary").strip("'\"")) != "trinary":
+    if (mode := keys.get("mode", "trinary")) != "trinary":
         raise DataError(path, "mode", mode, "trinary, as map_server writes it")
-    pixels = _read_pixels(path.parent / keys["image"].strip("'\""))
+    pixels = _read_pixels(path.parent / str(keys["image"]))
     share = pixels[::-1] / 255.0 if negate else (255.0 - pixels[::-1]) / 255.0
     cells = (share > occupied).astype(np.int8) - (share < free).astype(np.int8)
     with naming_source(path):
@@ -195,17 +197,11 @@ def _read_pixels(path: Path) -> np.ndarray:
 
 def _pgm_pixels(path: Path, data: bytes) -> np.ndarray:
     """Take the pixels ``(H, W)`` uint8 out of the bytes of a binary PGM image."""
-    words: list[bytes] = []
-    at = 0
-    while len(words) < 4 and at < min(len(data), 4096):
-        end = data.find(b"\n", at)
-        end = len(data) if end < 0 else end
-        words += data[at:end].split(b"#")[0].split()
-        at = end + 1
-    if len(words) != 4 or words[0] != b"P5" or words[3] != b"255" or not all(w.isdigit() for w in words[1:]):
+    header = PGM_HEADER.match(data[:4096])
+    if header is None:
         expected = "a binary PGM image (P5) with 255 grey values, or a PNG image"
         raise DataError(path, "header", repr(data[:20]), expected)
-    width, height = int(words[1][:9]), int(words[2][:9])
+    (width, height), at = map(int, header.groups()), header.end()
     if len(data) - at != width * height or width * height == 0:
         raise DataError(path, "pixels", f"{len(data) - at} bytes", f"{width} x {height}, at least one")
     return np.frombuffer(data, dtype=np.uint8, offset=at).reshape(height, width)
@@ -231,10 +227,10 @@ class Relations:
     t2: np.ndarray
     poses: np.ndarray
 
-    def at_stamps(self, stamps: np.ndarray, tolerance: float = 1e-3) -> Relations:
-        """Keep those with both ends within ``tolerance`` seconds of one of ``stamps (K,)``, moved onto them."""
+    def at_stamps(self, stamps: np.ndarray) -> Relations:
+        """Keep those with both ends within a millisecond of one of ``stamps (K,)``, moved onto them."""
         t1, t2 = (stamps[nearest_stamp(stamps, t)] for t in (self.t1, self.t2))
-        near = (np.abs(t1 - self.t1) <= tolerance) & (np.abs(t2 - self.t2) <= tolerance)
+        near = (np.abs(t1 - self.t1) <= 1e-3) & (np.abs(t2 - self.t2) <= 1e-3)
         return Relations(t1[near], t2[near], self.poses[near])
 
 

@@ -9,7 +9,7 @@ line; ``dropped``, lines of a count and its reason) are kept as their UTF-8 byte
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,20 +21,20 @@ from pfslam.io.files import decode_png, encode_png, read_npz, write_npz
 from pfslam.io.loading import check_size, stamps
 from pfslam.poses import Trajectory
 from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream
-from pfslam.sensors import RgbdModel, RobotModel
+from pfslam.sensors import RobotModel
 from pfslam.settings import changed, flat, plain
 
 FORMAT = 1
 """The number of this layout, in the array ``format``."""
-STREAMS: dict[str, tuple[type, tuple[str, ...]]] = {
-    "encoders": (Encoders, ("t", "counts")),
-    "imu": (Imu, ("t", "angular_velocity", "acceleration_g")),
-    "odometry": (Trajectory, ("t", "poses")),
-    "lidar": (LidarScans, ("t", "ranges")),
-    "truth": (Trajectory, ("t", "poses")),
+STREAMS = {
+    "encoders": Encoders,
+    "imu": Imu,
+    "odometry": Trajectory,
+    "lidar": LidarScans,
+    "camera": RgbdStream,
+    "truth": Trajectory,
 }
-"""Streams of numbers: their types, and the names of their arrays."""
-CAMERA = ("disparity_t", "rgb_t", "disparity_index", "rgb_index")
+"""The types of the streams, whose fields are the arrays of the file; what reads a picture is no array."""
 TEXTS = ("name", "notes", "dropped")
 NONE = np.zeros(0, dtype=int)
 
@@ -49,24 +49,29 @@ def save(
     """
     if Path(path).suffix != ".npz":
         raise DataError(path, "file name", Path(path).suffix or "no extension", "a name that ends in .npz")
-    write_npz(path, progress or iter, **dict(_arrays(recording, images)))
+    if recording.camera is not None and not images:
+        recording = replace(recording, camera=replace(recording.camera, disparity_index=NONE, rgb_index=NONE))
+    write_npz(path, progress or iter, **dict(_arrays(recording)))
 
 
-def _arrays(recording: Recording, images: bool) -> Iterator[tuple[str, Any]]:
+def _names(stream: str) -> list[str]:
+    """List the names of a stream's arrays."""
+    return [field.name for field in fields(STREAMS[stream]) if not field.name.startswith("read_")]
+
+
+def _arrays(recording: Recording) -> Iterator[tuple[str, Any]]:
     """List the arrays of the file by name; of pictures, which are many, what makes them when they are written."""
     dropped = "\n".join(f"{count} {reason}" for reason, count in recording.dropped.items())
     texts = {"name": recording.name, "notes": "\n".join(recording.notes), "dropped": dropped}
     yield "format", FORMAT
     yield from ((key, np.frombuffer(text.encode(), dtype=np.uint8)) for key, text in texts.items())
     yield from ((f"robot.{key}", value) for key, value in _robot_values(recording.robot))
-    for stream, (_, names) in STREAMS.items():
+    for stream in STREAMS:
         if (part := getattr(recording, stream)) is not None:
-            yield from ((f"{stream}.{name}", getattr(part, name)) for name in names)
+            yield from ((f"{stream}.{name}", getattr(part, name)) for name in _names(stream))
     if (camera := recording.camera) is not None:
-        kept = camera if images else replace(camera, disparity_index=NONE, rgb_index=NONE)
-        yield from ((f"camera.{name}", getattr(kept, name)) for name in CAMERA)
         for kind, read in (("disparity", camera.read_disparity), ("rgb", camera.read_rgb)):
-            for k in getattr(kept, f"{kind}_index").tolist():
+            for k in getattr(camera, f"{kind}_index").tolist():
                 yield f"camera.{kind}.{k}", lambda read=read, k=k: encode_png(read(k))
 
 
@@ -82,21 +87,24 @@ def load_recording(path: str | Path) -> Recording:
     ``DataError`` naming the array that cannot be used.
     """
     path = Path(path)
-    layout = [f"{stream}.{name}" for stream, (_, names) in STREAMS.items() for name in names]
-    layout += [f"camera.{name}" for name in CAMERA]
+    layout = [f"{stream}.{name}" for stream in STREAMS for name in _names(stream)]
     settings = [f"robot.{key}" for key, _ in _robot_values(RobotModel())]
     data = read_npz(path, ("format",), (*TEXTS, *layout, *settings))
     if data["format"].shape != () or data["format"] != FORMAT:
         raise DataError(path, "format", data["format"], f"the number {FORMAT}")
     given = {key.removeprefix("robot."): data[key].tolist() for key in settings if key in data}
     robot = changed(RobotModel(), given, path, "robot.")
-    parts = {stream: _stream(path, data, stream) for stream in STREAMS}
+    size = robot.camera.height, robot.camera.width
+    readers = {
+        "read_disparity": partial(_read_image, path, "camera.disparity", (*size, 1), np.uint16),
+        "read_rgb": partial(_read_image, path, "camera.rgb", (*size, 3), np.uint8),
+    }
+    parts = {name: _stream(path, data, name, readers if name == "camera" else {}) for name in STREAMS}
     texts = {key: _text(path, data, key) for key in TEXTS}
     notes = tuple(texts["notes"].split("\n")) if texts["notes"] else ()
-    camera, dropped = _camera(path, data, robot.camera), _counts(path, texts["dropped"])
-    name = texts["name"] or path.stem
+    dropped = _counts(path, texts["dropped"])
     with naming_source(path):
-        return Recording(name, robot, camera=camera, dropped=dropped, notes=notes, **parts)
+        return Recording(texts["name"] or path.stem, robot, dropped=dropped, notes=notes, **parts)
 
 
 def _text(path: Path, data: Mapping[str, np.ndarray], key: str) -> str:
@@ -118,42 +126,33 @@ def _counts(path: Path, text: str) -> dict[str, int]:
         raise DataError(path, "dropped", repr(text), "lines of a count and its reason") from None
 
 
-def _stream(path: Path, data: Mapping[str, np.ndarray], stream: str) -> Any:
+def _stream(path: Path, data: Mapping[str, np.ndarray], stream: str, readers: Mapping[str, Callable]) -> Any:
     """Read one stream, or None if none of its arrays is there."""
-    kind, names = STREAMS[stream]
-    held = [name for name in names if f"{stream}.{name}" in data]
+    held = {name: data[f"{stream}.{name}"] for name in _names(stream) if f"{stream}.{name}" in data}
     if not held:
         return None
-    if missing := [name for name in names if name not in held]:
+    if missing := [name for name in _names(stream) if name not in held]:
         raise DataError(path, stream, ", ".join(held), f"an array named {stream}.{missing[0]} as well")
-    arrays = {name: data[f"{stream}.{name}"] for name in names}
-    arrays["t"] = stamps(path, arrays["t"], f"{stream}.t")
-    for name in names[1:]:
-        if arrays[name].dtype.kind not in "fiu":
-            raise DataError(path, f"{stream}.{name}", arrays[name].dtype, "numbers")
-        if name != "ranges":
-            check_size(path, f"{stream}.{name}", arrays[name])
+    for name, values in held.items():
+        key = f"{stream}.{name}"
+        what, _, last = name.rpartition("_")
+        if last == "t":
+            held[name] = stamps(path, values, key)
+        elif last == "index":
+            _check_index(path, key, values, len(held[f"{what}_t"]))
+        elif values.dtype.kind not in "fiu":
+            raise DataError(path, key, values.dtype, "numbers")
+        elif name != "ranges":
+            check_size(path, key, values)
     with naming_source(path, f"{stream}."):
-        return kind(**arrays)
+        return STREAMS[stream](**held, **readers)
 
 
-def _camera(path: Path, data: Mapping[str, np.ndarray], model: RgbdModel) -> RgbdStream | None:
-    held = {name: data[f"camera.{name}"] for name in CAMERA if f"camera.{name}" in data}
-    if not held:
-        return None
-    if missing := [name for name in CAMERA if name not in held]:
-        raise DataError(path, "camera", ", ".join(held), f"an array named camera.{missing[0]} as well")
-    for kind in ("disparity", "rgb"):
-        held[f"{kind}_t"] = stamps(path, held[f"{kind}_t"], f"camera.{kind}_t")
-        index, count = held[f"{kind}_index"], len(held[f"{kind}_t"])
-        whole = index.ndim == 1 and index.dtype.kind in "iu" and (np.diff(index.astype(float)) > 0).all()
-        if not whole or (len(index) and not 0 <= index[0] <= index[-1] < count):
-            expected = f"increasing whole numbers from 0 to {count - 1}"
-            raise DataError(path, f"camera.{kind}_index", index.ravel()[:4], expected)
-    size = (model.height, model.width)
-    read_disparity = partial(_read_image, path, "camera.disparity", (*size, 1), np.uint16)
-    read_rgb = partial(_read_image, path, "camera.rgb", (*size, 3), np.uint8)
-    return RgbdStream(read_disparity=read_disparity, read_rgb=read_rgb, **held)
+def _check_index(path: Path, key: str, index: np.ndarray, count: int) -> None:
+    """Check which of ``count`` pictures are kept."""
+    whole = index.ndim == 1 and index.dtype.kind in "iu" and (np.diff(index.astype(float)) > 0).all()
+    if not whole or (len(index) and not 0 <= index[0] <= index[-1] < count):
+        raise DataError(path, key, index.ravel()[:4], f"increasing whole numbers from 0 to {count - 1}")
 
 
 def _read_image(path: Path, kind: str, shape: tuple[int, int, int], dtype: type, k: int) -> np.ndarray:

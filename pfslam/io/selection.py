@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.recording import Recording, RgbdStream
+from pfslam.recording import Recording, RgbdStream, chosen
 from pfslam.settings import changed
 
 ROUND_OFF = 1e-3
@@ -45,8 +45,7 @@ def select(
 
 def _within(recording: Recording, start: float, until: float) -> Recording:
     """Keep what was measured from ``start`` to ``until`` (s), and the motion up to the readings on either side."""
-    parts = {name: getattr(recording, name) for name in ("encoders", "imu", "odometry", "lidar", "truth")}
-    parts = {name: part for name, part in parts.items() if part is not None}
+    parts = recording.streams()
     clock = parts.get("lidar") or parts.get("odometry") or parts["encoders"]
     begin, end = clock.t[0] + start, clock.t[0] + until
     inside = int(np.count_nonzero((clock.t >= begin) & (clock.t <= end)))
@@ -67,8 +66,7 @@ def _cut(stream: Any, begin: float, end: float, around: bool) -> Any:
     if around:
         begin = t[max(int(np.searchsorted(t, begin, side="right")) - 1, 0)]
         end = t[min(int(np.searchsorted(t, end)), len(t) - 1)]
-    kept = (t >= begin) & (t <= end)
-    return replace(stream, **{field.name: getattr(stream, field.name)[kept] for field in fields(stream)})
+    return chosen(stream, (t >= begin) & (t <= end))
 
 
 def _images_within(camera: RgbdStream, begin: float, end: float) -> RgbdStream | None:

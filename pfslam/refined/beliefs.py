@@ -23,7 +23,7 @@ from pfslam.refined.odometer import Odometer
 from pfslam.refined.outliers import WaitingScan
 from pfslam.refined.step import RefinedBelief, RefinedConfig
 from pfslam.sensors import LidarModel, RobotModel
-from pfslam.settings import changed, flat, plain, value_of
+from pfslam.settings import changed, plain, written
 
 FORMAT = b"pfslam belief 6"
 """Changes with the layout, and the seal with it."""
@@ -44,15 +44,15 @@ def write_belief(
     if state["bit_generator"] != "PCG64":
         raise DataError(path, "rng", state["bit_generator"], "NumPy's default generator, PCG64")
     told = {
-        "config": _settings(config),
-        "lidar": _settings(odometer.robot.lidar),
+        "config": plain(config),
+        "lidar": plain(odometer.robot.lidar),
         "rng": state,
         "odometer": {name: value for name, value in vars(odometer).items() if name != "robot"},
         "particles": vars(belief.particles),
         "belief": [belief.estimate, belief.variance, belief.covariance, belief.corrected],
         "map": [map.spec.origin, map.drawn_at, [vars(scan) for scan in map.waiting]],
     }
-    text = json.dumps(told, default=lambda value: value.tolist())
+    text = json.dumps(told, default=_as_list)
     moments, drawn = map.moments, np.reshape(map.drawn, (-1, 3, 3))
     layers = map.grid.log_odds, map.field, moments.slots.values, moments.sums, moments.first, drawn
     arrays = {"told": np.frombuffer(text.encode(), dtype=np.uint8)} | dict(zip(LAYERS, layers, strict=True))
@@ -68,42 +68,33 @@ def read_belief(
     if not np.array_equal(data.pop("seal"), _seal(data)):
         expected = "what Mapper.save of this version wrote"
         raise DataError(path, "seal", "one of other numbers than the file's", expected)
-    told = json.loads(data["told"].tobytes())
-    config, rng = changed(RefinedConfig(), told["config"]), np.random.default_rng(0)
+    told = json.loads(data["told"].tobytes(), object_hook=_as_array)
+    config, rng = changed(RefinedConfig(), written(RefinedConfig, told["config"])), np.random.default_rng(0)
     rng.bit_generator.state = told["rng"]
-    odometer = Odometer(RobotModel(lidar=changed(LidarModel(), told["lidar"])))
-    vars(odometer).update(_arrays(told["odometer"], "_first", "_last"))
-    odometer._poses = [np.array(pose) for pose in odometer._poses]
-    cloud = _arrays(told["particles"])
-    particles = Particles(**cloud)
-    vars(particles).update(cloud)  # normalised a second time, weights may differ in the last bit
+    odometer = Odometer(RobotModel(lidar=changed(LidarModel(), written(LidarModel, told["lidar"]))))
+    vars(odometer).update(told["odometer"])
+    particles = Particles(**told["particles"])
+    vars(particles).update(told["particles"])  # normalised a second time, weights may differ in the last bit
     origin, drawn_at, waiting = told["map"]
     spec = GridSpec(origin, config.map.resolution, data["log_odds"].shape)
     map = RefinedMap(config.map, spec, config.lines, config.outliers)
     map._log_odds, map._scores, slots = (Canvas(spec, data[n].dtype, data[n]) for n in LAYERS[:3])
     map.moments.slots, map.moments.used = slots, len(data["first"])
     map.moments._sums, map.moments._first = data["sums"], data["first"]
-    map.drawn, map.drawn_at = list(data["drawn"]), _array(drawn_at)
+    map.drawn, map.drawn_at = list(data["drawn"]), drawn_at
     map.is_empty = drawn_at is None
-    map.waiting = tuple(WaitingScan(**_arrays(scan)) for scan in waiting)
-    estimate, variance, covariance, corrected = (_array(value) for value in told["belief"])
+    map.waiting = tuple(WaitingScan(**scan) for scan in waiting)
+    estimate, variance, covariance, corrected = told["belief"]
     belief = RefinedBelief(particles, estimate, map, variance, covariance, corrected)
     return config, rng, odometer, belief, Steps.of_columns({name: data[key] for key, name in STEPS.items()})
 
 
-def _settings(settings: Any) -> dict[str, Any]:
-    """Return settings by dotted name, as ``changed`` takes them; unlike in ``plain``, infinity stays infinity."""
-    names = [key.removesuffix(".kind") for key, _ in flat(plain(settings)) if key != "kind"]
-    return {name: value_of(settings, name) for name in names}
+def _as_list(value: Any) -> Any:
+    return {"array": value.tolist()} if isinstance(value, np.ndarray) else value.item()
 
 
-def _array(value: Any) -> Any:
-    return np.array(value) if isinstance(value, list) else value
-
-
-def _arrays(told: dict[str, Any], *names: str) -> dict[str, Any]:
-    """Turn lists back into arrays, those by these names or all."""
-    return {name: value if names and name not in names else _array(value) for name, value in told.items()}
+def _as_array(told: dict[str, Any]) -> Any:
+    return np.array(told["array"]) if "array" in told else told
 
 
 def _seal(arrays: dict[str, np.ndarray]) -> np.ndarray:

@@ -51,14 +51,6 @@ class Simulation:
     roll: np.ndarray
     renderer: CameraRenderer
 
-    def true_grid(self, spec: GridSpec) -> np.ndarray:
-        """Mark the cells ``(H, W)`` bool that a wall runs through."""
-        return self.world.true_grid(spec)
-
-    def floor_area(self, spec: GridSpec) -> np.ndarray:
-        """Mark the cells ``(H, W)`` bool that are floor: inside the building and not under clutter."""
-        return self.world.free_area(spec)
-
     def floor_image(self, spec: GridSpec) -> np.ndarray:
         """Give the true colours ``(H, W, 3)`` uint8 of the floor, averaged over each cell."""
         return self.renderer.floor.image(spec, self.world.pose_pw)

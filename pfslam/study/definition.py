@@ -15,13 +15,13 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_origin
 
 from pfslam.errors import DataError
 from pfslam.io.files import read_text
 from pfslam.methods import METHODS, preset
 from pfslam.refined.step import RefinedConfig, with_changes
-from pfslam.settings import Range, Settings, changed, depth, flat, type_hints, type_of, value_of
+from pfslam.settings import Range, Settings, changed, flat, options, type_hints, type_of, value_of
 from pfslam.simulator import HALL, SimulatorConfig
 from pfslam.simulator import PRESETS as BUILDINGS
 
@@ -200,19 +200,15 @@ def _grid(table: dict[str, Any], source: object) -> dict[str, list | range]:
 
 
 def _values(key: str, value: Any, source: object) -> list:
-    """Return the values of one key: a list is a grid of values, unless one value is itself a list."""
-    deep = depth(type_of(*_place(key)))
-    levels = _levels(value) if deep else int(isinstance(value, list))
-    values = value if levels > deep else [value]
+    """Return the values of one key: a list is a grid; of a key whose values are lists, a list of lists is."""
+    takes_list = any(get_origin(hint) is tuple for hint in options(type_of(*_place(key))))
+    is_grid = isinstance(value, list) and (not takes_list or any(isinstance(item, list) for item in value))
+    values = value if is_grid else [value]
     if not values:
         raise DataError(source, key, "an empty list", "at least one value")
     if key == "dataset":
         values = [str(v) if isinstance(v, int) and not isinstance(v, bool) else v for v in values]
     return values
-
-
-def _levels(value: Any) -> int:
-    return 1 + max(map(_levels, value), default=0) if isinstance(value, list) else 0
 
 
 def _counted(key: str, count: Any, first: Any, source: object) -> range:

@@ -14,7 +14,7 @@ import numpy as np
 
 from pfslam.errors import DataError
 from pfslam.poses import Trajectory, between, compose
-from pfslam.recording import Encoders, Imu, LidarScans, Recording
+from pfslam.recording import LidarScans, Recording, chosen
 
 NO_RETURN = 0.0
 """The range of a beam that returned nothing: below every scanner's least range."""
@@ -125,21 +125,10 @@ def with_ranges(recording: Recording, ranges: np.ndarray) -> Recording:
 
 def _cut(recording: Recording, keep: Callable, clock: Callable, name: str, value) -> Recording:
     """Keep every stream's rows whose stamps ``keep`` accepts, at new stamps from ``clock``."""
-
-    def kept(kind, stream, *fields):
-        if stream is None:
-            return None
-        rows = keep(stream.t)
+    kept = {}
+    for stream, part in recording.streams().items():
+        rows = keep(part.t)
         if not rows.any():
             raise DataError(recording.name, f"disturb.{name}", value, "some readings of every stream left")
-        return kind(clock(stream.t[rows]), *(getattr(stream, field)[rows] for field in fields))
-
-    return replace(
-        recording,
-        encoders=kept(Encoders, recording.encoders, "counts"),
-        imu=kept(Imu, recording.imu, "angular_velocity", "acceleration_g"),
-        odometry=kept(Trajectory, recording.odometry, "poses"),
-        lidar=kept(LidarScans, recording.lidar, "ranges"),
-        truth=kept(Trajectory, recording.truth, "poses"),
-        camera=None,
-    )
+        kept[stream] = chosen(part, rows, t=clock(part.t[rows]))
+    return replace(recording, camera=None, **kept)

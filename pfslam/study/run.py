@@ -134,9 +134,9 @@ def doubts(result: RefinedResult, truth: Trajectory) -> dict[str, float]:
 
 def agreement(result: RefinedResult, simulation: Simulation) -> dict[str, float]:
     """Compare the map with the simulated building."""
-    spec = result.grid.spec
-    walls = simulation.true_grid(spec)
-    found = map_agreement(result.grid, walls, simulation.floor_area(spec) & ~walls)
+    spec, world = result.grid.spec, simulation.world
+    walls = world.true_grid(spec)
+    found = map_agreement(result.grid, walls, world.free_area(spec) & ~walls)
     return {"map_iou_occupied": found.occupied_iou, "map_iou_free": found.free_iou}
 
 

@@ -106,7 +106,7 @@ class Judge:
 
 def judge_for(drive: Drive, spec: GridSpec, margin: int = 20) -> Judge:
     """Prepare what the truth says about the floor, on those cells of ``spec`` that the building takes up."""
-    floor = drive.simulation.floor_area(spec)
+    floor = drive.simulation.world.free_area(spec)
     iy, ix = np.nonzero(floor)
     low = np.maximum([ix.min() - margin, iy.min() - margin], 0)
     window = slice(low[1], iy.max() + margin), slice(low[0], ix.max() + margin)
