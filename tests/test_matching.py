@@ -121,7 +121,9 @@ def test_headings_across_pi_come_back_wrapped():
     assert (np.abs(wrap_angle(found[:, 2] - poses[:, 2])) <= 4.5 * 0.005).all()
 
 
-@pytest.mark.parametrize("moved", [lambda *case: jumped(*case).particles.poses, lambda *case: matched(*case).poses])
+@pytest.mark.parametrize(
+    "moved", [lambda *case: jumped(*case).particles.poses, lambda *case: matched(*case).poses]
+)
 def test_how_the_particles_are_parted_does_not_change_where_any_of_them_goes(monkeypatch, moved):
     drawn = case(10, particles=60)
     together = moved(*drawn)

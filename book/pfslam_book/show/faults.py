@@ -21,7 +21,6 @@ from pfslam.recording import Imu, LidarScans, Recording
 from pfslam.refined.matching import Match, match
 from pfslam.refined.step import RefinedConfig
 from pfslam.sensors import RgbdModel
-from pfslam.settings import changed
 from pfslam.study.disturbances import ranges_and_valid, start_time, with_ranges
 
 
