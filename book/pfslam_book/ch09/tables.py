@@ -159,16 +159,15 @@ def missed_by(pairs: dict[str, tuple[np.ndarray, np.ndarray]]) -> str:
 
 def elimination_table() -> Shown:
     """Return for each change who misses it, how many runs are lost then, unnoticed, and what a run costs."""
-    table, off = read_table("ch09_elimination"), {}
+    table = read_table("ch09_elimination")
+    rows: list[tuple[str, ...]] = []
+    changes = elimination()
     for label in labels_of(table):
-        rows = select(table, label=label)
-        lost, silent = rows["max_m"] > OFF, rows["silent"] > 0.0
-        off[label] = f"{lost.sum()}", f"{silent.sum()}", rows["cpu_seconds"].sum()
-    rows = [("nothing", "", *off["nothing"][:2], "")]
-    for label, pairs in elimination().items():
-        lost, silent, seconds = off[label]
-        time = f"{100 * (seconds / off['nothing'][2] - 1):+.0f} %"
-        rows.append((label, missed_by(pairs), lost, silent, time))
+        pairs = changes.get(label, {})
+        run, whole = (select(table, label=one) for one in (label, "nothing"))
+        lost, silent = (run["max_m"] > OFF).sum(), (run["silent"] > 0.0).sum()
+        time = 100 * (run["cpu_seconds"].sum() / whole["cpu_seconds"].sum() - 1)
+        rows.append((label, missed_by(pairs), f"{lost}", f"{silent}", f"{time:+.0f} %" if pairs else ""))
     head = (
         "change",
         "error, median change [cm] (worse)",

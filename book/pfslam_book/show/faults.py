@@ -21,6 +21,7 @@ from pfslam.recording import Imu, LidarScans, Recording
 from pfslam.refined.matching import Match, match
 from pfslam.refined.step import RefinedConfig
 from pfslam.sensors import RgbdModel
+from pfslam.settings import changed
 from pfslam.study.disturbances import ranges_and_valid, start_time, with_ranges
 
 
@@ -136,7 +137,7 @@ def match_without_translation(
 
 def every_beam_a_witness(config: RefinedConfig, beams: int = 1081) -> RefinedConfig:
     """Weigh wrongly: take the softmax of the count, ``exp(beams)``, as if the beams of a scan were independent."""
-    return replace(config, search=replace(config.search, sharpness=float(beams)))
+    return changed(config, {"search.sharpness": float(beams)})
 
 
 def swapped_centre(camera: RgbdModel) -> RgbdModel:
