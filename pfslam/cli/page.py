@@ -25,7 +25,7 @@ from pfslam.io.formats import FREE, OCCUPIED, map_pixels
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory, compose, invert, transform_points
 from pfslam.recording import Recording
-from pfslam.refined.health import DRAGGED_METRES, DRAGGED_WITHIN
+from pfslam.refined.health import IMPROBABLE, departures
 from pfslam.refined.run import RefinedResult
 from pfslam.settings import plain
 from pfslam.texture import FloorTexture
@@ -148,16 +148,14 @@ def paths_of(outcome: Outcome) -> dict[str, np.ndarray]:
 
 def filter_data(result: RefinedResult, at: np.ndarray) -> dict[str, Any]:
     """Collect what the steps say; of those from one moment to the next, the worst."""
-    t, infos, covariances = result.trajectory.t, result.infos, result.covariances
-    moved = np.zeros((len(t) + 1, 2))
-    np.cumsum([info.departure for info in infos], axis=0, out=moved[1:])
-    departure = np.hypot(*(moved[1:] - moved[np.searchsorted(t, t - DRAGGED_WITHIN)]).T)
+    infos, covariances = result.infos, result.covariances
+    departure, sigma = departures(infos)
     effective = np.array([info.effective_sample_size for info in infos])
     return {
         "particles": result.config.particles,
         "effective": np.minimum.reduceat(effective, at),
         "departure": np.maximum.reduceat(departure, at),
-        "dragged": DRAGGED_METRES,
+        "improbable": IMPROBABLE * sigma[at],
         "covariance": None if covariances is None else covariances[at][:, [0, 0, 1], [0, 1, 1]],
     }
 

@@ -10,7 +10,7 @@ import numpy as np
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.recording import Recording, nearest_stamp
 from pfslam.refined.floor import read_disparity
-from pfslam.refined.health import DRAGGED_METRES, DRAGGED_WITHIN
+from pfslam.refined.health import IMPROBABLE, departures
 from pfslam.run import SlamResult, run_slam
 from pfslam.sensors import RgbdModel, scan_points
 from pfslam.simulator import Hazards, simulate
@@ -58,11 +58,11 @@ def _map_of(part: Recording, result: SlamResult, **limits: tuple) -> Panel:
 def people(broken: bool) -> Seen:
     """Let somebody walk ahead of the robot and drag its estimate along."""
     part, result = world_run("people" if broken else "empty", WITH_PEOPLE, 5)
-    t = result.trajectory.t
-    moved = np.cumsum([np.zeros(2), *(info.departure for info in result.infos)], axis=0)
-    dragged = np.hypot(*(moved[1:] - moved[np.searchsorted(t, t - DRAGGED_WITHIN)]).T)
-    panel = Panel("time [s]", "moved by scans in 2 s [m]", curve=(t - t[0], dragged), level=DRAGGED_METRES)
-    return Seen(dragged.max(), _map_of(part, result, xlim=(2.5, 9.0), ylim=(5.0, 16.5)), panel)
+    t, (metres, sigma) = result.trajectory.t, departures(result.infos)
+    panel = Panel(
+        "time [s]", "moved by scans in 2 s [sigma]", curve=(t - t[0], metres / sigma), level=IMPROBABLE
+    )
+    return Seen(metres.max(), _map_of(part, result, xlim=(2.5, 9.0), ylim=(5.0, 16.5)), panel)
 
 
 def glass(broken: bool) -> Seen:

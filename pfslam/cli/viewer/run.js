@@ -353,7 +353,7 @@
 
   /** Two curves over time, the stretches that are not to be trusted, and the moment. */
   function paintTime(chart, {colours}, run) {
-    const {context, width, height} = chart, {t, last, at, effective, departure, particles, dragged} = run;
+    const {context, width, height} = chart, {t, last, at, effective, departure, particles, improbable} = run;
     const middle = height / 2 - 8, foot = 20, many = particles > 1, top = many ? middle + 6 : 4;
     Object.assign(chart, {left: 8, right: 8});
     const x = when => chart.left + ((width - chart.left - chart.right) * when) / (t[last] || 1);
@@ -368,14 +368,10 @@
       Object.assign(context, {strokeStyle: colour, lineWidth: 1.5, lineJoin: "round"});
       context.stroke();
     };
-    const most = Math.max(2 * dragged, ...departure), y = value => height - foot - ((height - foot - top - 4) * value) / most;
+    const most = Math.max(...improbable, ...departure), y = value => height - foot - ((height - foot - top - 4) * value) / most;
     if (many) curve(effective, value => middle - ((middle - 6) * value) / particles, colours.estimate);
     context.setLineDash([4, 4]);
-    Object.assign(context, {strokeStyle: colours.muted, lineWidth: 1});
-    context.beginPath();
-    context.moveTo(x(0), y(dragged));
-    context.lineTo(x(t[last]), y(dragged));
-    context.stroke();
+    curve(improbable, y, colours.muted);
     context.setLineDash([]);
     curve(departure, y, colours.odometry);
     Object.assign(context, {strokeStyle: colours.ink, lineWidth: 2});
