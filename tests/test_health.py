@@ -136,7 +136,7 @@ def test_scans_that_drag_the_estimate_past_unexplained_beams_are_named_from_then
 
 
 @pytest.mark.parametrize(
-    ("more", "doubted"), [(-0.3, True), (0.0, True), (0.06, True), (0.08, False), (0.5, False)]
+    ("more", "doubted"), [(-0.3, True), (0.0, True), (0.09, True), (0.11, False), (0.5, False)]
 )
 def test_a_correction_that_puts_the_beams_back_on_old_walls_is_no_drag(more, doubted):
     """Wheels slip with somebody in view. A second look would believe the wheels more, so none is asked for."""
