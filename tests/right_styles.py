@@ -235,11 +235,6 @@ def unwrapped(readings):
     return np.diff(angle, prepend=angle[0]) * 256 / (2 * np.pi)
 
 
-def seeded(move):
-    """As the data has it: a seed in the place of the generator."""
-    return lambda *arguments: move(*arguments[:-1], np.random.default_rng(arguments[-1]))
-
-
 OTHERS = {
     "01 check_gyro_bias": [
         lambda t, w, v: [w[len(v) - np.argmax(v[::-1] > 0) :].mean()],  # the last rest
@@ -248,7 +243,6 @@ OTHERS = {
     ],
     "01 check_reckon_by_wheels": [wheels_along_arcs],
     "02 check_crossed_cells": [trace_rays],
-    "03 moved": [seeded(move) for move in MOVES],
     "03 check_heading_spread": [
         spread_by_simulation,
         lambda s, rate, t: np.array([57.3 * s * (t / rate) ** 0.5]),
