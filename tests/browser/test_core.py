@@ -280,15 +280,8 @@ def weight_cases(rng):
 
 
 def drawing_cases(rng):
-    for end in (
-        [4, 9],
-        [9, 4],
-        [4, 4],
-        [-3, -11],
-        [4, -6],
-        [17, 5],
-        *rng.integers(-20, 20, (20, 2)).tolist(),
-    ):
+    ends = [[4, 9], [9, 4], [4, 4], [-3, -11], [4, -6], [17, 5], *rng.integers(-20, 20, (20, 2)).tolist()]
+    for end in ends:
         yield "traceRay", [[4, 4], end], trace_rays(np.array([4, 4]), np.array([end]))
     grid = OccupancyGrid.empty(SPEC)
     for pose in poses_in(rng, 12):
