@@ -34,8 +34,8 @@ def hall():
 
 @pytest.fixture(scope="module")
 def drive(hall):
-    """The first 28 s: standing, then 15 m of corridor with a turn."""
-    return first_seconds(hall, 28.0)
+    """The first 33 s: standing, then 20 m of corridor with a turn."""
+    return first_seconds(hall, 33.0)
 
 
 def run(recording, config=FEW, seed=0):
