@@ -13,6 +13,8 @@ NOTEBOOKS := $(sort $(wildcard notebooks/*.ipynb))
 WORKERS ?= 2
 # One thread for each worker: two workers of two threads would only wait for one another.
 PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
+# Each worker imports all files that it is told of, and the runner of notebooks takes seconds to import.
+UNIT := -p no:nbval --dist loadfile tests/test_*.py
 USUAL := not nightly and not browser and not lab
 
 .DEFAULT_GOAL := help
@@ -53,7 +55,7 @@ book: $(STAMP)  ## Run the notebooks on the built-in data and build the site, wa
 test: lint unit notebooks  ## Lint, unit tests, every notebook
 
 quick: lint  ## Lint and the fast unit tests: what to run after each edit
-	$(PYTEST) --dist loadfile -m "not slow and $(USUAL)" tests
+	$(PYTEST) -m "not slow and $(USUAL)" $(UNIT)
 
 nightly: $(STAMP) $(GRADER)  ## What takes long: every page and laboratory, every chapter in JupyterLab, many seeds, a release
 	@$(MAKE) book
@@ -72,7 +74,7 @@ types: $(STAMP)  ## Check the types
 	"$(BIN)/mypy"
 
 unit: $(STAMP)
-	$(PYTEST) --dist loadfile -m "$(USUAL)" tests
+	$(PYTEST) -m "$(USUAL)" $(UNIT)
 
 notebooks: $(STAMP)
 	PFSLAM_WIDGETS=text $(PYTEST) --dist loadfile --nbval --nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout 600 $(NOTEBOOKS)

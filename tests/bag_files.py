@@ -1,5 +1,6 @@
 """Bags to test with, in all formats: a list of messages becomes a bag, by the library that the package reads with."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ LATER = 2_000_000
 """Nanoseconds from a message's stamp to its arrival in the bag."""
 
 
+@cache
 def store_of(is_old):
     """The standard types of ROS 1 or ROS 2."""
     store = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.LATEST)

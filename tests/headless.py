@@ -3,10 +3,18 @@
 import os
 import shutil
 from collections.abc import Iterator
+from importlib.resources import files
 
 import pytest
 
 WIDTH_BEYOND_SCREEN = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+
+FINDINGS = """async options => {
+  const found = await axe.run(document, {...options, resultTypes: ['violations'], preload: false});
+  return found.violations.flatMap(v => v.nodes.map(n => v.id + ': ' + n.html.slice(0, 160)));
+}"""
+PAINTED = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+PHONE = {"width": 390, "has_touch": True, "is_mobile": True}
 
 REQUIRED = os.environ.get("PFSLAM_REQUIRE_BROWSER") == "1"
 CHROMIUM_FLAGS = [
@@ -36,3 +44,21 @@ def running_chromium() -> Iterator:
         browser = playwright.chromium.launch(executable_path=executable, args=CHROMIUM_FLAGS)
         yield browser
         browser.close()
+
+
+def violations(page, **options) -> list[str]:
+    """What axe finds on a page that not everybody can use."""
+    if not page.evaluate("'axe' in window"):
+        page.evaluate(files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8"))
+    return page.evaluate(FINDINGS, options)
+
+
+def touching(page, places) -> Iterator[None]:
+    """A finger that is put down at the first place (px), goes on to the others one by one, stops and is lifted."""
+    session = page.context.new_cdp_session(page)
+    for k, (x, y) in enumerate(places):
+        kind, points = "touchMove" if k else "touchStart", [{"x": float(x), "y": float(y)}]
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+        yield
+    page.wait_for_timeout(100)  # a finger that stops before it is lifted throws nothing
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})

@@ -171,7 +171,7 @@ def lines_of_code(path):
 @pytest.mark.parametrize(
     ("pattern", "most"),
     [
-        ("**/*.py", 9557),
+        ("**/*.py", 9471),
         ("*.py", 1500),
         ("beyond/loops/*.py", 265),
         ("io/bags.py", 259),
@@ -214,10 +214,23 @@ def test_public_names_say_what_they_are():
     assert not silent
 
 
-def test_importing_the_package_brings_nothing_heavy():
-    heavy = ["numpy", "cv2", "tqdm", "matplotlib", "scipy", "joblib", "IPython", "ipywidgets", "pandas"]
-    code = f"import sys, pfslam.__main__; print(*[m for m in {heavy} if m in sys.modules])"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent
-    )
-    assert done.stdout.split() == []
+HELP = "runpy.run_module('pfslam', run_name='__main__')"
+HEAVY = "numpy cv2 tqdm matplotlib scipy joblib IPython ipywidgets pandas"
+RARE = "rosbags scipy joblib matplotlib pfslam.simulator pfslam.study"
+
+
+@pytest.mark.parametrize(
+    ("does", "left_out"),
+    [(HELP, HEAVY), ("import pfslam.io.datasets, pfslam.cli.commands", RARE)],
+    ids=["pfslam --help", "most commands"],
+)
+def test_what_starts_brings_nothing_that_it_does_not_need(does, left_out):
+    code = f"""import contextlib, runpy, sys
+sys.argv = ["pfslam", "--help"]
+with contextlib.suppress(SystemExit):
+    {does}
+print(*[name for name in {left_out.split()} if name in sys.modules])"""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
+    assert ("usage: pfslam" in done.stdout) == (does == HELP)
+    assert done.stdout.splitlines()[-1] == ""

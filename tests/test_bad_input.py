@@ -212,27 +212,12 @@ PLAIN = """run simulate report study 7 8 -7 -- - .. . / 7.5 nan 1e9 0 -1 9999999
 --data --out --seed --particles --every --method --texture --no-texture --images --help %s {0} $HOME
 --set search.prior=off noise.xy=1e400 lines=[] =1 --config --quiet --json"""
 WORDS = [*PLAIN.split(), "hall ", "", "a b", "a\nb", "x" * 5000, "\u0667", "ä.log", "--dataset=7", "\x00"]
-GOOD = [
-    ["run", "7", "--data", "DATA", "--out", "OUT", "--particles", "2", "--no-texture"],
-    ["run", "7", "--data", "DATA", "--out", "OUT", "--method", "report", "--particles", "2", "--every", "9"],
-    [
-        "run",
-        "7",
-        "--data",
-        "DATA",
-        "--out",
-        "OUT",
-        "--particles",
-        "2",
-        "--set",
-        "search.sharpness=30",
-        "--config",
-        "RUN",
-    ],
-    ["report", "7", "--data", "DATA", "--out", "OUT"],
-    ["study", "STUDY", "--out", "OUT", "--jobs", "1"],
-    ["simulate", "hall", "--out", "OUT", "--seed", "1"],
-]
+GOOD = """run 7 --data DATA --out OUT --particles 2 --no-texture
+run 7 --data DATA --out OUT --method report --particles 2 --every 9
+run 7 --data DATA --out OUT --particles 2 --set search.sharpness=30 --config RUN
+report 7 --data DATA --out OUT
+study STUDY --out OUT --jobs 1
+simulate hall --out OUT --seed 1""".splitlines()
 STUDY = """name = "small"
 about = "A campaign."
 [common]
@@ -288,7 +273,7 @@ def test_bad_command_lines(place, tmp_path, monkeypatch, capsys, seed):
     monkeypatch.chdir(tmp_path)
     names = {"DATA": str(place / "data"), "OUT": "mine", "STUDY": str(place / "small.toml")}
     names |= {"RUN": str(place / "run.toml")}
-    line = spoiled([names.get(word, word) for word in GOOD[rng.integers(len(GOOD) - 1)]], rng)
+    line = spoiled([names.get(word, word) for word in GOOD[rng.integers(len(GOOD) - 1)].split()], rng)
     before = everything_in(place)
     try:
         code = main(line)

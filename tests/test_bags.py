@@ -3,7 +3,6 @@
 import json
 import re
 import sqlite3
-import subprocess
 import sys
 import tracemalloc
 from contextlib import closing
@@ -613,15 +612,6 @@ def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
         DataError, match=r"package: found no rosbags, expected the extra ros, or: pip install rosbags"
     ):
         pfslam.load(path)
-
-
-def test_importing_the_commands_imports_no_more_than_most_of_them_need():
-    rare = ["rosbags", "scipy", "joblib", "matplotlib", "pfslam.simulator", "pfslam.study"]
-    code = (
-        f"import sys, pfslam.io.datasets, pfslam.cli.commands; print([m for m in {rare} if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["[]"]
 
 
 @pytest.mark.parametrize("form", FORMATS)

@@ -65,13 +65,6 @@ def test_evo_and_the_summary_agree(said):
     assert 0 < relative < 0.02
 
 
-def test_the_map_says_what_the_page_says(said):
-    _, outputs = said
-    lines = printed(outputs, "cat out/hall/map.yaml").splitlines()
-    assert len(lines) == 6
-    assert {"negate: 0", "occupied_thresh: 0.65", "free_thresh: 0.196"} <= set(lines)
-
-
 def test_the_logs_come_back(said):
     folder, outputs = said
     for name in ("new", "old"):

@@ -45,11 +45,12 @@ def robot(seed, noise=0.01, seconds=60.0, **wrong):
     steps = np.column_stack([speed, np.zeros_like(t), rate]) * dt
 
     def path(steps):
-        poses = np.zeros((len(steps), 3))
-        for k in range(1, len(steps)):
-            half = [0.0, 0.0, 0.5 * steps[k, 2]]
-            poses[k] = compose(compose(compose(poses[k - 1], half), [steps[k, 0], 0.0, 0.0]), half)
-        return poses
+        """Each step goes straight on, in the direction of the middle of its turn."""
+        length, turn = steps[1:, 0], steps[1:, 2]
+        heading = np.concatenate([[0.0], np.cumsum(turn)])
+        middle = heading[:-1] + 0.5 * turn
+        way = np.cumsum(length * np.exp(1j * middle))
+        return np.column_stack([np.append(0.0, way.real), np.append(0.0, way.imag), heading])
 
     truth = Trajectory(t, path(steps))
     slip = 1.0 + 0.02 * rng.standard_normal((len(t), 2))

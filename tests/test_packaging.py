@@ -166,17 +166,9 @@ def test_a_type_checker_knows_the_interface(tmp_path):
     """In a user's own project, with what a user has installed: sources, stub and marker."""
     everything = "".join(f"\nreveal_type(pfslam.{name})" for name in pfslam.__all__)
     (tmp_path / "mine.py").write_text(USER + everything, encoding="utf-8")
+    options = ["--strict", "--follow-imports=silent", "--cache-dir", str(tmp_path / "cache")]
     done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "mypy",
-            "--strict",
-            "--follow-imports=silent",
-            "--cache-dir",
-            str(tmp_path / "cache"),
-            "mine.py",
-        ],
+        [sys.executable, "-m", "mypy", *options, "mine.py"],
         capture_output=True,
         text=True,
         cwd=tmp_path,

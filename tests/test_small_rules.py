@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rooms import LIDAR, ROOM, SQUARE, drive, scan
+from rooms import LIDAR, ROOM, scan
 
 import pfslam
 from pfslam.beyond.localization import KnownMap, LocalizationConfig, LocalizationState, localization_step
@@ -107,14 +107,6 @@ def test_a_map_that_is_copied_is_drawn_into_by_nobody_else():
         (kept.grid.log_odds, kept.field, kept.moments.sums, len(kept.drawn)), before, strict=True
     ):
         np.testing.assert_array_equal(found, expected)
-
-
-def test_a_recording_with_one_scan_is_a_run():
-    whole = drive(SQUARE)
-    one = replace(whole, lidar=pfslam.recording.LidarScans(whole.lidar.t[5:6], whole.lidar.ranges[5:6]))
-    for config in (pfslam.SlamConfig.report(), pfslam.SlamConfig.refined(), pfslam.SlamConfig.per_particle()):
-        result = pfslam.run_slam(one, replace(config, particles=3))
-        assert (len(result.trajectory), result.updates, result.grid.occupied.any()) == (1, 0, True)
 
 
 def test_an_odometer_keeps_what_the_first_beams_of_the_next_scan_ask_for():

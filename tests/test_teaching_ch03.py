@@ -5,7 +5,7 @@ import pytest
 from notebook_cells import run, source
 from pfslam_book import ch03
 from pfslam_book.exercises.ch03 import STEP, check_predict, moved, predict_belief, update_belief
-from right_styles.ch03 import MOVES, move_in_a_loop
+from right_styles import MOVES, move_in_a_loop
 
 from pfslam.motion import motion_model, motion_model_arc
 

@@ -13,7 +13,7 @@ from pfslam.recording import image_pairs
 from pfslam.refined.floor import map_texture
 from pfslam.texture import TextureConfig
 
-EVERY = 60
+EVERY = 110
 PRESETS = {"report": TextureConfig.report(), "refined": TextureConfig.refined()}
 
 

@@ -21,9 +21,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import nbformat
 import yaml
-from nbclient import NotebookClient
 from plain import Place, plain_markdown
 from strip import folded
 
@@ -174,6 +172,9 @@ def numbers_of(path: Path, folder: Path = NUMBERS) -> list[str]:
 
 def run(path: Path) -> list[str]:
     """Run a chapter in a kernel of its own; gives what its sentences ask for, each at its place in the reading."""
+    import nbformat  # two seconds, which only those pay who run a chapter
+    from nbclient import NotebookClient
+
     notebook, numbers = nbformat.read(path, as_version=4), []
     client = NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(path.parent)}})
     with client.setup_kernel():
@@ -185,7 +186,7 @@ def run(path: Path) -> list[str]:
     return numbers
 
 
-def _value(client: NotebookClient, path: Path, expression: str) -> str:
+def _value(client, path: Path, expression: str) -> str:
     """What the kernel answers to an expression, as the reader sees it."""
     request = client.kc.execute("", silent=True, user_expressions={"value": expression})
     answer = client.wait_for_reply(request)["content"]["user_expressions"]["value"]

@@ -106,6 +106,23 @@ def opener():
 
 
 @pytest.fixture
+def open_file(chromium):
+    """Open a file on a page of its own; at the end none has complained, or asked for something from elsewhere."""
+    visits = []
+
+    def go(path: Path, ready: str, width: int = 1280, height: int = 900, **context):
+        context = chromium.new_context(viewport={"width": width, "height": height}, **context)
+        visits.append(open_page(context, path.as_uri(), "file:///"))
+        visits[-1].page.wait_for_function(ready)
+        return visits[-1].page
+
+    yield go
+    for seen in visits:
+        assert seen.complaints + seen.strangers == []
+        seen.page.context.close()
+
+
+@pytest.fixture
 def visit(chromium, addresses):
     """Open a page of the site: `visit("book/index.html", scheme="file", width=390)`."""
     contexts = []

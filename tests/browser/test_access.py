@@ -1,19 +1,11 @@
 """Pages for everybody: axe finds nothing, nothing is cut off or asked for elsewhere, keys and thumbs reach all."""
 
-from importlib.resources import files
-
 import pytest
-from headless import WIDTH_BEYOND_SCREEN
+from headless import WIDTH_BEYOND_SCREEN, violations
 
 pytestmark = pytest.mark.browser
 
-AXE = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
-FINDINGS = """async rules => {
-  const found = await axe.run(document, {
-    runOnly: {type: 'tag', values: rules}, resultTypes: ['violations'], preload: false});
-  return found.violations.flatMap(v => v.nodes.map(n => v.id + ': ' + n.html.slice(0, 160)));
-}"""
 # What runs out of the screen of a phone, and printed sentences that do not wrap.
 CUT_OFF = """() => [...document.querySelectorAll(
     'article :is(table, mjx-container > svg, figure.pfslam-explorer, figure.pfslam-explorer *)')]
@@ -37,12 +29,10 @@ SIZES = """all => all.map(e => [e, e.type === 'radio' ? e.closest('label') : e])
   .map(([e, target]) => [e.outerHTML.slice(0, 80), target.offsetWidth, target.offsetHeight])"""
 
 
-def violations(page, theme: str) -> list[str]:
+def findings(page, theme: str) -> list[str]:
     """What axe finds on the page in this look."""
     page.evaluate("theme => { document.documentElement.dataset.theme = theme; }", theme)
-    if not page.evaluate("() => 'axe' in window"):
-        page.evaluate(AXE)
-    return page.evaluate(FINDINGS, RULES)
+    return violations(page, runOnly={"type": "tag", "values": RULES})
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
@@ -50,7 +40,7 @@ def violations(page, theme: str) -> list[str]:
 def test_axe_finds_nothing_and_nothing_is_cut_off(shared, shared_visit, width, theme):
     shared.set_viewport_size({"width": width, "height": 900})
     shared.wait_for_function(REACHED)
-    assert violations(shared, theme) == []
+    assert findings(shared, theme) == []
     assert shared.evaluate(WIDTH_BEYOND_SCREEN) <= 0
     assert shared.evaluate(CUT_OFF) + shared.evaluate(FORMULAS_WITH_SCROLL_BARS) == []
     assert shared.evaluate(GLIDING) == [], "who asked for less motion gets none"
@@ -74,13 +64,13 @@ def test_source_pages_are_for_everybody_too(visit, source_page, theme):
     seen = visit(source_page, width=390, reduced_motion="reduce")
     assert seen.complaints + seen.strangers == []
     assert seen.page.evaluate(WIDTH_BEYOND_SCREEN) <= 0
-    assert violations(seen.page, theme) == []
+    assert findings(seen.page, theme) == []
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_lost_visitor_is_led_back(visit, scheme):
     seen = visit("404.html", width=390, color_scheme=scheme)
-    assert seen.complaints + seen.strangers + violations(seen.page, scheme) == []
+    assert seen.complaints + seen.strangers + findings(seen.page, scheme) == []
     assert seen.page.evaluate(WIDTH_BEYOND_SCREEN) <= 0
     seen.page.get_by_text("to the first page").click()
     assert seen.page.url.endswith("/index.html")
@@ -161,7 +151,7 @@ def test_a_picture_opens_at_its_full_size_by_key_and_by_tap(visit, width):
     before = picture.bounding_box()["width"]
     picture.press("Enter")
     assert full.locator("img").bounding_box()["width"] >= max(width, 900, before)
-    assert violations(page, "dark") == []
+    assert findings(page, "dark") == []
     assert full.locator("img").evaluate("e => getComputedStyle(e).filter") == "none"
     page.keyboard.press("Escape")
     assert not full.is_visible()

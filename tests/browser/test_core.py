@@ -280,15 +280,8 @@ def weight_cases(rng):
 
 
 def drawing_cases(rng):
-    for end in (
-        [4, 9],
-        [9, 4],
-        [4, 4],
-        [-3, -11],
-        [4, -6],
-        [17, 5],
-        *rng.integers(-20, 20, (20, 2)).tolist(),
-    ):
+    ends = [[4, 9], [9, 4], [4, 4], [-3, -11], [4, -6], [17, 5], *rng.integers(-20, 20, (20, 2)).tolist()]
+    for end in ends:
         yield "traceRay", [[4, 4], end], trace_rays(np.array([4, 4]), np.array([end]))
     grid = OccupancyGrid.empty(SPEC)
     for pose in poses_in(rng, 12):
@@ -351,8 +344,9 @@ def lost_cases(rng):
     yield "lostLogLikelihood", [known.field, SPEC, grid.free, points, poses, model], expected
     for bins in (1, 2, 3, 50, 1234):
         yield "kldBound", [bins], kld_bound(bins)
-    for least in (5, 30, 100):
-        yield "enough", [np.tile(poses, (20, 1)), least], enough(np.tile(poses, (20, 1)), least)
+    for times, least in ((20, 5), (20, 700), (1, 5)):  # by their bins, by the least, and all that there are
+        many = np.tile(poses, (times, 1))
+        yield "enough", [many, least], enough(many, least)
 
 
 def graph_cases(rng):

@@ -3,13 +3,13 @@
 import re
 from dataclasses import replace
 from functools import cache
-from importlib.resources import files
 from itertools import pairwise
 
 import fifteen_cells
 import numpy as np
 import pytest
 from dice import Handed
+from headless import PAINTED, PHONE, WIDTH_BEYOND_SCREEN, touching, violations
 from lab_stills import MOMENTS
 from lab_stills import page as lab_page
 from pfslam_book import ch04, ch06
@@ -18,7 +18,7 @@ from pfslam_book.exercises.ch03 import CELLS, STEP, predict_belief, update_belie
 from pfslam_book.show.lab import FOLDER
 from pfslam_book.show.style import COLOURS
 
-from pfslam.beyond.localization import KnownMap, LocalizationConfig, enough, kld_bound
+from pfslam.beyond.localization import KnownMap, LocalizationConfig
 from pfslam.beyond.loops.graph import Edges, chi_square, gauss_newton_step, robust_weights
 from pfslam.cli import viewer
 from pfslam.evaluation.trajectory import trajectory_error
@@ -41,14 +41,10 @@ from pfslam.texture import NO_READING, associate_rgb, back_project, depth_from_d
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("laboratories")]
 
-AXE = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
-FINDINGS = """async () => (await axe.run(document, {preload: false})).violations.flatMap(
-  v => v.nodes.map(n => v.id + ': ' + n.html.slice(0, 160)))"""
 LABS = sorted(path.name[4:-3] for path in FOLDER.iterdir() if path.name.startswith("lab_"))
 LAB = "document.querySelector('figure.pfslam-lab').lab"
 STATUS = "document.querySelector('[role=status]').textContent"
 FIRST_PICTURES = "[...document.querySelectorAll('canvas')].map(c => c.toDataURL()).join()"
-PAINTED = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 READY = f"() => {LAB}?.stage.fitted && {LAB}.state.ready !== false"
 # Parts of the state by name, a function called, with typed arrays and sets as lists.
 SEE = f"""names => {{
@@ -64,34 +60,18 @@ TRUE_START = 1  # of the robot in the corridor of fifteen cells
 
 
 @pytest.fixture
-def open_lab(chromium, opener, tmp_path):
+def open_lab(open_file, tmp_path):
     """Open one laboratory on a page of its own: ``open_lab("drive", {"small": True}, width=390)``."""
-    visits, contexts = [], []
 
-    def go(
-        name: str,
-        options=None,
-        theme: str = "light",
-        width: int = 1280,
-        below: str = "",
-        height: int = 900,
-        **context,
-    ):
-        place = tmp_path / f"{name}-{len(visits)}.html"
-        place.write_text(
-            lab_page(name, options, theme).replace("</main>", below + "</main>"), encoding="utf-8"
-        )
-        contexts.append(chromium.new_context(viewport={"width": width, "height": height}, **context))
-        visits.append(opener(contexts[-1], place.as_uri(), "file:///"))
-        visits[-1].page.wait_for_function(READY)
-        visits[-1].page.evaluate("document.querySelectorAll('details').forEach(box => { box.open = true; })")
-        return visits[-1].page
+    def go(name: str, options=None, theme: str = "light", below: str = "", **context):
+        place = tmp_path / f"{name}.html"
+        page = lab_page(name, options, theme).replace("</main>", below + "</main>")
+        place.write_text(page, encoding="utf-8")
+        page = open_file(place, READY, **context)
+        page.evaluate("document.querySelectorAll('details').forEach(box => { box.open = true; })")
+        return page
 
-    yield go
-    for seen in visits:
-        assert seen.complaints + seen.strangers == []
-    for context in contexts:
-        context.close()
+    return go
 
 
 class Hand:
@@ -175,25 +155,16 @@ class Hand:
                 self.page.mouse.move(*place, steps=8)
             self.page.mouse.up()
             return
-        touch = self.page.context.new_cdp_session(self.page)
         between = [np.linspace(a, b, 9)[1:] for a, b in pairwise(path)]
-        for kind, (x, y) in [("touchStart", path[0])] + [
-            ("touchMove", place) for place in np.concatenate(between)
-        ]:
-            touch.send(
-                "Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": float(x), "y": float(y)}]}
-            )
-        self.page.wait_for_timeout(100)  # a finger that stops before it is lifted throws nothing
-        touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        list(touching(self.page, [path[0], *np.concatenate(between)]))
 
 
 @pytest.fixture
 def lab(open_lab):
     """A laboratory and the hand that works in it: ``lab("drive", "finger")``."""
-    phone = {"width": 390, "has_touch": True, "is_mobile": True}
 
     def go(name: str, by: str = "mouse", options=None) -> Hand:
-        return Hand(open_lab(name, options, **(phone if by == "finger" else {})), by)
+        return Hand(open_lab(name, options, **(PHONE if by == "finger" else {})), by)
 
     return go
 
@@ -354,10 +325,7 @@ def test_the_floor_is_painted_where_the_robot_was(lab):
 
 @pytest.mark.parametrize("name", LABS)
 def test_a_swipe_up_scrolls_the_page_and_changes_nothing(open_lab, name):
-    page = open_lab(
-        name, width=390, has_touch=True, is_mobile=True, below="<div style='height: 3000px'></div>"
-    )
-    hand = Hand(page, "finger")
+    page = open_lab(name, **PHONE, below="<div style='height: 3000px'></div>")
     state = f"""() => JSON.stringify({LAB}.state, (key, value) =>
       ['trace', 'parts', 'picture', 'canvas'].includes(key) ? null
       : ArrayBuffer.isView(value) ? Array.from(value) : value)"""
@@ -365,14 +333,10 @@ def test_a_swipe_up_scrolls_the_page_and_changes_nothing(open_lab, name):
     canvas.scroll_into_view_if_needed()
     box, before, top = canvas.bounding_box(), page.evaluate(state), page.evaluate("scrollY")
     x, y = box["x"] + 0.05 * box["width"], box["y"] + 0.9 * box["height"]
-    touch = page.context.new_cdp_session(page)
-    for k in range(16):
-        kind = "touchStart" if k == 0 else "touchMove"
-        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y - 12 * k}]})
-    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    list(touching(page, [(x, y - 12 * k) for k in range(16)]))
     page.wait_for_function(f"scrollY > {top} + 50")
     assert page.evaluate(state) == before
-    assert hand.page.evaluate(f"!{LAB}.stage.beat?.running")
+    assert page.evaluate(f"!{LAB}.stage.beat?.running")
 
 
 def test_a_laboratory_that_is_built_before_its_style_sheet_is_not_black(open_lab):
@@ -881,15 +845,6 @@ def test_who_is_lost_is_found_as_the_package_finds(lab):
         after = trace[trace.index(event) + 1]["poses"]
         moved = compose(before, motion + normals * [xy, xy, yaw])
         np.testing.assert_allclose(np.reshape(after, (-1, 3)), moved, atol=1e-9)
-    page = hand.page
-    bins = [1, 2, 3, 10, 100, 1234]
-    assert page.evaluate("bins => bins.map(pfslam.core.kldBound)", bins) == pytest.approx(
-        kld_bound(bins).tolist()
-    )
-    poses = np.random.default_rng(0).uniform([0, 0, -np.pi], [3, 2, np.pi], (3000, 3))
-    for least in (50, 2500):
-        call = "([poses, least]) => pfslam.core.enough(Float64Array.from(poses.flat()), least)"
-        assert page.evaluate(call, [poses.tolist(), least]) == enough(poses, least)
 
 
 @by_each_hand
@@ -1181,9 +1136,8 @@ with_pictures = pytest.mark.parametrize("name", sorted(MOMENTS))
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_it_is_for_everybody(open_lab, name, theme):
     page = open_lab(name, theme=theme, width=390)
-    page.evaluate(AXE)
-    assert page.evaluate(FINDINGS) == []
-    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    assert violations(page) == []
+    assert page.evaluate(WIDTH_BEYOND_SCREEN) <= 0
     controls = page.locator(".pfslam-lab :is(button, input[type=range], label:has(input))")
     for control in controls.locator("visible=true").all():
         assert control.bounding_box()["height"] >= 40, control.text_content()
@@ -1200,14 +1154,13 @@ def test_who_asked_for_less_motion_steps(open_lab, name):
     if page.evaluate(f"{LAB}.stage.beat === undefined"):
         return  # nothing in it moves by itself
     assert page.get_by_role("button", name="Start", exact=True).count() == 0
-    picture = "() => [...document.querySelectorAll('canvas')].map(c => c.toDataURL()).join()"
-    before = page.evaluate(picture)
+    before = page.evaluate(FIRST_PICTURES)
     page.get_by_role("button", name="Step").click()
     page.evaluate(PAINTED)
-    after = page.evaluate(picture)
+    after = page.evaluate(FIRST_PICTURES)
     assert after != before
     page.wait_for_timeout(200)
-    assert page.evaluate(picture) == after, "it moves on by itself"
+    assert page.evaluate(FIRST_PICTURES) == after, "it moves on by itself"
 
 
 @nightly

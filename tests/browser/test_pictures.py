@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from headless import PHONE, WIDTH_BEYOND_SCREEN, touching
 from lab_stills import default_options
 from lab_stills import page as lab_page
 from pfslam_book import ch00, ch01, ch04, ch08
@@ -28,22 +29,15 @@ DRAWN = f"() => {{ {LAB}.draw(); return document.querySelector('canvas').toDataU
 
 
 @pytest.fixture
-def open_picture(chromium, opener, tmp_path):
+def open_picture(open_file, tmp_path):
     """Open one picture on a page of its own: ``open_picture("dot", width=390)``."""
-    visits = []
 
-    def go(name: str, theme: str = "light", width: int = 1280, **context):
-        place = tmp_path / f"{name}-{len(visits)}.html"
-        place.write_text(lab_page(name, theme=theme), encoding="utf-8")
-        context = chromium.new_context(viewport={"width": width, "height": 844}, **context)
-        visits.append(opener(context, place.as_uri(), "file:///"))
-        visits[-1].page.wait_for_function(f"() => {LAB}?.stage.fitted")
-        return visits[-1].page
+    def go(name: str, **context):
+        place = tmp_path / f"{name}.html"
+        place.write_text(lab_page(name), encoding="utf-8")
+        return open_file(place, f"() => {LAB}?.stage.fitted", height=844, **context)
 
-    yield go
-    for seen in visits:
-        assert seen.complaints + seen.strangers == []
-        seen.page.context.close()
+    return go
 
 
 # ---- what the page computes
@@ -189,8 +183,7 @@ def test_every_picture_has_its_cases():
 @pytest.mark.parametrize("name", PICTURES)
 @pytest.mark.parametrize("by", ["finger", pytest.param("key", marks=nightly)])
 def test_a_slider_draws_at_once_wherever_it_stands(open_picture, name, by):
-    phone = {"width": 390, "has_touch": True, "is_mobile": True}
-    page = open_picture(name, reduced_motion="reduce", **(phone if by == "finger" else {}))
+    page = open_picture(name, reduced_motion="reduce", **(PHONE if by == "finger" else {}))
     slider = page.get_by_role("slider")
     low, high, step, _ = slider.evaluate("s => [s.min, s.max, s.step, s.value].map(Number)")
     pictures, values = [page.evaluate(DRAWN)], [float(slider.input_value())]
@@ -203,16 +196,11 @@ def test_a_slider_draws_at_once_wherever_it_stands(open_picture, name, by):
         assert len(set(pictures[1:])) == 5
         return
     slider.scroll_into_view_if_needed()
-    box, touch = slider.bounding_box(), page.context.new_cdp_session(page)
+    box = slider.bounding_box()
     at = (values[0] - low) / (high - low)
-    for k, part in enumerate(np.linspace(at, 0.9 if at < 0.5 else 0.1, 12)):
-        point = {"x": box["x"] + 8 + part * (box["width"] - 16), "y": box["y"] + box["height"] / 2}
-        touch.send(
-            "Input.dispatchTouchEvent",
-            {"type": "touchMove" if k else "touchStart", "touchPoints": [point]},
-        )
-        pictures.append(page.evaluate(DRAWN))
-    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    parts = np.linspace(at, 0.9 if at < 0.5 else 0.1, 12)
+    x, y = box["x"] + 8 + parts * (box["width"] - 16), box["y"] + box["height"] / 2
+    pictures += [page.evaluate(DRAWN) for _ in touching(page, [(part, y) for part in x])]
     assert len(set(pictures)) >= 9, "it follows the finger"
 
 
@@ -225,7 +213,7 @@ def test_picture_and_slider_are_seen_together(open_picture, name, width):
         e => e.checkVisibility({contentVisibilityAuto: true})).map(e => e.getBoundingClientRect());
       return Math.max(...boxes.map(b => b.bottom)) - Math.min(...boxes.map(b => b.top)); }""")
     assert high <= 844 - 56
-    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    assert page.evaluate(WIDTH_BEYOND_SCREEN) <= 0
 
 
 def test_a_picture_plays_to_its_end_and_steps_for_who_wants_no_motion(open_picture):

@@ -1,17 +1,13 @@
 """Predictions: the page takes what the reader expects, keeps it, and shows it beside the result."""
 
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
+from headless import violations
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("predictions")]
 
 STATIC = Path(__file__).resolve().parents[2] / "book" / "_static"
-AXE = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
-FINDINGS = (
-    "async () => (await axe.run(document, {preload: false})).violations.map(v => v.id + v.nodes[0].html)"
-)
 ASK = "<p>A case. <strong>Predict first:</strong> {}</p><p>Some words.</p>"
 CELL = "<div class='cell'><div class='cell_input'>code</div><div class='cell_output'><p>{}</p></div></div>"
 
@@ -93,8 +89,7 @@ def test_it_is_for_everybody(open_questions, theme):
     page = open_questions("what will it be?", "is it so?", theme=theme)
     page.get_by_role("textbox").fill("a")
     page.get_by_role("button", name="Keep it").first.click()
-    page.evaluate(AXE)
-    assert page.evaluate(FINDINGS) == []
+    assert violations(page) == []
 
 
 def test_where_nothing_is_kept_nothing_is_asked(open_questions):

@@ -1,12 +1,11 @@
 """The page that a run leaves, opened from its file in a real browser: by pointer, finger and keys, light and dark."""
 
 from dataclasses import replace
-from importlib.resources import files
 
 import numpy as np
 import pytest
 from box_recording import box_recording
-from headless import WIDTH_BEYOND_SCREEN
+from headless import PAINTED, WIDTH_BEYOND_SCREEN, violations
 
 from pfslam.__main__ import main
 from pfslam.io.recordings import save
@@ -16,11 +15,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("laboratories")]
 RUN = "document.querySelector('figure.pfslam-lab').lab"
 READY = f"() => {RUN}?.stage.fitted && (!{RUN}.state.maps || {RUN}.state.growth.order)"
 AT = f"{RUN}.state.at"
-PAINTED = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 PICTURES = "[...document.querySelectorAll('canvas')].map(c => c.toDataURL())"
-AXE = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
-FINDINGS = """async () => (await axe.run(document, {preload: false})).violations.flatMap(
-  v => v.nodes.map(n => v.id + ': ' + n.html.slice(0, 160)))"""
 BLIND = slice(20, 50)  # scans of ten a second
 
 
@@ -40,23 +35,15 @@ def results(tmp_path_factory):
 
 
 @pytest.fixture
-def open_run(chromium, opener, results):
+def open_run(open_file, results):
     """Open a page: ``open_run("drive", width=390, color_scheme="dark")``."""
-    visits, contexts = [], []
 
-    def go(name: str = "drive", width: int = 1280, **options):
-        contexts.append(chromium.new_context(viewport={"width": width, "height": 900}, **options))
-        visits.append(opener(contexts[-1], (results / name / "index.html").as_uri(), "file:///"))
-        visits[-1].page.wait_for_function(READY)
-        visits[-1].page.evaluate(PAINTED)
-        return visits[-1].page
+    def go(name: str = "drive", **context):
+        page = open_file(results / name / "index.html", READY, **context)
+        page.evaluate(PAINTED)
+        return page
 
-    yield go
-    for seen in visits:
-        assert seen.complaints == []
-        assert seen.strangers == []
-    for context in contexts:
-        context.close()
+    return go
 
 
 def pictures(page) -> list[str]:
@@ -138,8 +125,7 @@ def test_it_can_be_read_by_everybody(open_run, width, scheme):
     assert page.evaluate(WIDTH_BEYOND_SCREEN) == 0
     corner = "document.querySelector('canvas').getContext('2d').getImageData(2, 2, 1, 1).data[0]"
     assert (page.evaluate(corner) < 100) == (scheme == "dark")
-    page.evaluate(AXE)
-    assert page.evaluate(FINDINGS) == []
+    assert violations(page) == []
     page.emulate_media(color_scheme="dark" if scheme == "light" else "light")
     page.evaluate(PAINTED)
     assert (page.evaluate(corner) < 100) == (scheme == "light")
