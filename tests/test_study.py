@@ -21,6 +21,7 @@ from pfslam.__main__ import main
 from pfslam.evaluation.cloud import cloud_consistency
 from pfslam.evaluation.trajectory import aligned_at_first
 from pfslam.particles import ControlNoise
+from pfslam.refined.matching import SearchConfig
 from pfslam.settings import type_hints
 from pfslam.study import Case, Study, make_study, read_table, run_case, run_study
 from pfslam.study.definition import Disturbances
@@ -76,8 +77,8 @@ def test_settings_reach_the_configuration():
 
     assert config() == SlamConfig.refined()
     assert config(method="report") == SlamConfig.report()
-    changed = config(method="report", **{"noise.sigma_omega": 0.2, "search.prior": True, "particles": 7})
-    assert (changed.noise.sigma_omega, changed.search.prior, changed.particles) == (0.2, True, 7)
+    changed = config(method="report", **{"noise.sigma_omega": 0.2, "search": "SearchConfig", "particles": 7})
+    assert (changed.noise.sigma_omega, changed.search, changed.particles) == (0.2, SearchConfig(), 7)
     assert config(lines=False).lines is None
     assert config(noise="ControlNoise", **{"noise.sigma_v": 1}).noise == ControlNoise(1.0, math.sqrt(0.02))
 
