@@ -137,8 +137,8 @@ def _yaml(image: str, spec: GridSpec, keys: dict[str, float]) -> str:
 
 def _yaml_keys(path: Path) -> dict[str, Any]:
     """Read the keys of a map's text; aliases, with which a few lines can mean billions of values, are refused."""
+    text = read_text(path)
     try:
-        text = read_text(path)
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
             raise yaml.YAMLError("an alias")
         keys = yaml.safe_load(text)
