@@ -171,11 +171,11 @@ def lines_of_code(path):
 @pytest.mark.parametrize(
     ("pattern", "most"),
     [
-        ("**/*.py", 9471),
+        ("**/*.py", 9523),
         ("*.py", 1500),
         ("beyond/loops/*.py", 265),
         ("io/bags.py", 259),
-        ("io/topics.py", 141),
+        ("io/topics.py", 143),
     ],
 )
 def test_what_is_to_be_read_stays_small(pattern, most):

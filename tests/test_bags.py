@@ -1,14 +1,18 @@
 """ROS bags, written by the library in every format: what is read equals the direct route, and oddities are named."""
 
+import bz2
 import json
 import re
 import sqlite3
+import struct
 import sys
 import tracemalloc
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
+import lz4.frame
 import numpy as np
 import pytest
 from bag_files import (
@@ -24,11 +28,13 @@ from bag_files import (
     write_bag,
 )
 from box_recording import START, box_recording, room_ranges
-from rosbags import rosbag1
+from rosbags import rosbag1, rosbag2
+from rosbags.rosbag2.storage_mcap import zstd
 
 import pfslam
 from pfslam.__main__ import main
 from pfslam.errors import DataError
+from pfslam.io import packed
 from pfslam.io.bags import BagOptions
 from pfslam.io.headings import with_better_headings
 from pfslam.io.topics import list_topics, read_topics
@@ -90,6 +96,35 @@ def test_the_sweep_is_stamped_at_its_first_beam(tmp_path):
     found = loaded(tmp_path, rows_of(BOX, sweep=0.09))
     assert found.robot.lidar.sweep == pytest.approx(0.09, rel=1e-6)
     np.testing.assert_allclose(found.lidar.t, BOX.lidar.t, rtol=0, atol=1e-6)
+
+
+def test_a_chunk_that_unpacks_to_gigabytes_is_refused(tmp_path):
+    """Of a chunk, no more is unpacked than it says it holds."""
+    path = write_bag(tmp_path / "drive", "mcap, zstd chunks", rows_of(BOX)) / "drive.mcap"
+    before, kind, after = path.read_bytes().partition(b"zstd")  # then the size of what is packed, and that
+    (size,) = struct.unpack("<Q", after[:8])
+    bomb = (zstd.compress(bytes(2**30)) * 9)[:size]
+    path.write_bytes(before + kind + after[:8] + bomb + after[8 + size :])
+    with pytest.raises(DataError, match="unpack to more than"):
+        pfslam.load(path.parent)
+
+
+@pytest.mark.parametrize("form", [*OLD_COMPRESSED, "zstd messages", "zstd files"])
+def test_what_does_not_say_how_much_it_holds_is_unpacked_up_to_a_limit(tmp_path, monkeypatch, form):
+    monkeypatch.setattr(packed, "MOST", 2**20)
+    bombs = {
+        name: pack(bytes(2**24))
+        for name, pack in (("bz2", bz2.compress), ("lz4", lz4.frame.compress), ("zstd", zstd.compress))
+    }
+    if form != "zstd files":
+        monkeypatch.setattr(rosbag1.writer, "bz2_compress", lambda *_: bombs["bz2"])
+        monkeypatch.setattr(rosbag1.writer, "lz4_compress", lambda *_: bombs["lz4"])
+        monkeypatch.setattr(rosbag2.writer, "zstd", SimpleNamespace(compress=lambda _: bombs["zstd"]))
+    path = write_bag(tmp_path / "drive", form, rows_of(BOX, form.startswith("ros1")))
+    if form == "zstd files":
+        next(path.glob("*.db3*")).write_bytes(bombs["zstd"])
+    with pytest.raises(DataError, match=r"unpacks? to more than"):
+        pfslam.load(path)
 
 
 @pytest.mark.parametrize("base", ["base_link", "base_footprint"])

@@ -187,6 +187,7 @@ ORIGIN = "origin: [-10.25, 3.5, 0.0]"
         ("negate: 0", "negate: 2", "negate: found 2, expected 0 or 1"),
         ("negate: 0", "negate: [0", "file: found while parsing .*, expected YAML"),
         (ORIGIN, "origin: 3", "origin: found 1 values"),
+        (ORIGIN, "a: &a [1]\norigin: *a", "file: found an alias, expected YAML"),
         ("resolution: 0.5", "resolution: big", "resolution: found 'big'"),
         ("resolution: 0.5", "resolution: -1", "resolution"),
         ("free_thresh: 0.196", "free_thresh: 0.7", "probabilities, the lesser first"),

@@ -107,7 +107,7 @@ def map_along(
     drawn = list(zip(events, trajectory.at(scans.t[used]), strict=True))
     seen = [transform_points(pose, np.vstack([event.points_b, event.sensor_b])) for event, pose in drawn]
     map = Map(config, GridSpec.around(np.concatenate(seen), config.resolution))
-    map.is_empty = False  # it lies where it is
+    map.is_empty = False  # it holds all scans already: it need not be laid out around the first
     for event, pose in drawn:
         map.draw(event, pose)
     return map.grid

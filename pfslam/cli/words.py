@@ -243,9 +243,9 @@ def closing_words_of_search(recording: Recording, result: LocalizationResult, ou
         fit = f"the map explains {100 * result.explained:.0f} % of the last beams"
         if result.found:
             lines.append(f"found after {seconds:.1f} s; now at {place}; {fit}")
+        elif result.located[-1]:
+            lines.append(f"not found: {fit}, too few at {place}; is it the map of this building?")
         else:
-            lines.append(
-                f"not sure at the end: seemed found after {seconds:.1f} s; last guess {place}; {fit}"
-            )
+            lines.append(f"not sure at the end: seemed found after {seconds:.1f} s; last guess {place}")
             lines.append("is it the map of this building?")
     return "\n".join([*lines, f"results are in {out}"])

@@ -170,7 +170,7 @@ def _read_frames(log: Log, topics: Iterable[Topic]) -> Frames:
     found: dict[tuple[str, str], list[Topic]] = {}
     for topic in topics:
         for pair in dict.fromkeys(topic.contents):
-            of_pair = np.fromiter((names is pair for names in topic.contents), bool, len(topic.t))
+            of_pair = np.fromiter((names == pair for names in topic.contents), bool, len(topic.t))
             found.setdefault(pair, []).append(topic if of_pair.all() else topic[of_pair])
     named = {pair: Topic.joined(f"/tf ({' -> '.join(pair)})", TF, parts) for pair, parts in found.items()}
     return {pair: _poses(log, topic) for pair, topic in named.items()}

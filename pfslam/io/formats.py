@@ -136,9 +136,12 @@ def _yaml(image: str, spec: GridSpec, keys: dict[str, float]) -> str:
 
 
 def _yaml_keys(path: Path) -> dict[str, Any]:
-    """Read the keys of a map's text."""
+    """Read the keys of a map's text; aliases, with which a few lines can mean billions of values, are refused."""
+    text = read_text(path)
     try:
-        keys = yaml.safe_load(read_text(path))
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
+            raise yaml.YAMLError("an alias")
+        keys = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # a date that is none is a ValueError
         raise DataError(path, "file", error, "YAML, as map_server writes it") from None
     return keys if isinstance(keys, dict) else {}

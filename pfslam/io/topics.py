@@ -20,6 +20,7 @@ import numpy as np
 from pfslam.errors import DataError, need
 from pfslam.io.files import check_ends
 from pfslam.io.loading import Log
+from pfslam.io.packed import limit_unpacking
 
 SCAN, IMAGE, IMU = (f"sensor_msgs/msg/{kind}" for kind in ("LaserScan", "Image", "Imu"))
 ODOMETRY, TF, OLD_TF = "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
@@ -144,6 +145,7 @@ def _opened(path: Path, place: list[str]) -> Iterator[tuple[Any, dict[str, str],
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+    limit_unpacking()
     is_old = path.suffix.lower() == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.LATEST)
     store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import partial
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -80,14 +81,29 @@ def _on_this_machine(cases: list[Case], run: Callable, jobs: int) -> Iterator[tu
     need("joblib", "study")
     import joblib
 
-    # A terminal sends Ctrl-C to the workers, too, but it is the caller who ends them.
     deaf = partial(signal.signal, signal.SIGINT, signal.SIG_IGN)
     pool = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", initializer=deaf)
     try:
-        yield from pool(joblib.delayed(run)(case) for case in cases)
+        yield from _workers_without_ctrl_c(lambda: pool(joblib.delayed(run)(case) for case in cases))
     except BrokenProcessPool:
         expected = "room for all of them: fewer --jobs, then the same command goes on where it stopped"
         raise DataError("pfslam study", "worker", "a process that was killed", expected) from None
+
+
+def _workers_without_ctrl_c(start: Callable[[], Any]) -> Any:
+    """Start workers with Ctrl-C blocked: a terminal sends it to every process, and the caller ends its workers.
+
+    One that the caller gets meanwhile reaches it when all have started. Python's resource tracker, which the first
+    worker would start, unblocks the signal (seen in 3.11 to 3.13), and is therefore started before.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows, where a worker ignores it once it runs
+        return start()
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        return start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _with_row(case: Case, run: Callable | None) -> tuple[Case, Row]:
