@@ -263,13 +263,17 @@ def test_robust_settings_that_were_asked_for_are_no_second_look():
     assert not result.second_look
 
 
-def test_the_second_look_stands_unless_it_is_more_in_doubt():
-    t = np.arange(10.0)
-    doubts = {n: [{"from": 10.0 - n, "to": None, "reason": ""}] for n in (1, 5)}
-    little, much = (SimpleNamespace(distrust=doubts[n], trajectory=SimpleNamespace(t=t)) for n in (1, 5))
-    assert better_look(little, much) is little
-    assert better_look(much, little) is little
-    assert better_look(little, again := SimpleNamespace(**vars(little))) is again
+def look(doubted: int, score: float) -> SimpleNamespace:
+    """A run of ten scans, of which the last are doubted, with one mean score; the scan that was not matched is none."""
+    distrust = [{"from": 10.0 - doubted, "to": None, "reason": ""}]
+    infos = [SimpleNamespace(matched=True, aligned_score=score), SimpleNamespace(matched=False, aligned_score=0.0)]
+    return SimpleNamespace(distrust=distrust, trajectory=SimpleNamespace(t=np.arange(10.0)), infos=infos)
+
+
+def test_the_second_look_stands_unless_it_is_more_in_doubt_or_fits_its_map_worse():
+    first = look(3, 0.9)
+    for stands, second in ((True, look(3, 0.9)), (True, look(1, 0.95)), (False, look(4, 0.95)), (False, look(1, 0.85))):
+        assert better_look(first, second) is (second if stands else first)
 
 
 @pytest.mark.nightly

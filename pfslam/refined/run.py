@@ -61,10 +61,10 @@ def refined_run(
     """Run over a recording, and if scans misled the run, do it again with more care.
 
     A run that its scans have dragged off (``health.was_dragged``) is done again with ``config.robust()``, if that
-    differs, and the second run is kept unless more of it is in doubt. It begins with the generator as the first run
-    found it, so ``config`` and seed of the result repeat it to the last bit. Where the ranges scatter by more than
-    ``NOISY`` a first look may be far off and suspect nothing: the robust run is made at once. Without ``second_look``
-    the run is made as ``config`` says, and once.
+    differs, and ``better_look`` says which run is kept. The second begins with the generator as the first found it, so
+    ``config`` and seed of the result repeat it to the last bit. Where the ranges scatter by more than ``NOISY`` a first
+    look may be far off and suspect nothing: the robust run is made at once. Without ``second_look`` the run is made as
+    ``config`` says, and once.
     """
     scatter, again, how = recording.range_scatter(), deepcopy(rng), (progress, keep_particles, RefinedResult)
     robust = config.robust(scatter)
@@ -96,10 +96,19 @@ def judged(recording: Recording, result: SlamResult) -> RefinedResult:
 
 
 def better_look(first: RefinedResult, second: RefinedResult) -> RefinedResult:
-    """Choose which look to keep: the second, unless more of it is in doubt."""
-    return min(second, first, key=scans_in_doubt)
+    """Choose which look to keep: the second, unless more of it is in doubt or its scans fit its own map worse.
+
+    Doubt alone kept runs that had lost their way without a sign; of two maps the one that fits worse is the torn one.
+    """
+    worse = scans_in_doubt(second) > scans_in_doubt(first) or mean_score(second) < mean_score(first)
+    return first if worse else second
 
 
 def scans_in_doubt(result: RefinedResult) -> int:
     """Count the scans of a run whose estimate is not to be trusted."""
     return int(np.count_nonzero(in_doubt(result.distrust, result.trajectory.t)))
+
+
+def mean_score(result: RefinedResult) -> float:
+    """Average over the matched scans how well their beams fitted the map at the pose that was kept."""
+    return float(np.mean([info.aligned_score for info in result.infos if info.matched] or [0.0]))
