@@ -27,6 +27,7 @@ from pfslam.poses import transform_points
 from pfslam.recording import Recording
 from pfslam.refined.field import TOP
 from pfslam.refined.health import in_doubt
+from pfslam.refined.lines import LineConfig
 from pfslam.refined.matching import Match, match
 from pfslam.refined.run import RefinedResult
 from pfslam.refined.step import RefinedConfig
@@ -174,11 +175,11 @@ CHANGES: Mapping[str, Change] = {
     "without gate": Change(careful={"outliers.gate": np.inf}),
     "without waiting": Change(careful={"outliers.gone": 1000}),
     "without free space": Change(careful={"outliers.free_scans": 1000}),
-    "without odometry beside lines": Change(careful={"lines.independent_beams": 0.0}),
     "without stricter lines": Change(careful={"lines.min_hits": 3, "lines.elongation": 2.0}),
     "with higher clamp": Change({"map.clamp": float(5.0 * np.log(4.0))}),
     "with resampling at N/2": Change({"resample_below": 0.5}),
     "with sub-cell step": Change(match=with_sub_cell_step),
+    "with odometry beside lines": Change({"lines": LineConfig(independent_beams=150.0)}),
 }
 """The filters that are compared with the one that is used."""
 

@@ -88,7 +88,6 @@ WITHOUT = {
     "waiting": Without(careful={"outliers.gone": 1000}),
     "free space": Without(careful={"outliers.free_scans": 1000}),
     "gate": Without(careful={"outliers.gate": np.inf}),
-    "odometry": Without(careful={"lines.independent_beams": 0.0}),
     "lines": Without(
         careful={f"lines.{name}": getattr(LineConfig(), name) for name in ("min_hits", "elongation")}
     ),
