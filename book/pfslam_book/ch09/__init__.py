@@ -12,6 +12,7 @@ from pfslam_book.ch09.tables import (
     ladder,
     ladder_table,
     lattice_medians,
+    lost,
     median_interval,
     nearer,
     paired,
@@ -47,5 +48,5 @@ __all__ += [
     "kinds",
     "ladder",
 ]
-__all__ += ["ladder_table", "lattice_medians", "line_step", "map_along", "median_interval"]
-__all__ += ["nearer", "paired", "private_table", "read_table", "rungs", "show_source", "situation"]
+__all__ += ["ladder_table", "lattice_medians", "line_step", "lost", "map_along"]
+__all__ += ["median_interval", "nearer", "paired", "private_table", "read_table", "rungs", "show_source", "situation"]

@@ -157,6 +157,13 @@ def missed_by(pairs: dict[str, tuple[np.ndarray, np.ndarray]]) -> str:
     return "; ".join(words)
 
 
+def lost(change: str, *groups: str) -> int:
+    """Count the runs with a change that are off by more than ``OFF`` at some time, in some groups of drives or in all."""
+    run = select(read_table("ch09_elimination"), label=change)
+    group = np.array([drive.partition(" ")[0] for drive in run["drive"]])
+    return int(np.count_nonzero((run["max_m"] > OFF) & (np.isin(group, groups) | (not groups))))
+
+
 def elimination_table() -> Shown:
     """Return for each change who misses it, how many runs are lost then, unnoticed, and what a run costs."""
     table = read_table("ch09_elimination")
@@ -165,9 +172,9 @@ def elimination_table() -> Shown:
     for label in labels_of(table):
         pairs = changes.get(label, {})
         run, whole = (select(table, label=one) for one in (label, "nothing"))
-        lost, silent = (run["max_m"] > OFF).sum(), (run["silent"] > 0.0).sum()
+        silent = np.count_nonzero((run["off"] > 0.0) & (run["silent"] == run["off"]))
         time = 100 * (run["cpu_seconds"].sum() / whole["cpu_seconds"].sum() - 1)
-        rows.append((label, missed_by(pairs), f"{lost}", f"{silent}", f"{time:+.0f} %" if pairs else ""))
+        rows.append((label, missed_by(pairs), f"{lost(label)}", f"{silent}", f"{time:+.0f} %" if pairs else ""))
     head = (
         "change",
         "error, median change [cm] (worse)",
