@@ -29,9 +29,9 @@ class Settings:
     hit: float = LOG_4  # what a hit adds to a cell
     free: float = 0.1 * LOG_4  # what a crossing takes away
     clamp: float = 10.0  # how far log-odds may go
-    origin: tuple[float, float] = (-12.0, -12.0)  # corner of the map, m
+    origin: tuple[float, float] = (-30.0, -30.0)  # corner of the map, m
     resolution: float = 0.05  # side of a cell, m
-    shape: tuple[int, int] = (960, 960)  # rows and columns of the map
+    shape: tuple[int, int] = (1200, 1200)  # rows and columns of the map
     lidar_xy: tuple[float, float] = (0.13323, 0.0)  # where the LiDAR sits, m
 
 
@@ -125,9 +125,11 @@ def step(f, s, poses, weights, log_odds, points_b, inputs, rng):
     estimate = f.mean_pose(poses, weights)
     if 1 / np.sum(weights**2) <= s.resample_below * len(weights):
         poses, weights = f.resample(poses, weights, rng)
-    ends = f.cell_of(f.to_world(estimate, points_b), corner, side)
-    lidar = f.to_world(estimate, np.array([s.lidar_xy]))
-    (start,) = f.cell_of(lidar, corner, side)
+    beams = f.to_world(estimate, np.vstack([s.lidar_xy, points_b]))
+    cells = f.cell_of(beams, corner, side)
+    if (cells < 0).any() or (cells >= log_odds.shape).any():
+        raise IndexError("a scan leaves the map: change origin or shape")
+    start, ends = cells[0], cells[1:]
     free = f.crossed_cells(start, ends)
     log_odds = f.update_log_odds(log_odds, ends, free, s.hit, s.free, s.clamp)
     return poses, weights, log_odds, estimate
@@ -176,15 +178,6 @@ def my_filter(file=FILE, **parts: Callable) -> Filter:
     if count := own.get("count_on_walls"):  # one number, even if it comes in a list
         own["count_on_walls"] = lambda *case: count(*case).item()
     return Filter(**{**BOOK, **own})
-
-
-CHANGES: dict[str, dict] = {
-    "as printed": {},
-    "half the noise": {"sigma_v": 0.1, "sigma_omega": 0.05},
-    "full clearing": {"free": LOG_4},
-    "never resampled": {"resample_below": 0.0},
-}
-"""Ways to harm the filter on purpose, as settings of `drive`."""
 
 
 # ---- driving
@@ -236,12 +229,7 @@ def error(driven: Driven, recording: Recording) -> TrajectoryError:
     return trajectory_error(driven.trajectory, recording.true_path())
 
 
-def stored_errors(*, whole: bool) -> dict[str, np.ndarray]:
-    """The stored errors (m, RMS) of the filter, printed and harmed, on the whole drive or on its first 65 s."""
-    table = read_table("ch05_your_filter")
+def stored_errors(study: str = "ch05_your_filter", *, whole: bool) -> dict[str, np.ndarray]:
+    """The errors (m, RMS) by label that a study has stored, on whole drives or on their first 65 s."""
+    table = read_table(study)
     return errors_by_label(select(table, seconds=max(table["seconds"]) if whole else 65))
-
-
-def few_particles() -> dict[str, float]:
-    """The largest stored error (m, RMS) of five seeds on the first 65 s, by ``every/particles``."""
-    return {k: float(v.max()) for k, v in errors_by_label(read_table("ch05_few_particles")).items()}
