@@ -1,31 +1,20 @@
 """What the notebook of chapter 11 calls."""
 
-from pfslam_book.ch11.drives import edges, stored
-from pfslam_book.ch11.springs import (
-    draw_graph,
-    outlier_case,
-    outlier_explorer,
-    six_poses,
-    springs_lab,
-    two_rounds,
-)
-from pfslam_book.exercises.ch11 import check_edge_error, check_landmark_jacobian, check_robust_weight
+from pfslam_book.ch11.drives import Drive, drive
+from pfslam_book.ch11.pictures import draw_belief, ellipse, slam_explorer
+from pfslam_book.ch11.smoother import smooth
+from pfslam_book.exercises.ch11 import check_predict, check_update, check_which_post, predict, update, yours
 from pfslam_book.show.source import show_source
-from pfslam_book.show.tables import Shown, read_table
+from pfslam_book.show.tables import Shown
 
 __all__ = [
+    "Drive",
     "Shown",
-    "check_edge_error",
-    "check_landmark_jacobian",
-    "check_robust_weight",
-    "draw_graph",
-    "edges",
-    "outlier_case",
-    "outlier_explorer",
-    "read_table",
-    "show_source",
-    "six_poses",
-    "springs_lab",
-    "stored",
-    "two_rounds",
+    "check_predict",
+    "check_update",
+    "check_which_post",
+    "draw_belief",
+    "drive",
+    "ellipse",
 ]
+__all__ += ["predict", "show_source", "slam_explorer", "smooth", "update", "yours"]
