@@ -199,7 +199,7 @@ def in_two_passes(cells):
     return best
 
 
-# ---- chapters 09 to 12
+# ---- chapters 09 to 13
 
 
 def draw_lazily(maps, ancestors, hits):
@@ -267,7 +267,7 @@ OTHERS = {
     "09 check_sub_cell": [lambda *values: np.roots(np.polyder(np.polyfit([-1, 0, 1], values, 2)))[0]],
     "09 check_draw_all": [draw_lazily],
     "10 check_particles_needed": [count_up],
-    "11 check_landmark_jacobian": [jacobian_by_differences],
-    "12 check_increments": [unwrapped],
+    "12 check_landmark_jacobian": [jacobian_by_differences],
+    "13 check_increments": [unwrapped],
 }
 """By exercise, the right answers that are not the book's own in other dress."""

@@ -78,7 +78,7 @@ def default_options(name: str) -> dict:
 
 def picture_options(name: str) -> dict:
     """What the chapters hand to the pictures with a slider."""
-    from pfslam_book import ch00, ch01, ch04, ch08, ch12
+    from pfslam_book import ch00, ch01, ch04, ch08, ch13
     from pfslam_book.ch06.live import dot_options
     from pfslam_book.show import faults
     from pfslam_book.show.drives import scans_along
@@ -100,7 +100,7 @@ def picture_options(name: str) -> dict:
         some = scans_along(half_turn, dead_reckoning(half_turn), range(0, len(half_turn.lidar.t), 16))
         return {"cell": 0.05, "window": (2, 13, 13.5, 24.5), **some}
     if name == "lever":
-        return ch12.lever_options(hall, dead_reckoning(hall), np.arange(3382, 3542, 8))
+        return ch13.lever_options(hall, dead_reckoning(hall), np.arange(3382, 3542, 8))
     return {
         "dot": lambda: dot_options(RgbdModel()),
         "late": lambda: ch00.late_options(hall),

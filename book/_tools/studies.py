@@ -16,7 +16,7 @@ from tqdm import tqdm
 from pfslam.io.files import read_text, write_text
 from pfslam.study import Study, read_study, run_study
 
-MEASURED = ("ch05", "ch09", "ch10", "ch11", "intel", "logs", "trust", "robots")
+MEASURED = ("ch05", "ch09", "ch10", "ch12", "intel", "logs", "trust", "robots")
 """Modules of ``measure`` with studies of their own."""
 
 

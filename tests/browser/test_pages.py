@@ -128,7 +128,7 @@ FIRST_HITS = {
     "clamp": "book/glossary.html#term-clamp",
     "odometry": "book/glossary.html#term-odometry",
     "texture": "notebooks/06_texture_mapping.html",
-    "bag": "notebooks/12_your_own_robot.html#a-ros-bag",
+    "bag": "notebooks/13_your_own_robot.html#a-ros-bag",
     "slam_step": "book/api/pfslam.slam.html#pfslam.slam.slam_step",
 }
 HITS = "#search-results li > a"

@@ -68,7 +68,7 @@ def readers_lab(tmp_path):
 # What the cells with laboratories take from the cells before them, without the minutes of chapter 06's filter.
 BEFORE_THE_LABORATORIES = """import numpy as np, pfslam
 from types import SimpleNamespace
-from pfslam_book import ch01, ch02, ch03, ch04, ch05, ch06, ch10, ch11
+from pfslam_book import ch01, ch02, ch03, ch04, ch05, ch06, ch10, ch12
 hall = pfslam.load("hall")
 corner, corridor = ch04.place_at(hall, 14.5), ch04.place_at(hall, 27.0)
 shot = ch06.take_shot(ch06.load_drive("hall"))

@@ -5,115 +5,116 @@ from __future__ import annotations
 import numpy as np
 from pfslam_book.show.exercise import Exercise
 
-# ---- 1: a counter that wraps
+from pfslam.poses import between, compose, wrap_angle
+
+# ---- 1: the error of an edge
 
 
-def counter_case(seed) -> tuple:
-    """An 8-bit counter that begins somewhere, wraps more than once, and also runs backwards."""
-    rng = np.random.default_rng(seed)
-    steps = np.concatenate([[0], rng.integers(-90, 121, 24), [-127, 127]])
-    return (((rng.integers(0, 256) + np.cumsum(steps)) % 256).astype(np.uint8),)
+def edge_case(pose_i, z) -> tuple:
+    """A pose, another one near where it was measured from there, and the measurement."""
+    return np.array(pose_i), compose(np.array(pose_i), np.array(z)) + [0.1, -0.2, 0.05], np.array(z)
 
 
-def increments(readings, before=None):
-    steps = np.diff(readings.astype(int), prepend=int(readings[0]) if before is None else before)
-    return (steps + 128) % 256 - 128
+def edge_error(a, b, z, frame=1.0, wrap=lambda turn, measured: wrap_angle(turn - measured)):
+    """The error with the difference seen from a heading of ``frame`` times the first one."""
+    c, s = np.cos(frame * a[2]), np.sin(frame * a[2])
+    dx, dy, turn = np.subtract(b, a)
+    return np.array([c * dx + s * dy - z[0], c * dy - s * dx - z[1], wrap(turn, z[2])])
 
 
-def plain(readings):
-    return np.diff(readings.astype(int), prepend=int(readings[0]))
-
-
-check_increments = Exercise(
-    right=increments,
-    cases=[counter_case(seed) for seed in (1, 2, 3)],
-    mistakes={
-        "At the wrap the counter goes from 255 to 0, and you took it at its word. Differences of an 8-bit counter are "
-        "only known modulo 256.": plain,
-        "All your increments are positive. Modulo 256, a step of -6 and one of 250 look alike; choose the one that a "
-        "wheel can make: between -128 and 127.": lambda readings: plain(readings) % 256,
-        "Your first increment is the first reading. The counter did not start at zero when you did: the robot would "
-        "jump by all that it drove before.": lambda readings: increments(readings, before=0),
-        "One increment for each reading is asked for: before the first nobody counted, so its increment is 0.": (
-            lambda readings: increments(readings)[1:]
-        ),
-        "An 8-bit counter has 256 values: from 255 to 0 is one step.": (
-            lambda readings: (plain(readings) + 127) % 255 - 127
-        ),
-    },
-    praise="The wrap is gone, and the stretch in reverse is still in reverse.",
-)
-
-# ---- 2: the effective track
-
-
-def track_case(seed, track, noise) -> tuple:
-    """The way of right and left wheels (m) and the gyro's turn (rad) in each of some seconds, with noise."""
-    rng = np.random.default_rng(seed)
-    turned = np.concatenate([[0.0, 0.0, 0.0], rng.uniform(-1.2, 1.2, 9)])
-    apart = track * turned + noise * rng.standard_normal(len(turned))
-    middle = rng.uniform(-0.2, 1.1, len(turned))
-    return middle + apart / 2, middle - apart / 2, turned
-
-
-def track(right, left, turned):
-    """The slope of the way apart over the angle, of a line through zero."""
-    return float((right - left) @ turned / (turned @ turned))
-
-
-check_track = Exercise(
-    right=track,
-    cases=[track_case(3, 0.74, 0.004), track_case(4, 0.55, 0.03), track_case(5, 1.31, 0.06)],
-    mistakes={
-        "In some seconds the robot did not turn at all, and you divided by that. Fit one line through all seconds "
-        "instead of a ratio for each.": lambda right, left, turned: np.mean((right - left) / turned),
-        "You averaged ratios. A second with hardly any turn counts as much as one with a strong turn, and noise over a "
-        "small angle is large: fit one line through all seconds.": (
-            lambda right, left, turned: np.mean((right - left)[turned != 0] / turned[turned != 0])
-        ),
-        "You divided sums. The robot turned in both directions, so sums cancel and noise remains: fit the slope of a "
-        "line through all seconds.": lambda right, left, turned: (right - left).sum() / turned.sum(),
-        "Your line need not go through zero. A robot that did not turn has wheels that went equally far.": (
-            lambda right, left, turned: np.polyfit(turned, right - left, 1)[0]
-        ),
-        "Upside down: way apart = track * angle, so the track is the slope of the way over the angle.": (
-            lambda right, left, turned: 1 / track(right, left, turned)
-        ),
-    },
-    praise="0.74 m, where a ruler says 0.39 m: the wheels skid sideways in every turn.",
-)
-
-# ---- 3: what a range says
-
-
-def classify(r, range_min, range_max):
-    if range_min <= r <= range_max:
-        return "hit"
-    return "free" if r > range_max else "unknown"
-
-
-check_classify = Exercise(
-    right=classify,
+check_edge_error = Exercise(
+    right=edge_error,
     cases=[
-        *((r, 0.1, 30.0) for r in (4.2, np.inf, 0.0, 0.05, 29.9, np.nan, 0.1, 30.0)),
-        *((r, 0.25, 8.0) for r in (0.2, 3.3, 7.9, 12.0, np.inf)),
+        (np.array([1.0, 2.0, np.pi / 2]), np.array([1.0, 4.0, np.pi / 2]), np.array([1.9, 0.1, 0.0])),
+        edge_case([0.3, -1.7, 0.9], [1.1, -0.4, 0.7]),
+        edge_case([-2.6, 1.2, -2.1], [0.8, 0.5, -1.3]),
+        (np.array([0.0, 1.0, 3.0]), np.array([-1.0, 1.3, -2.8]), np.array([1.0, 0.2, 0.4])),
+        (np.array([0.2, 0.4, 0.0]), np.array([1.1, 0.5, 3.1]), np.array([0.9, 0.2, -3.1])),
     ],
     mistakes={
-        "A range below the least, 0.05 m say, is dirt on the window, or the sensor's word for nothing; and NaN says "
-        "that the sensor does not know. Neither is free space.": lambda r, a, b: (
-            "hit" if a <= r <= b else "free"
+        "The difference of the positions is in the world. Turn it into the frame of pose i, in which z was measured.": (
+            lambda a, b, z: edge_error(a, b, z, frame=0.0)
         ),
-        "This instrument says infinity when nothing came back from within its range: that way is free.": (
-            lambda r, a, b: "hit" if a <= r <= b else "unknown"
+        "You turn by +theta_i. From the world into the frame of pose i it is the transpose.": (
+            lambda a, b, z: edge_error(a, b, z, frame=-1.0)
         ),
-        "Infinity is no wall. A wall at the maximum range would draw a ring around the robot.": (
-            lambda r, a, b: "hit" if r >= a else "unknown"
+        "The heading must be wrapped into (-pi, pi]: see the pose that looks backwards.": (
+            lambda a, b, z: edge_error(a, b, z, wrap=np.subtract)
         ),
-        "NaN is not a long way: the instrument says that it does not know. Comparisons with NaN are all false, so ask "
-        "for it first or last.": lambda r, a, b: "free" if np.isnan(r) else classify(r, a, b),
-        "At exactly the least and the greatest range the instrument still measures.": (
-            lambda r, a, b: "hit" if a < r < b else "free" if r >= b else "unknown"
+        "You wrap the turn and then subtract the measured one, which leads out of (-pi, pi] again: 3.1 - (-3.1) is "
+        "6.2. Subtract first, wrap last.": (
+            lambda a, b, z: edge_error(a, b, z, wrap=lambda turn, measured: wrap_angle(turn) - measured)
+        ),
+        "Close: that is the error in the frame of the measured pose. Here the two are subtracted.": (
+            lambda a, b, z: between(z, between(a, b))
         ),
     },
-    praise="Three cases, not two. Which of them a black cupboard gives is for your sensor's data sheet to say.",
+    praise="All that a pose graph minimises is a sum of such errors, each weighed by its information.",
+)
+
+# ---- 2: the weight under a robust kernel
+
+check_robust_weight = Exercise(
+    right=lambda chi2, k: (k**2 / (k**2 + chi2)) ** 2,
+    cases=[
+        (np.array([0.0, 1.0, 9.0, 100.0, 1e6]), 3.0),
+        (np.array([2.0, 50.0, 7.0]), 10.0),
+        (np.array([4.0]), 0.5),
+    ],
+    mistakes={
+        "That fraction must be squared. Unsquared, the cost never levels off.": lambda chi2, k: (
+            k**2 / (k**2 + chi2)
+        ),
+        "That is the kernel, the cost. The weight is its derivative by chi^2.": (
+            lambda chi2, k: k**2 * chi2 / (k**2 + chi2)
+        ),
+        "The width enters squared, as chi does.": lambda chi2, k: (k / (k + chi2)) ** 2,
+        "chi2 is squared already.": lambda chi2, k: (k**2 / (k**2 + chi2**2)) ** 2,
+        "A hard threshold. The kernel lets go gradually, so that steps can change their minds.": (
+            lambda chi2, k: (chi2 < k**2).astype(float)
+        ),
+    },
+    praise="An error of one width keeps a quarter of its weight; one of ten widths a ten-thousandth.",
+)
+
+# ---- 3: another Jacobian
+
+
+def landmark_jacobian(pose, landmark, frame=1.0, arm=1.0, world=False, robot=-1.0):
+    """Derivatives (2, 5) of R^T (l - p) - z for x, y, theta and the landmark, or with one sign or frame changed."""
+    c, s = np.cos(frame * pose[2]), np.sin(frame * pose[2])
+    turned, (dx, dy) = np.array([[c, s], [-s, c]]), np.subtract(landmark, pose[:2])
+    x, y = (dx, dy) if world else turned @ [dx, dy]
+    return np.column_stack([robot * turned, [arm * y, -arm * x], turned])
+
+
+def landmark_mistake(**change):
+    """A Jacobian with one thing wrong."""
+    return lambda *case: landmark_jacobian(*case, **change)
+
+
+check_landmark_jacobian = Exercise(
+    right=landmark_jacobian,
+    cases=[
+        (np.array([0.4, -1.2, 0.7]), np.array([2.1, 0.9])),
+        (np.array([-1.3, 0.6, -2.4]), np.array([0.2, -3.1])),
+    ],
+    mistakes={
+        "A turn of the robot moves the landmark, too, as the robot sees it: the third column is not zero.": (
+            landmark_mistake(arm=0.0)
+        ),
+        "The third column has the wrong sign: who turns left sees the landmark move to the right.": (
+            landmark_mistake(arm=-1.0)
+        ),
+        "You turn by +theta. From the world into the robot's frame it is the transpose.": landmark_mistake(
+            frame=-1.0
+        ),
+        "The third column holds the landmark as the robot sees it, (y, -x) in its own frame.": (
+            landmark_mistake(world=True)
+        ),
+        "If the robot moves ahead, the landmark comes nearer: the first two columns have a minus.": (
+            landmark_mistake(robot=1.0)
+        ),
+    },
+    praise="With such edges door frames become unknowns beside the poses: that is how landmarks enter a graph.",
 )

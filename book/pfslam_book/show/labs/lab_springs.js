@@ -1,4 +1,4 @@
-/* Springs (chapter 11): a pose graph to pull at. Each motion and each loop is a spring; the poses settle where all of them
+/* Springs (chapter 12): a pose graph to pull at. Each motion and each loop is a spring; the poses settle where all of them
  * together are least strained. */
 (function (root) {
   "use strict";

@@ -1,4 +1,4 @@
-/* One turn, and where the LiDAR sits (chapter 12): the walls of a turn for any place of the LiDAR, and the cells they need. */
+/* One turn, and where the LiDAR sits (chapter 13): the walls of a turn for any place of the LiDAR, and the cells they need. */
 (function (root) {
   "use strict";
   const {core, draw, picture, unpack} = root.pfslam;

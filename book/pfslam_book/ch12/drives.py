@@ -1,6 +1,6 @@
-"""Chapter 11: what closing loops did on simulated drives and a real log, stored.
+"""Chapter 12: what closing loops did on simulated drives and a real log, stored.
 
-The studies ``ch11_loops`` and ``ch11_intel`` made the arrays.
+The studies ``ch12_loops`` and ``ch12_intel`` made the arrays.
 """
 
 from __future__ import annotations

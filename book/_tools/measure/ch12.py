@@ -1,6 +1,6 @@
-"""Chapter 11: what closing loops did on simulated drives, and on the public Intel log.
+"""Chapter 12: what closing loops did on simulated drives, and on the public Intel log.
 
-``python -m measure.ch11``, in ``book/_tools``, keeps two drives with their graphs and maps, and the log's paths.
+``python -m measure.ch12``, in ``book/_tools``, keeps two drives with their graphs and maps, and the log's paths.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from pfslam_book.ch10.building import driven, two_halves, world_of
-from pfslam_book.ch11.drives import FALSE, TABLES
+from pfslam_book.ch12.drives import FALSE, TABLES
 from pfslam_book.show.intel import RETURN_SECONDS
 
 from measure import cases
@@ -241,13 +241,13 @@ def intel_errors(case: Case) -> dict[str, Any]:
 
 STUDIES = [
     Study(
-        "ch11_loops",
+        "ch12_loops",
         "What closing loops did on simulated drives, each loop judged by the truth.",
         tuple(Case(label, (("drive", label), ("seed", seed))) for label, seed, _ in drives()),
         run=loops_of_drive,
     ),
     Study(
-        "ch11_intel",
+        "ch12_intel",
         "A real log, mended by its loops, judged by its relations.",
         cases("path", path=["to the map", "before", *ROUNDS]),
         run=intel_errors,

@@ -1,8 +1,8 @@
-"""Chapter 12: each failure of the gallery is told by what the chapter says, and its map looks as described."""
+"""Chapter 13: each failure of the gallery is told by what the chapter says, and its map looks as described."""
 
 import numpy as np
 import pytest
-from pfslam_book.ch12.gallery import gallery, what_tells
+from pfslam_book.ch13.gallery import gallery, what_tells
 
 import pfslam
 

@@ -1,4 +1,4 @@
-"""Chapter 11: a graph of six poses small enough to solve on the page, and what one false edge does to a larger one."""
+"""Chapter 12: a graph of six poses small enough to solve on the page, and what one false edge does to a larger one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Chapter 12, a gallery of failures: the map that each fault leaves, what tells of it, and what mends it."""
+"""Chapter 13, a gallery of failures: the map that each fault leaves, what tells of it, and what mends it."""
 
 from __future__ import annotations
 
