@@ -56,7 +56,7 @@ def test_every_source_is_cited_and_every_citation_known():
 @pytest.mark.parametrize("cores", [2, 3, 4])
 def test_every_heap_of_pages_holds_its_share_of_the_chapters(monkeypatch, cores):
     monkeypatch.syspath_prepend(str(ROOT / "book" / "_ext"))
-    names = [f"book/{n:02d}" for n in range(90)] + [f"notebooks/{n:02d}" for n in range(13)]
+    names = [f"book/{n:02d}" for n in range(90)] + [f"notebooks/{n:02d}" for n in range(14)]
     dealt = list(names)
     importlib.import_module("book_site").deal_out(type("App", (), {"parallel": cores}), None, dealt)
     assert sorted(dealt) == names

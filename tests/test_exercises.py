@@ -47,7 +47,7 @@ def test_the_stub_is_unanswered_and_the_solution_right(chapter, number, tmp_path
 
 # ---- exercises that are data: their mistakes here, right answers in other styles in right_styles.py
 
-CONVERTED = ("00", "01", "02", "03", "04", "05", "06", "07", "08", "09", "10", "12", "13")
+CONVERTED = ("00", "01", "02", "03", "04", "05", "06", "07", "08", "09", "10", "11", "12", "13")
 TABLES = {chapter: importlib.import_module(f"pfslam_book.exercises.ch{chapter}") for chapter in CONVERTED}
 DATA = {
     f"{chapter} {name}": check
