@@ -2,8 +2,8 @@
 
 1. ``compare(theirs, right, cases, mistakes=[...], praise="...")`` calls both functions on every tuple of arguments in
    ``cases``: one or two generic ones (no round angle, nothing symmetric, every branch taken) and two random ones.
-2. Lists, tuples and arrays, loops and array code, float32 and answers to four digits count alike. A pose has a heading
-   in its last column: ``same=same_poses`` compares it on the circle.
+2. Lists, tuples, generators and arrays, loops and array code, float32 and answers to four digits count alike. A pose
+   has a heading in its last column: ``same=same_poses`` compares it on the circle.
 3. ``mistakes`` pairs a wrong function, or the error that a wrong one raises, with the words for it; it is named where
    it answers *every* case as the reader's does. Units, signs and transposed arrays are tried without being asked for.
 4. What changes its input, returns nothing or raises an error is told so. No hint prints two equal numbers.
@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import copy
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,6 +84,11 @@ def attempt(function: Callable, *arguments):
         return hint(f"Your function stops with {type(error).__name__}: {error}")
 
 
+def in_full(answer):
+    """The answer itself, or the list of all that a generator yields."""
+    return list(answer) if isinstance(answer, Iterator) else answer
+
+
 # ---- a function beside a right one
 
 
@@ -134,7 +139,7 @@ def answer_to(
     """
     given = copy.deepcopy(case)
     try:
-        answer = theirs(*given)
+        answer = in_full(theirs(*given))
     except NotImplementedError:
         return unanswered()
     except Exception as error:
@@ -299,6 +304,8 @@ def _side_by_side(arguments: str, answer: Any, expected: Any) -> str:
         return f"For {arguments} your function returns {answer!r}; expected {expected!r}."
     found, wanted = np.asarray(answer, dtype=float), np.asarray(expected, dtype=float)
     gap = np.abs(found - wanted)
+    turned = (gap > 6) & (np.abs(wrap_angle(found - wanted)) < 1e-3)  # headings: the same but for whole turns
+    gap = gap if turned.all() else np.where(turned, 0.0, gap)
     at = np.unravel_index(int(np.argmax(np.where(np.isnan(gap), np.inf, gap))), gap.shape)
     yours, right = numbers_apart(float(found[at]), float(wanted[at]))
     place = f" at index {[int(i) for i in at]}" if at else ""
