@@ -92,6 +92,10 @@ def test_a_heading_that_is_right_but_for_a_turn_is_not_what_a_hint_blames():
     cases = [(np.array([1.0, 2.0, -3.0]),)]
     turned = compare(lambda p: p + [0.4, 0.0, 2 * np.pi], lambda p: p, cases, same=same_poses)
     assert "returns 1.4 at index [0]; expected 1." in turned.message
+    backwards = compare(
+        lambda p: p + [0.0, 0.0, 2 * np.pi], lambda p: p, cases
+    )  # where the circle does not count
+    assert "returns 3.283 at index [2]; expected -3." in backwards.message
 
 
 def test_arguments_are_named_in_numbers_where_they_are_few():

@@ -101,6 +101,17 @@ def chord(length, part):
     return step
 
 
+def small_steps(n):
+    """So many Euler steps."""
+
+    def walk(pose, v, omega, dt):
+        for _ in range(n):
+            pose = motion_model(pose, v, omega, dt / n)
+        return pose
+
+    return walk
+
+
 def by_radius(pose, v, omega, dt):
     radius, new = np.float64(v) / omega, pose[2] + omega * dt
     return np.array([
@@ -131,6 +142,14 @@ check_arc = Exercise(
         "Too short: NumPy's sinc(x) is sin(pi x) / (pi x). Divide its argument by pi.": chord(np.sinc, 0.5),
         "The direction is right, the length is not: v * dt is the length of the arc, and its chord is shorter.": (
             chord(lambda half: 1.0, 0.5)
+        ),
+        "That is a straight step along the new heading. On an arc the heading changes on the way.": (
+            chord(lambda half: 1.0, 1.0)
+        ),
+        "Small straight steps come near to the arc, but yours are too few. Take ten thousand, or find one formula.": (
+            small_steps(10),
+            small_steps(100),
+            small_steps(1000),
         ),
     },
     praise="One long arc ends where ten thousand small steps end, and straight on works too.",

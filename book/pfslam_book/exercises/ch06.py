@@ -174,6 +174,8 @@ check_blind_ring = Exercise(
             lambda h, a, p, r, c, f: a + h / np.tan(p - np.arctan((r - 0.5 - c) / f)),
             lambda h, a, p, r, c, f: a + h / np.tan(np.arctan((r - 0.5 - c) / f) - p),
         ),
+        "You take `ahead` off. The camera stands ahead of the turning point and looks ahead, so the two distances add "
+        "up.": lambda h, a, p, r, c, f: ring(h, -a, p, r, c, f),
     },
     praise="0.62 m around the turning point of this robot.",
     same=lambda found, expected: np.size(found) == 1 and numbers_within(0.0006)(np.ravel(found)[0], expected),

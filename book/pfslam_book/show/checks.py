@@ -126,7 +126,7 @@ def compare(
         _no_truth_value(answers[k], expected[k])
         or _other_shape(answers[k], expected[k])
         or _usual_suspect(answers, expected, same)
-        or _side_by_side(_arguments(theirs, cases[k]), answers[k], expected[k])
+        or _side_by_side(_arguments(theirs, cases[k]), answers[k], expected[k], same)
     )
 
 
@@ -298,15 +298,24 @@ def _usual_suspect(answers: Sequence, expected: Sequence, same: Callable) -> str
     return ""
 
 
-def _side_by_side(arguments: str, answer: Any, expected: Any) -> str:
+def _blamed(found: np.ndarray, wanted: np.ndarray, same: Callable) -> tuple:
+    """The place of the largest gap that makes an answer wrong by itself: no heading that is a whole turn away."""
+    gap = np.abs(found - wanted)
+    places = np.argsort(-np.where(np.isnan(gap), np.inf, gap), axis=None)[:200]
+    for place in places:
+        alone = wanted.copy()
+        alone.flat[place] = found.flat[place]
+        if not same(alone, wanted):
+            return np.unravel_index(place, gap.shape)
+    return np.unravel_index(places[0], gap.shape)
+
+
+def _side_by_side(arguments: str, answer: Any, expected: Any, same: Callable) -> str:
     """One case that goes wrong, with one number of the answer beside the right one."""
     if isinstance(expected, str | bool | None):
         return f"For {arguments} your function returns {answer!r}; expected {expected!r}."
     found, wanted = np.asarray(answer, dtype=float), np.asarray(expected, dtype=float)
-    gap = np.abs(found - wanted)
-    turned = (gap > 6) & (np.abs(wrap_angle(found - wanted)) < 1e-3)  # headings: the same but for whole turns
-    gap = gap if turned.all() else np.where(turned, 0.0, gap)
-    at = np.unravel_index(int(np.argmax(np.where(np.isnan(gap), np.inf, gap))), gap.shape)
+    at = _blamed(found, wanted, same)
     yours, right = numbers_apart(float(found[at]), float(wanted[at]))
     place = f" at index {[int(i) for i in at]}" if at else ""
     return f"For {arguments} your function returns {yours}{place}; expected {right}."
