@@ -23,7 +23,9 @@ def ellipse(axes: Axes, mean: np.ndarray, covariance: np.ndarray, kind: str = "e
     variances, directions = np.linalg.eigh(covariance)
     width, height = 2.0 * np.sqrt(IN_95_PERCENT * np.maximum(variances, 0.0))
     angle = np.rad2deg(np.arctan2(directions[1, 0], directions[0, 0]))
-    axes.add_patch(Ellipse(mean, width, height, angle=angle, facecolor=COLOURS[kind], alpha=0.25, lw=0))
+    axes.add_patch(
+        Ellipse((mean[0], mean[1]), width, height, angle=angle, facecolor=COLOURS[kind], alpha=0.25, lw=0)
+    )
     axes.plot(*mean, ".", ms=5, color=COLOURS[kind])
 
 
