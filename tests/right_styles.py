@@ -42,7 +42,15 @@ def dresses(answer):
         return [int, float, np.bool_, np.array]
     if isinstance(answer, list):  # of arrays, which are to stay the same
         return [tuple, deque]
-    return [as_list, as_tuples, lambda numbers: deque(as_list(numbers)), np.asarray, np.float32, rounded]
+    return [
+        as_list,
+        as_tuples,
+        lambda numbers: iter(as_list(numbers)),
+        lambda numbers: deque(as_list(numbers)),
+        np.asarray,
+        np.float32,
+        rounded,
+    ]
 
 
 def in_float32(part):
@@ -68,6 +76,12 @@ def wheels_along_arcs(counts, metres, track):
             motion_model_arc(poses[-1], (FR + FL + RR + RL) / 4, (FR - FL + RR - RL) / 2 / track, 1.0)
         )
     return poses
+
+
+def small_steps(pose, v, omega, dt):
+    headings = pose[2] + omega * dt * np.arange(10_000) / 10_000
+    x, y = v * dt * np.array([np.cos(headings), np.sin(headings)]).mean(axis=1)
+    return pose + [x, y, omega * dt]
 
 
 # ---- chapter 03: a cloud from other random numbers
@@ -237,10 +251,11 @@ def unwrapped(readings):
 
 OTHERS = {
     "01 check_gyro_bias": [
-        lambda t, w, v: [w[len(v) - np.argmax(v[::-1] > 0) :].mean()],  # the last rest
+        lambda t, w, v: [w[len(v) - np.argmax(v[::-1] != 0) :].mean()],  # the last rest
         lambda t, w, v: np.median(w[(v == 0) & (t > t[0] + 4)]),
-        lambda t, w, v: np.float32(w)[(v < 0.01) & (t > t[0] + 8)].mean(),
+        lambda t, w, v: np.float32(w)[(np.abs(v) < 0.01) & (t > t[0] + 8)].mean(),
     ],
+    "01 check_arc": [small_steps],
     "01 check_reckon_by_wheels": [wheels_along_arcs],
     "02 check_crossed_cells": [trace_rays],
     "03 check_heading_spread": [
@@ -254,10 +269,13 @@ OTHERS = {
         for style in RESAMPLED
     ],
     "05 check_mean_pose": [mean_in_a_loop],
+    "06 check_seen_at": [  # with the numbers as the page prints them
+        lambda X, Y, Z: (585.05 * X / Z + 315.84, 585.05 * Y / Z + 242.94, 1089 - 8 * 42.35 / Z)
+    ],
     "06 check_blind_ring": [
         lambda h, a, p, r, c, f: round(a + h / math.tan(p + math.atan((r - 0.5 - c) / f)), 3)
     ],
-    "07 check_difference": [difference_in_a_loop],
+    "07 check_difference": [difference_in_a_loop, lambda *case: (yield from difference_in_a_loop(*case))],
     "07 check_by_building": [by_building_in_a_loop],
     "08 check_looks_broken": [looks_broken],
     "08 check_find_shift": [

@@ -88,6 +88,16 @@ def test_headings_are_the_same_on_the_circle_and_nan_is_not():
     assert not same_numbers([1.0, 1.0], np.array([np.nan, 1.0]))
 
 
+def test_a_heading_that_is_right_but_for_a_turn_is_not_what_a_hint_blames():
+    cases = [(np.array([1.0, 2.0, -3.0]),)]
+    turned = compare(lambda p: p + [0.4, 0.0, 2 * np.pi], lambda p: p, cases, same=same_poses)
+    assert "returns 1.4 at index [0]; expected 1." in turned.message
+    backwards = compare(
+        lambda p: p + [0.0, 0.0, 2 * np.pi], lambda p: p, cases
+    )  # where the circle does not count
+    assert "returns 3.283 at index [2]; expected -3." in backwards.message
+
+
 def test_arguments_are_named_in_numbers_where_they_are_few():
     flags = [(np.array([True, False]), 1.0)]
     assert "For a = [True, False], b = 1.0 your" in compare(lambda a, b: 3.3, lambda a, b: 7.1, flags).message

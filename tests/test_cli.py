@@ -314,11 +314,11 @@ def test_a_run_that_is_not_to_be_trusted_says_so_in_one_sentence():
         ({"distrust": [blind]}, "do not trust path and map from 40 s to 45 s: no scan\n"),
         (
             {"distrust": [dragged, blind]},
-            "do not trust path and map from 25 s on: scans dragged it; 1 more in summary.json\n",
+            "do not trust path and map from 25 s on: scans dragged it; summary.json lists 1 more\n",
         ),
         (
             {"distrust": [], "second_look": True},
-            "people, glass or noise mislead the scans: the run was made with robust settings\n",
+            "people, glass or noise mislead the scans, so the run was made with robust settings\n",
         ),
     ):
         assert words.closing_words(recording, summary, "here") == sentence + end

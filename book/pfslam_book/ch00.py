@@ -128,7 +128,7 @@ def turn_points(way: str, turned_deg: float) -> np.ndarray:
 
 
 def describe_turn(way: str, turned: float) -> str:
-    """The same in words: how far the walls are smeared."""
+    """Say in words how far the walls are smeared."""
     x, y = turn_points(way, turned).T
     beyond = max(x.max() - ROOM[1], ROOM[0] - x.min(), y.max() - ROOM[3], ROOM[2] - y.min())
     return f"""A room with a post, drawn ({way}) by a robot that has turned on the spot by {turned:.0f} degrees.
@@ -142,7 +142,7 @@ def turn_options() -> dict:
 
 
 def turn_picture() -> Laboratory:
-    """What is wrong, and how far the robot has turned."""
+    """A turn on the spot with two controls: what is wrong, and how far the robot has turned."""
     return show_lab("turn", "A turn on the spot", describe_turn(WAYS[1], 360.0), **turn_options())
 
 
@@ -171,7 +171,7 @@ def spread(drawn: np.ndarray, right: np.ndarray) -> float:
 
 
 def describe_late_clock(recording: Recording, right: dict[str, np.ndarray], offset: float) -> str:
-    """The same in words."""
+    """Say in words how far the drawn points lie from the walls."""
     words = [
         f"{name}: in the median a point lies "
         f"{100 * spread(shifted_scans(recording, moment, offset / 1e3), right[name]):.1f} cm off the walls"

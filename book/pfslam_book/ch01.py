@@ -93,7 +93,7 @@ def smoothing_errors(inputs: Controls, seconds: float) -> tuple[float, float]:
 
 
 def describe_smoothing(inputs: Controls, seconds: float) -> str:
-    """The same in words."""
+    """Say in words what smoothing does."""
     degrees, away = smoothing_errors(inputs, seconds)
     return f"""Yaw rate averaged over the last {seconds:g} s: at the end the heading differs from the raw one by
     {degrees:.2f} degrees, on the way the paths are up to {away:.2f} m apart."""

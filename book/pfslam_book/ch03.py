@@ -136,7 +136,7 @@ def draw_model(noise: Noise, drive: str, model: str) -> Figure:
 
 
 def describe_model(noise: Noise, drive: str, model: str) -> str:
-    """The same in words."""
+    """Say in words how wide the last cloud is, and how far off the true heading."""
     found = ends(noise, drive, model)
     return f"""Drive {drive}, noise {model}: at the end the cloud is {found["ahead"]:.2f} m wide along its heading,
     {found["across"]:.2f} m across and {found["heading"]:.1f} degrees in heading (standard deviations). The true

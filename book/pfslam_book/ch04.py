@@ -82,7 +82,7 @@ def slide_lab(recording: Recording, **places: Place) -> Laboratory:
 def places(recording: Recording, every: int = 20, after: float = 10.0) -> Iterator[Place]:
     """Yield every ``every``-th scan from ``after`` seconds on, with its true pose and the map of those before it.
 
-    The maps are drawn from true poses, so what a score makes of them is its own doing.
+    The maps are drawn from true poses, so what goes wrong is the fault of the score.
     """
     scans, lidar, truth = recording.scans(), recording.robot.lidar, recording.true_path()
     grid = OccupancyGrid.empty(GridSpec.around(truth.poses[:1, :2], MapConfig().resolution))
@@ -107,7 +107,7 @@ def sharpened(shares: np.ndarray, sharpness: float) -> np.ndarray:
 
 
 def describe_weights(shares: np.ndarray, sharpness: float) -> str:
-    """The same in words."""
+    """Say in words how the weights are shared."""
     weights = sharpened(shares, sharpness)
     return f"""Weights exp({sharpness:g} times share) of {len(weights)} particles: the effective number is
     {effective_sample_size(weights):.1f}, the heaviest particle has {weights.max():.3f} of all weight."""

@@ -179,7 +179,7 @@ def finished(
 
 def stopped(findings: list[Finding]) -> int:
     """Say what would spoil a run, and return the exit code of a run that is not begun."""
-    lines = [*words.remedies(findings), "nothing was run; --anyway goes on"]
+    lines = [*words.remedies(findings), "nothing was run; add --anyway to run all the same"]
     print(*(f"pfslam: {line}" for line in lines), sep="\n", file=sys.stderr)
     return SPOILED
 
@@ -279,7 +279,7 @@ def report_command(arguments: Namespace) -> None:
         with atomic_write(out / f"{name}.png") as file:
             figure.savefig(file, format="png", dpi=150)
         count += 1
-    print("they show the report's filter, not the refined one: `pfslam run` makes the map to hand on")
+    print("the figures show the report's filter; `pfslam run` makes the map of the refined filter")
     print(f"{count} figures are in {out}")
 
 

@@ -12,8 +12,8 @@ from pfslam.methods import METHODS
 BAD_INPUT, INTERRUPTED, FAULT, SPOILED, DOUBTED = 2, 130, 1, 3, 4
 CODES = (
     "Exit codes: 0 all is well, 1 a check, a search or every run of a study failed (or a fault of pfslam), "
-    "2 bad input, 3 the data would spoil the run (--anyway goes on), 4 most of the result is not to be trusted, "
-    "130 interrupted."
+    "2 bad input, 3 the data would spoil the run (--anyway runs all the same), "
+    "4 most of the result is not to be trusted, 130 interrupted."
 )
 CHECK_CODES = "Exit codes: 0 no check failed, 1 at least one did, 2 the data set cannot be read."
 
@@ -106,9 +106,9 @@ def _dataset() -> Parser:
     folder = "folder of numbered sets (default $PFSLAM_DATA or data)"
     parser.add_argument("--data", type=Path, metavar="DIR", help=folder)
     parts = parser.add_argument_group("for a part of the drive")
-    parts.add_argument("--from", dest="start", type=number, metavar="S", help="seconds after the first scan")
-    parts.add_argument("--until", type=number, metavar="S", help="seconds after the first scan")
-    limits = "least and largest range (m) to believe (default: as the LiDAR says)"
+    parts.add_argument("--from", dest="start", type=number, metavar="S", help="from S s after the first scan")
+    parts.add_argument("--until", type=number, metavar="S", help="until S s after the first scan")
+    limits = "least and largest range (m) to use (default: as the LiDAR says)"
     parts.add_argument("--range", type=number, nargs=2, metavar=("MIN", "MAX"), help=limits)
     mask = "leave out beams that see the robot itself: a sector in degrees, as in `info`; may be given several times"
     parts.add_argument(
@@ -130,9 +130,9 @@ def _add_simulate(add) -> None:
     which = "hall is flat, ramp has slopes, ring has long corridors"
     add("name", choices=("hall", "ramp", "ring"), help=which)
     add("--out", type=Path, required=True, metavar="DIR", help="folder to write to")
-    add("--seed", type=SEED, metavar="S", help="another building for each seed")
+    add("--seed", type=SEED, metavar="S", help="seed of the building: each seed gives another one")
     add("--images", type=whole(1, 10**6), metavar="N", help="write every N-th image pair (default none)")
-    people = "people who walk ahead of the robot, across its way and past it"
+    people = "number of people, who walk ahead of the robot, across its way and past it"
     add("--people", type=number, metavar="N", help=people)
     sweep = "seconds from the first beam of a scan to the last, such as 0.025"
     add("--sweep", type=number, metavar="S", help=sweep)
@@ -142,22 +142,22 @@ def _add_simulate(add) -> None:
 
 def _add_run(add) -> None:
     add("--method", choices=METHODS, help="which filter (default refined)")
-    add("--particles", type=number, metavar="N", help="default 200; 30 with a map for each, 1 for matching")
+    add("--particles", type=number, metavar="N", help="how many (default 200; per-particle 30, matching 1)")
     add("--every", type=number, metavar="K", help="use every K-th scan (default: about eight scans a second)")
     _add_settings(add, "run", "search.sharpness=30 or lines=false")
-    again = "run again with robust settings where people, glass or noise mislead the scans (default: yes)"
+    again = "take robust settings where people, glass or noise mislead the scans (default: yes)"
     add("--second-look", action=YES_OR_NO, help=again)
-    anyway = "run even where the check-up finds what spoils a run, and say so in distrust"
+    anyway = "run even if a failed check would spoil the run; summary.json then says so under distrust"
     add("--anyway", action="store_true", help=anyway)
     add("--quiet", action="store_true", help="no progress and no closing words")
     add("--json", action="store_true", help="print summary.json, and nothing else")
-    loops = "revise the path where places are seen again; writes trajectory_revised.tum, map_revised.yaml"
+    loops = "correct the path where a place is seen again; writes trajectory_revised.tum, map_revised.yaml"
     add("--loops", action="store_true", help=loops)
     add("--texture", action=YES_OR_NO, help="map the floor's texture (default: if there are images)")
 
 
 def _add_settings(add, what: str, example: str) -> None:
-    add("--seed", type=SEED, metavar="S", help="of the filter's random numbers (default 0)")
+    add("--seed", type=SEED, metavar="S", help="seed of the filter's random numbers (default 0)")
     config = (
         f"settings in TOML, named as in summary.json; or the summary.json of a {what} that is to be repeated"
     )
@@ -168,13 +168,13 @@ def _add_settings(add, what: str, example: str) -> None:
 
 def _add_locate(add) -> None:
     add("--out", type=Path, metavar="DIR", help="folder to write to (default out/DATASET-located)")
-    particles = "the most after the first scan, which has ten times as many (default 10000)"
+    particles = "most particles after the first scan (default 10000); the first scan has ten times as many"
     add("--particles", type=number, metavar="N", help=particles)
     _add_settings(add, "search", "sigma=0.1 or inject=false")
 
 
 def _add_lab(add) -> None:
     add("chapter", nargs="?", metavar="NN", help="the chapter to open, such as 05")
-    folder = "where the chapters are copied to, unless they are there already (default pfslam-chapters)"
+    folder = "copy chapters that are not there yet to this folder (default pfslam-chapters)"
     add("--folder", type=Path, default=Path("pfslam-chapters"), metavar="DIR", help=folder)
     add("--copy-only", action="store_true", help="copy the chapters, and open nothing")

@@ -88,7 +88,7 @@ def describe(recording: Recording) -> str:
 
 def _lidar(recording: Recording) -> list[str]:
     if recording.lidar is None:
-        return ["lidar: none, so there is dead reckoning only"]
+        return ["lidar: none, so a run can only do dead reckoning"]
     lidar = recording.robot.lidar
     low, high = np.degrees([lidar.angle_min, lidar.angle_max])
     x, y, z = lidar.position_b
@@ -200,9 +200,9 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
     """Write a few lines for the user: what the loader said, and how the run ended."""
     lines = said_by_the_loader(recording)
     if recording.lidar is None:
-        lines.append("no LiDAR in this data set: dead reckoning only")
+        lines.append("no LiDAR in this data set, so this is dead reckoning only")
     if summary.get("second_look"):
-        lines.append("people, glass or noise mislead the scans: the run was made with robust settings")
+        lines.append("people, glass or noise mislead the scans, so the run was made with robust settings")
     dropped = summary.get("dropped", {}).items()
     lines += [f"left out: {count} {reason}" for reason, count in dropped if UNREADABLE in reason]
     for check in summary.get("checks_failed", ()):
@@ -227,7 +227,7 @@ def _warning(stretches: list, begin: float) -> str:
     first = stretches[0]
     since, to = first["from"] - begin, first["to"]
     when = f"from {since:.0f} s on" if to is None else f"from {since:.0f} s to {to - begin:.0f} s"
-    others = f"; {len(stretches) - 1} more in summary.json" if len(stretches) > 1 else ""
+    others = f"; summary.json lists {len(stretches) - 1} more" if len(stretches) > 1 else ""
     return f"do not trust path and map {when}: {first['reason']}{others}"
 
 
@@ -235,7 +235,7 @@ def closing_words_of_search(recording: Recording, result: LocalizationResult, ou
     """Write a few lines for the user: what the loader said, when and where the robot was found, and where files are."""
     lines = said_by_the_loader(recording)
     if result.found_at is None:
-        lines.append("not found: at no scan did the cloud agree on one place")
+        lines.append("not found: at no scan did the particles agree on one place")
     else:
         seconds = result.found_at - result.trajectory.t[0]
         x, y, theta = result.trajectory.poses[-1]
@@ -244,7 +244,7 @@ def closing_words_of_search(recording: Recording, result: LocalizationResult, ou
         if result.found:
             lines.append(f"found after {seconds:.1f} s; now at {place}; {fit}")
         elif result.located[-1]:
-            lines.append(f"not found: {fit}, too few at {place}; is it the map of this building?")
+            lines.append(f"not found: at {place} {fit}, too few; is it the map of this building?")
         else:
             lines.append(f"not sure at the end: seemed found after {seconds:.1f} s; last guess {place}")
             lines.append("is it the map of this building?")

@@ -59,7 +59,7 @@ def resampled(loop: Callable, below: float) -> np.ndarray:
 
 
 def weighed(loop: Callable, sharpness: float) -> np.ndarray:
-    """The weights after a scan; what a loop does that resamples here is for its own step to find."""
+    """The weights after a scan. If a loop resamples here, the check of resampling finds it."""
     weights = np.asarray(one_scan(loop, sharpness=sharpness)[1], dtype=float)
     return weights if np.ptp(weights) > 1e-12 else weighed(step, sharpness)
 
@@ -70,7 +70,7 @@ def output(number: int) -> Callable:
 
 
 def estimate(loop: Callable, **changes) -> np.ndarray:
-    """The estimate; the mean of the cloud that has been resampled is right too, and stands for the one before."""
+    """The estimate of a loop. A mean taken after resampling is right too, and is replaced by the one before."""
     found, (poses, weights, _, before) = output(3)(loop, **changes), one_scan(step, **changes)
     return before if np.allclose(found, BOOK["mean_pose"](poses, weights), atol=5e-4) else found
 
@@ -104,7 +104,7 @@ STEPS: tuple[tuple[str, Callable, list[dict], dict], ...] = (
 
 
 def alike(found: np.ndarray, expected: np.ndarray, rtol=0.0, atol=1e-6, cells=0) -> bool:
-    """Whether two answers agree, but for so many cells of a map."""
+    """Whether two answers agree; of a map, so many ``cells`` may differ."""
     off = ~np.isclose(found, expected, rtol=rtol, atol=1e-3 if cells else atol)
     return np.count_nonzero(off) <= cells
 

@@ -20,11 +20,11 @@ from pfslam_book.show.tables import errors_by_label, read_table, select
 
 @dataclass(frozen=True)
 class Settings:
-    """What the filter is set to."""
+    """The numbers that the filter needs."""
 
     sigma_v: float = 0.2  # noise of every control sample, m/s
     sigma_omega: float = 0.1  # and of its turning, rad/s
-    sharpness: float = 54.0  # of a whole scan
+    sharpness: float = 54.0  # exponent of a scan with all its points on walls
     resample_below: float = 0.5  # resample when N_eff is at most this share of N
     hit: float = LOG_4  # what a hit adds to a cell
     free: float = 0.1 * LOG_4  # what a crossing takes away
@@ -46,7 +46,7 @@ def scan_points(ranges, angles, lidar_xy):
 
 
 def to_world(pose_wb, points_b):
-    """Points (M, 2) of the body frame in the world."""
+    """Carry points (M, 2) from the body frame to the world."""
     x, y, theta = pose_wb
     c, s = np.cos(theta), np.sin(theta)
     return points_b @ np.array([[c, -s], [s, c]]).T + [x, y]
@@ -200,7 +200,7 @@ class Driven:
 
 
 def moments(f: Filter, recording: Recording, every: int, seconds: float) -> Iterator:
-    """Time, points (M, 2) and inputs (v, omega, dt) since the scan before."""
+    """Yield time and points (M, 2) of each scan, and the inputs (v, omega, dt) since the scan before."""
     sent, scans, lidar = controls(recording), recording.scans(), recording.robot.lidar
     last = sent.t[0]
     for t, ranges in zip(scans.t[::every], scans.ranges[::every], strict=True):
@@ -211,7 +211,7 @@ def moments(f: Filter, recording: Recording, every: int, seconds: float) -> Iter
 
 
 def drive(step, f, recording, particles=60, every=20, seconds=65.0, seed=0, **changes):
-    """Run a filter over a drive; ``changes`` are settings other than the usual."""
+    """Run a filter over a drive; ``changes`` replace the settings of the same name."""
     s, rng = Settings(**changes), np.random.default_rng(seed)
     poses, weights = np.zeros((particles, 3)), np.full(particles, 1 / particles)
     log_odds, rows, clouds = np.zeros(s.shape), [], []

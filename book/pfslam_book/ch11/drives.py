@@ -45,7 +45,7 @@ def truth() -> tuple[np.ndarray, ...]:
     the filter's model of the motion is exact; they stay within 0.2 m of the path of ``hall``.
     """
     simulation = cached_simulation("hall")
-    world, true = simulation.world, simulation.recording.truth
+    world, true = simulation.world, simulation.recording.true_path()
     moving = true.at(np.arange(true.t[0] + 9.5, true.t[-1] - 7.5, STEP))
     controls = between(moving[:-1], moving[1:])[:, [0, 2]]
     path = moving[:1]

@@ -23,7 +23,9 @@ def ellipse(axes: Axes, mean: np.ndarray, covariance: np.ndarray, kind: str = "e
     variances, directions = np.linalg.eigh(covariance)
     width, height = 2.0 * np.sqrt(IN_95_PERCENT * np.maximum(variances, 0.0))
     angle = np.rad2deg(np.arctan2(directions[1, 0], directions[0, 0]))
-    axes.add_patch(Ellipse(mean, width, height, angle=angle, facecolor=COLOURS[kind], alpha=0.25, lw=0))
+    axes.add_patch(
+        Ellipse((mean[0], mean[1]), width, height, angle=angle, facecolor=COLOURS[kind], alpha=0.25, lw=0)
+    )
     axes.plot(*mean, ".", ms=5, color=COLOURS[kind])
 
 
@@ -45,9 +47,13 @@ def draw_belief(row: Sequence[Axes], drive: Drive, t: int, belief: Belief, title
     metric_axes(row[0], title).set(xlim=(-4, 26), ylim=(-5, 25))
     whole = np.full((numbers, numbers), np.nan)
     whole[: len(x), : len(x)] = correlations(P)
-    row[1].imshow(whole, vmin=-1.0, vmax=1.0, cmap="RdBu")
+    order = np.r_[0:3, 3:numbers:2, 4:numbers:2]  # x before y: side by side they look like a chessboard
+    row[1].imshow(whole[np.ix_(order, order)], vmin=-1.0, vmax=1.0, cmap="RdBu")
     row[1].grid(False)
-    row[1].set(xticks=[0, 3, numbers], yticks=[0, 3, numbers], title=f"{len(x)} numbers")
+    ticks = [1, 3 + len(drive.posts) // 2, 3 + 3 * len(drive.posts) // 2]
+    row[1].set_xticks(ticks[1:], ["x of posts", "y of posts"])
+    row[1].set_yticks(ticks, ["robot", "x", "y"])
+    row[1].set_title(f"{len(x)} numbers")
 
 
 def slam_explorer(runs: Mapping[float, tuple[Drive, Sequence[Belief]]]) -> Explorer:

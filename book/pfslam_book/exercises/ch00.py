@@ -11,9 +11,9 @@ rngs = [np.random.default_rng(seed) for seed in range(4)]
 
 
 def scan_case(rng) -> tuple:
-    """Ranges, bearings and a lever arm with both coordinates; six beams in the middle measured nothing."""
+    """Ranges, both limits among them, bearings and a lever arm (x, y); six beams in the middle measured nothing."""
     ranges, angles = rng.uniform(0.2, 9.0, 12), np.sort(rng.uniform(-2.3, 2.3, 12))
-    ranges[:2], ranges[3:9] = (0.15, 29.5), rng.permutation([np.inf, 0.0, 0.05, np.nan, 60.0, 30.6])
+    ranges[:2], ranges[3:9] = (0.1, 29.5), rng.permutation([np.inf, 0.0, 0.05, np.nan, 60.0, 30.0])
     return ranges, angles, rng.uniform(0.05, 0.3, 2)
 
 
@@ -25,8 +25,13 @@ def good(r):
     return (r >= 0.1) & (r < 30.0)
 
 
+def keeping(mask):
+    """Points of the beams that some rule keeps."""
+    return lambda r, a, arm: polar(r[mask(r)], a[mask(r)]) + arm
+
+
 check_scan_points = Exercise(
-    right=lambda r, a, arm: polar(r[good(r)], a[good(r)]) + arm,
+    right=keeping(good),
     cases=[scan_case(rng) for rng in rngs],
     mistakes={
         "All beams are still there. 60.0, 0.05, 0, NaN and infinity are codes for 'no return', not distances.": (
@@ -43,6 +48,16 @@ check_scan_points = Exercise(
         ),
         "The angles are in radians already, and so NumPy's cos and sin want them: there is nothing to convert.": (
             lambda r, a, arm: polar(r[good(r)], np.deg2rad(a[good(r)])) + arm
+        ),
+        "You subtract the lever arm. From the robot's centre it is first the way to the LiDAR and then the way to "
+        "the point, so the two add up.": lambda r, a, arm: polar(r[good(r)], a[good(r)]) - arm,
+        "A beam whose range is NaN became a point. Every comparison with NaN is False: do not ask which ranges are "
+        "bad and keep the rest, but ask which are good.": keeping(lambda r: ~((r < 0.1) | (r >= 30.0))),
+        "Your limits are wrong at their edges. A range of exactly 0.1 m is a measurement; exactly 30 m is already a "
+        "code for 'no return'.": (
+            keeping(lambda r: (r >= 0.1) & (r <= 30.0)),
+            keeping(lambda r: (r > 0.1) & (r < 30.0)),
+            keeping(lambda r: (r > 0.1) & (r <= 30.0)),
         ),
     },
     praise="Six of twelve beams measured something, each at its own bearing, seen from the middle of the robot.",

@@ -60,11 +60,11 @@ STORIES = [
 ]
 
 
-def life(story, clamp, low=True):
-    """Log-odds after a story, limited at every step, below only if asked for."""
+def life(story, clamp, low=True, hit=LOG_4):
+    """Log-odds after a story, ``hit`` for each hit, limited at every step, below only if asked for."""
     level = 0.0
     for word in story:
-        level = min(level + {"hit": LOG_4, "free": -LOG_4, "none": 0.0}[word], clamp)
+        level = min(level + {"hit": hit, "free": -hit, "none": 0.0}[word], clamp)
         level = max(level, -clamp) if low else level
     return level
 
@@ -87,7 +87,11 @@ check_cell_story = Exercise(
         "The clamp works above only. A cell that was seen free many times is limited too, at -clamp.": (
             lambda story, clamp: chance(life(story, clamp, low=False))
         ),
-        "Log-odds here are natural: e, not 10.": lambda story, clamp: 1 / (1 + 10.0 ** -life(story, clamp)),
+        "You take logarithms to base 10. Log-odds here are natural: log 4 is 1.386, and the probability comes from a "
+        "power of e.": (
+            lambda story, clamp: 1 / (1 + 10.0 ** -life(story, clamp)),
+            lambda story, clamp: chance(life(story, clamp, hit=np.log10(4))),
+        ),
     },
     praise="Each hit adds log 4 and each free scan takes it away, never further than the clamp on either side.",
 )
@@ -98,11 +102,12 @@ check_cell_story = Exercise(
 def beam_case(rng) -> tuple:
     """The LiDAR's cell and the ends of beams in all directions, one of them in the LiDAR's own cell.
 
-    The longer way has an odd number of cells, so that no beam runs exactly between two of them.
+    The longer way has an odd number of cells and the shorter an even one, so that no beam runs exactly between two
+    cells or through a corner. From an even cell half a cell is rounded alike, before and after the start is added.
     """
-    start = rng.integers(-5, 30, 2)
+    start = 2 * rng.integers(-3, 15, 2)
     long, short = 2 * rng.integers(1, 8, 8) + 1, rng.uniform(-0.95, 0.95, 8)
-    steps = np.column_stack([long, np.rint(long * short)]).astype(int) * rng.choice([-1, 1], (8, 1))
+    steps = np.column_stack([long, 2 * np.rint(long * short / 2)]).astype(int) * rng.choice([-1, 1], (8, 1))
     steps[::2] = steps[::2, ::-1]
     steps[3] = 0
     return start, start + steps
@@ -117,6 +122,17 @@ def beams(start, ends, rule=np.rint, first=0, last=0, steps=lambda way: np.abs(w
     return np.concatenate(crossed).astype(int)
 
 
+def once_more(crossed):
+    """A rule for all beams, and the same with each cell listed once."""
+    return crossed, lambda start, ends: np.unique(crossed(start, ends), axis=0)
+
+
+def touched(start, ends):
+    """Every cell that a beam touches, beam by beam, but for those of the ends."""
+    fine = [np.unique(beams(start, end[None], steps=lambda way: 999), axis=0) for end in ends]
+    return np.concatenate([cells[(cells != end).any(axis=1)] for cells, end in zip(fine, ends, strict=True)])
+
+
 def in_rows(cells):
     """The cells in an order of their own."""
     return np.array(sorted(map(tuple, np.asarray(cells, dtype=float).tolist())))
@@ -124,20 +140,28 @@ def in_rows(cells):
 
 check_crossed_cells = Exercise(
     right=beams,
-    also=[lambda start, ends: np.unique(beams(start, ends), axis=0)],
+    also=once_more(beams)[1:],
     cases=[beam_case(rng) for rng in rngs],
     same=lambda found, expected: np.array_equal(in_rows(found), in_rows(expected)),
     mistakes={
         "The cells in which the beams end are in your list too. There something was hit: leave them out.": (
-            lambda start, ends: beams(start, ends, last=1)
+            once_more(lambda start, ends: beams(start, ends, last=1))
         ),
         "You take one cell for each column. A beam that runs along the columns gets gaps, or no cell at all: step "
-        "along the longer way of the two.": lambda start, ends: beams(start, ends, steps=lambda d: abs(d[1])),
+        "along the longer way of the two.": once_more(
+            lambda start, ends: beams(start, ends, steps=lambda way: abs(way[1]))
+        ),
+        "You take one cell for each row. A beam that runs along the rows gets gaps, or no cell at all: step along the "
+        "longer way of the two.": once_more(
+            lambda start, ends: beams(start, ends, steps=lambda way: abs(way[0]))
+        ),
+        "You list every cell that a beam touches, sometimes two of them side by side. Asked is one cell for each step "
+        "of the longer way, the one nearest to the beam.": once_more(touched),
         "You cut where the beam stands between two cells. It takes the nearest of them: round.": (
-            lambda start, ends: beams(start, ends, rule=np.floor)
+            once_more(lambda start, ends: beams(start, ends, rule=np.floor))
         ),
         "The LiDAR's own cell is missing: where it stands nothing else can, so count from 0.": (
-            lambda start, ends: beams(start, ends, first=1)
+            once_more(lambda start, ends: beams(start, ends, first=1))
         ),
         "One beam ends in the LiDAR's own cell. It crosses none, and you divide by its 0 steps.": ZeroDivisionError,
     },

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from pfslam_book.show.checks import Check, hint
+from pfslam_book.show.checks import Check, hint, in_full
 from pfslam_book.show.exercise import Exercise
 
 from pfslam.motion import motion_model
@@ -177,7 +177,7 @@ def check_predict(theirs: Callable) -> Check:
     """Whether ``predict(poses, v, omega, dt, sigma_v, sigma_omega, rng)`` is Eq. 11."""
 
     def cloud(*case):
-        return theirs(*case[:-1], np.random.default_rng(case[-1]))
+        return in_full(theirs(*case[:-1], np.random.default_rng(case[-1])))
 
     verdict = moved(cloud)
     if verdict:

@@ -74,6 +74,13 @@ check_count_on_walls = Exercise(
         "Two points in one wall cell are two points. You count the cells; Eq. 8 counts the points.": (
             counting(once=True)
         ),
+        "You take the column for the row, so your map is transposed. The first index of the map is the row, and it "
+        "comes from y.": (
+            lambda p, m, o, r: count(p, m.T, o, r),
+            lambda p, m, o, r: count(
+                p, m.T, o, r, keep=lambda ix, iy, h, w: within(ix, iy, h, w) & within(ix, iy, w, h)
+            ),
+        ),
     },
     praise="Points on walls, however many to a cell; what lies outside the grid scores nothing.",
 )

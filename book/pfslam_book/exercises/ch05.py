@@ -41,12 +41,18 @@ check_update = Exercise(
         "In one scan only particles of weight 0 fit: the likelihood is not all 0, but every product is. Test the sum "
         "by which you divide.": product(lambda w: w, silent=lambda w, c: c.sum() == 0),
         "A scan that says nothing makes all weights equal: it wiped out what earlier scans said.": (
-            product(lambda w: np.full(len(w), 1 / len(w)), silent=lambda w, c: c.sum() == 0)
+            product(lambda w: np.full(len(w), 1 / len(w)), silent=lambda w, c: c.sum() == 0),
+            product(lambda w: np.full(len(w), 1 / len(w))),
         ),
         "The likelihood replaces the weights, and all earlier scans are forgotten. Multiply.": (
-            lambda w, c: c / c.sum()
+            lambda w, c: c / c.sum(),
+            lambda w, c: c / c.sum() if c.any() else w,
+            lambda w, c: c / c.sum() if c.any() else np.full(len(w), 1 / len(w)),
         ),
-        "Right products, but they do not sum to 1. Divide by their sum (Eq. 10).": (lambda w, c: w * c),
+        "Right products, but they do not sum to 1. Divide by their sum (Eq. 10).": (
+            lambda w, c: w * c,
+            lambda w, c: w * c if (w * c).any() else w,
+        ),
     },
     praise="Products, normalised, and a scan that says nothing changes nothing.",
 )

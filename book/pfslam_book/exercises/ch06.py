@@ -10,10 +10,12 @@ F, CU, CV = 585.051, 315.838, 242.941
 
 
 def numbers_within(apart):
-    """Two answers agree if no number is further off."""
+    """Two answers agree if no number is further off than this, or than its own limit in a list."""
     return lambda found, expected: bool(
         np.shape(found) == np.shape(expected)
-        and np.all(np.abs(np.asarray(found, dtype=float) - np.asarray(expected, dtype=float)) <= apart)
+        and np.all(
+            np.abs(np.asarray(found, dtype=float) - np.asarray(expected, dtype=float)) <= np.asarray(apart)
+        )
     )
 
 
@@ -27,7 +29,7 @@ def seen_at(X, Y, Z):
 
 check_seen_at = Exercise(
     right=seen_at,
-    cases=[(-0.0065, 0.1884, 0.6481), (1.13, 0.42, 2.71), (-0.87, -0.51, 4.3)],
+    cases=[(-0.0065, 0.1884, 0.6481), (1.13, 0.42, 2.7), (-0.87, -0.51, 4.3)],
     mistakes={
         "You used K as it is printed. u counts columns, so 315.84 belongs into the first row: an image of 640 columns "
         "has its centre near column 320.": lambda X, Y, Z: (
@@ -47,9 +49,13 @@ check_seen_at = Exercise(
         "The third number is dd, an inverse depth. Solve dd = -0.00304 d + 3.31 for d.": (
             lambda X, Y, Z: (*seen_at(X, Y, Z)[:2], 1.03 / Z)
         ),
+        "Your law is right, but a baseline of 72 mm is rounded, and d is up to three steps off. Take the product of "
+        "focal length and baseline, 42.35 px m.": (
+            lambda X, Y, Z: (*seen_at(X, Y, Z)[:2], 1089 - 8 * 585.05 * 0.072 / Z)
+        ),
     },
     praise="The first point is seen at (310, 413) with d = 566: the pixel of the table, there and back.",
-    same=numbers_within(0.01),
+    same=numbers_within([0.01, 0.01, 0.25]),  # 0.2 is what d = 1089 - 8 * 42.35 / Z is off
 )
 
 # ---- 2: a camera is calibrated
@@ -163,6 +169,13 @@ check_blind_ring = Exercise(
         "Nearly: rows over focal length is a tangent, not an angle. Take its arctan.": (
             lambda h, a, p, r, c, f: a + h / np.tan(p + (r - 0.5 - c) / f)
         ),
+        "You subtract one angle from the other. The lowest row looks down more steeply than the optical axis, so its "
+        "angle adds to the pitch.": (
+            lambda h, a, p, r, c, f: a + h / np.tan(p - np.arctan((r - 0.5 - c) / f)),
+            lambda h, a, p, r, c, f: a + h / np.tan(np.arctan((r - 0.5 - c) / f) - p),
+        ),
+        "You take `ahead` off. The camera stands ahead of the turning point and looks ahead, so the two distances add "
+        "up.": lambda h, a, p, r, c, f: ring(h, -a, p, r, c, f),
     },
     praise="0.62 m around the turning point of this robot.",
     same=lambda found, expected: np.size(found) == 1 and numbers_within(0.0006)(np.ravel(found)[0], expected),

@@ -73,11 +73,14 @@ def missing(slow, fast):
     return max(0.0, 1 - fast / slow)
 
 
-def injecting(share):
-    """All scans, with some share of the averages before each, of its fit, and of the averages after it."""
+def injecting(share, begin=lambda first: (0.9, first)):
+    """All scans, with some share of the averages before each, of its fit, and of the averages after it.
+
+    ``begin`` gives both averages before the first scan, from its fit.
+    """
 
     def inject(fits, alpha_slow, alpha_fast):
-        shares, old = [], (0.9, fits[0])
+        shares, old = [], begin(fits[0])
         for fit in fits:
             new = old[0] + alpha_slow * (fit - old[0]), old[1] + alpha_fast * (fit - old[1])
             shares.append(share(old, fit, new))
@@ -115,6 +118,12 @@ check_inject = Exercise(
         "The two rates have changed places: alpha_slow belongs to the slow average.": (
             lambda fits, a, b: inject(fits, b, a)
         ),
+        "Your slow average begins at the first fit, so a robot that is lost from the start raises no alarm. It begins "
+        "at 0.9, which a right pose reaches.": (
+            injecting(lambda old, fit, new: missing(*new), begin=lambda first: (first, first))
+        ),
+        "Your fast average begins at 0.9. It begins at the first fit, so a first scan that fits badly raises the alarm "
+        "at once.": (injecting(lambda old, fit, new: missing(*new), begin=lambda first: (0.9, 0.9))),
     },
     praise="While all is well it is nothing, and a robot carried away is looked for everywhere.",
 )

@@ -196,16 +196,18 @@ check_which_post = Exercise(
     ],
     mistakes={
         "You compare metres and radians as they are. Divide by what is expected of each: e^T S^-1 e.": (
-            lambda *case: which_post(*case, size=lambda e, S: np.sqrt(e @ e))
+            lambda z, expected, S, gate: which_post(z, expected, S, gate, size=lambda e, S: np.sqrt(e @ e))
         ),
         "The difference of the bearings must be wrapped into (-pi, pi].": (
-            lambda *case: which_post(*case, wrap=lambda angle: angle)
+            lambda z, expected, S, gate: which_post(z, expected, S, gate, wrap=lambda angle: angle)
         ),
         "If no post is below the gate, the answer is -1: it may be a post that the map does not hold yet.": (
-            lambda *case: which_post(*case, open_gate=True)
+            lambda z, expected, S, gate: which_post(z, expected, S, gate, open_gate=True)
         ),
         "S has entries beside its diagonal, and you leave them out.": (
-            lambda *case: which_post(*case, size=lambda e, S: e**2 @ (1 / np.diag(S)))
+            lambda z, expected, S, gate: which_post(
+                z, expected, S, gate, size=lambda e, S: e**2 @ (1 / np.diag(S))
+            )
         ),
     },
     praise="This is the nearest neighbour in units of what is expected; a wrong post would do more harm than none.",

@@ -2,8 +2,8 @@
 
 1. ``compare(theirs, right, cases, mistakes=[...], praise="...")`` calls both functions on every tuple of arguments in
    ``cases``: one or two generic ones (no round angle, nothing symmetric, every branch taken) and two random ones.
-2. Lists, tuples and arrays, loops and array code, float32 and answers to four digits count alike. A pose has a heading
-   in its last column: ``same=same_poses`` compares it on the circle.
+2. Lists, tuples, generators and arrays, loops and array code, float32 and answers to four digits count alike. A pose
+   has a heading in its last column: ``same=same_poses`` compares it on the circle.
 3. ``mistakes`` pairs a wrong function, or the error that a wrong one raises, with the words for it; it is named where
    it answers *every* case as the reader's does. Units, signs and transposed arrays are tried without being asked for.
 4. What changes its input, returns nothing or raises an error is told so. No hint prints two equal numbers.
@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import copy
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,6 +84,11 @@ def attempt(function: Callable, *arguments):
         return hint(f"Your function stops with {type(error).__name__}: {error}")
 
 
+def in_full(answer):
+    """The answer itself, or the list of all that a generator yields."""
+    return list(answer) if isinstance(answer, Iterator) else answer
+
+
 # ---- a function beside a right one
 
 
@@ -121,7 +126,7 @@ def compare(
         _no_truth_value(answers[k], expected[k])
         or _other_shape(answers[k], expected[k])
         or _usual_suspect(answers, expected, same)
-        or _side_by_side(_arguments(theirs, cases[k]), answers[k], expected[k])
+        or _side_by_side(_arguments(theirs, cases[k]), answers[k], expected[k], same)
     )
 
 
@@ -134,7 +139,7 @@ def answer_to(
     """
     given = copy.deepcopy(case)
     try:
-        answer = theirs(*given)
+        answer = in_full(theirs(*given))
     except NotImplementedError:
         return unanswered()
     except Exception as error:
@@ -293,13 +298,24 @@ def _usual_suspect(answers: Sequence, expected: Sequence, same: Callable) -> str
     return ""
 
 
-def _side_by_side(arguments: str, answer: Any, expected: Any) -> str:
+def _blamed(found: np.ndarray, wanted: np.ndarray, same: Callable) -> tuple:
+    """The place of the largest gap that makes an answer wrong by itself: no heading that is a whole turn away."""
+    gap = np.abs(found - wanted)
+    places = np.argsort(-np.where(np.isnan(gap), np.inf, gap), axis=None)[:200]
+    for place in places:
+        alone = wanted.copy()
+        alone.flat[place] = found.flat[place]
+        if not same(alone, wanted):
+            return np.unravel_index(place, gap.shape)
+    return np.unravel_index(places[0], gap.shape)
+
+
+def _side_by_side(arguments: str, answer: Any, expected: Any, same: Callable) -> str:
     """One case that goes wrong, with one number of the answer beside the right one."""
     if isinstance(expected, str | bool | None):
         return f"For {arguments} your function returns {answer!r}; expected {expected!r}."
     found, wanted = np.asarray(answer, dtype=float), np.asarray(expected, dtype=float)
-    gap = np.abs(found - wanted)
-    at = np.unravel_index(int(np.argmax(np.where(np.isnan(gap), np.inf, gap))), gap.shape)
+    at = _blamed(found, wanted, same)
     yours, right = numbers_apart(float(found[at]), float(wanted[at]))
     place = f" at index {[int(i) for i in at]}" if at else ""
     return f"For {arguments} your function returns {yours}{place}; expected {right}."

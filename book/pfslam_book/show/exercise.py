@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from pfslam.poses import wrap_angle
-from pfslam_book.show.checks import Check, compare, hint, same_numbers
+from pfslam_book.show.checks import Check, compare, hint, in_full, same_numbers
 
 
 @dataclass(frozen=True)
@@ -32,28 +32,34 @@ class Exercise:
     """What is asked of the reader's function; called with one, it answers with a ``Check``.
 
     ``right`` is a solution and ``cases`` are the tuples of arguments on which the reader's function runs beside it:
-    no round angle, nothing symmetric, every branch taken, every argument varied. ``mistakes`` gives the words for
-    each wrong function, or type of error, that learners really write: five at most. Whoever is wrong in another way
-    hears what the function returned and what was expected. ``same(found, expected)`` decides when two answers agree,
-    and ``also`` holds other right answers to a question that has several. ``besides(theirs, *case)`` looks at what
-    the answers do not show, such as where the random numbers came from: it returns the words for it, or nothing.
+    no round angle, nothing symmetric, every branch taken and its edge met, every argument varied. ``mistakes`` gives
+    the words for each wrong function, or type of error, that learners really write: eight at most. A tuple holds
+    functions that make one mistake in several ways. Whoever is wrong in another way hears what the function returned
+    and what was expected. ``same(found, expected)`` decides when two answers agree, and ``also`` holds other right
+    answers to a question that has several. ``besides(theirs, *case)`` looks at what the answers do not show, such as
+    where the random numbers came from: it returns the words for it, or nothing.
     """
 
     right: Callable
     cases: Sequence[tuple]
-    mistakes: Mapping[str, Callable | type] = field(default_factory=dict)
+    mistakes: Mapping[str, Callable | type | tuple[Callable, ...]] = field(default_factory=dict)
     praise: str = ""
     same: Callable[[Any, Any], bool] = same_numbers
     also: Sequence[Callable] = ()
     besides: Callable[..., str] = lambda theirs, *case: ""
 
     def __call__(self, theirs: Callable) -> Check:
-        pairs = [(wrong, words) for words, wrong in self.mistakes.items()]
+        named = [
+            (words, wrong if isinstance(wrong, tuple) else (wrong,)) for words, wrong in self.mistakes.items()
+        ]
+        pairs = [(wrong, words) for words, several in named for wrong in several]
         rest: dict[str, Any] = {"mistakes": pairs, "praise": self.praise, "same": self.same}
         with np.errstate(all="ignore"):
             verdicts = [compare(theirs, right, self.cases, **rest) for right in (self.right, *self.also)]
         verdict = next((verdict for verdict in verdicts if verdict), verdicts[0])
-        words = self.besides(theirs, *copy.deepcopy(self.cases[0])) if verdict else ""
+        if not verdict:
+            return verdict
+        words = self.besides(lambda *case: in_full(theirs(*case)), *copy.deepcopy(self.cases[0]))
         return hint(words) if words else verdict
 
 
