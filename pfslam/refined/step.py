@@ -236,7 +236,7 @@ class RefinedConfig(SlamConfig):
             return self
         asked = {k: v for k, v in vars(self.lines).items() if v != getattr(LineConfig, k)}
         min_hits = 8 if scatter > NOISY else LineConfig.min_hits
-        lines = replace(LineConfig(min_hits=min_hits, elongation=1.3), **asked)
+        lines = replace(LineConfig(min_hits=min_hits, elongation=1.3, independent_beams=150.0), **asked)
         # The cap is the field's own: the few beams of a very coarse scanner scatter by metres.
         margin = min(max(OutlierConfig.margin, round(4.0 * scatter / self.map.resolution)), 100)
         return replace(self, lines=lines, outliers=self.outliers or OutlierConfig(margin=margin))
