@@ -85,7 +85,7 @@ def test_without_stillness_the_robots_own_bias_stays():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("turn", [0.0, 0.4])
+@pytest.mark.parametrize("turn", [0.0, 0.2, 0.4])
 def test_a_drive_that_turns_at_one_rate_or_never_cannot_tell_drift_from_scale(turn):
     """Its gyro keeps the robot's values; the wheels' scale is told all the same."""
     recording = drive([(16.0, 12, turn)])

@@ -270,9 +270,10 @@ def look(doubted: int, score: float) -> SimpleNamespace:
     return SimpleNamespace(distrust=distrust, trajectory=SimpleNamespace(t=np.arange(10.0)), infos=infos)
 
 
-def test_the_second_look_stands_unless_it_is_more_in_doubt_or_fits_its_map_worse():
+def test_the_second_look_stands_without_doubt_or_where_neither_doubts_nor_fit_are_worse():
     first = look(3, 0.9)
-    for stands, second in ((True, look(3, 0.9)), (True, look(1, 0.95)), (False, look(4, 0.95)), (False, look(1, 0.85))):
+    for stands, doubted, score in ((1, 3, 0.9), (1, 1, 0.95), (1, 0, 0.85), (0, 4, 0.95), (0, 1, 0.85)):
+        second = look(doubted, score)
         assert better_look(first, second) is (second if stands else first)
 
 

@@ -65,7 +65,10 @@ def calibrate(recording: Recording, result: SlamResult | None = None) -> Calibra
     t0, t1, moves = matched_motion(recording, result) if result is not None else (values[:0],) * 3
     if len(t0) >= LEAST_BLOCKS:
         drive = Drive.of(dead_reckoning(recording), t0, t1)
-        found, error = (v[:4] for v in drive.fit(drive.start(moves), moves, np.zeros((3, 3))))
+        # The estimate is of the body itself: on a circle, another place of the LiDAR would explain any scale of wheels.
+        here = np.append(values, np.zeros(3))
+        found, error = (v[:4] for v in drive.fit(here, moves, np.zeros((3, 3)), known=slice(4, 7)))
+        error[:2] = np.inf if drive.turns_at_one_rate(LEAST_WINDOWS) else error[:2]
         values, errors = np.where(error < 1.0, [found, error], [values, errors])
     (turns, drift, _, ways), (error_turns, error_drift, _, error_ways) = values.tolist(), errors.tolist()
     shown = gyro.gyro_scale * turns

@@ -85,11 +85,9 @@ def fit_mounting(recording: Recording) -> Mounting:
         drive = Drive.of(path, t[first[good]], t[second[good]])
         values = drive.start(moves[good]) if not len(errors) else values
         values, errors = drive.fit(values, moves[good], covariance[good])
-    turn = drive.odometry(0.0)[1]
-    otherwise = np.abs(turn - np.median(turn)) > NO_TURN
-    if np.abs(np.median(turn)) > NO_TURN and np.count_nonzero(otherwise) < LEAST_PAIRS:
-        return nothing  # a robot that always turns at one rate may as well drift at that rate
-    if np.abs(turn).max() < NO_TURN:  # the factor is 0 where only the scans turn
+    if drive.turns_at_one_rate(LEAST_PAIRS):
+        return nothing
+    if np.abs(drive.odometry(0.0)[1]).max() < NO_TURN:  # the factor is 0 where only the scans turn
         turned = np.count_nonzero(np.abs(moves[good, 2]) > 2.0 * NO_TURN) >= LEAST_PAIRS
         values[0], errors[[0, 2]] = 0.0, (0.0 if turned else np.inf, np.inf)
     sway = drive.sway(values, moves[good])
@@ -125,6 +123,12 @@ class Drive:
         )
         x, y, turn = after - before
         return (x + 1j * y) * np.exp(-1j * (before[2] + 0.5 * turn)), turn
+
+    def turns_at_one_rate(self, least: int) -> bool:
+        """Tell whether fewer than ``least`` pairs turn otherwise than the median: such a robot may as well drift."""
+        turn = self.odometry(0.0)[1]
+        otherwise = np.abs(turn - np.median(turn)) > NO_TURN
+        return bool(np.abs(np.median(turn)) > NO_TURN and np.count_nonzero(otherwise) < least)
 
     def moves(self, values: np.ndarray) -> np.ndarray:
         """Predict the LiDAR's moves ``(P, 3)``."""
@@ -165,9 +169,11 @@ class Drive:
         return np.array([*fits[best], lates[best], np.abs(a), -np.angle(a), place.real, place.imag])
 
     def fit(
-        self, values: np.ndarray, moves: np.ndarray, covariance: np.ndarray
+        self, values: np.ndarray, moves: np.ndarray, covariance: np.ndarray, known: slice = slice(0)
     ) -> tuple[np.ndarray, np.ndarray]:
         """Improve the values by Gauss-Newton steps with Cauchy weights; also return their standard errors ``(7,)``.
+
+        Values that are ``known`` stay as they are.
 
         The errors follow from each pair's own residual (Huber, "The behavior of maximum likelihood estimates under
         nonstandard conditions", 1967): so slip and poor matches count in full.
@@ -176,6 +182,7 @@ class Drive:
         for _ in range(ITERATIONS):
             apart = [self.moves(values + e) - self.moves(values - e) for e in np.diag(STEPS)]
             J = whiten @ (np.stack(apart, axis=-1) / (2.0 * STEPS))
+            J[..., known] = 0.0
             r = (whiten @ self.off(values, moves)[..., None])[..., 0]
             size = np.linalg.norm(r, axis=1)
             scale = max(float(np.median(size)), 0.5)

@@ -96,12 +96,14 @@ def judged(recording: Recording, result: SlamResult) -> RefinedResult:
 
 
 def better_look(first: RefinedResult, second: RefinedResult) -> RefinedResult:
-    """Choose which look to keep: the second, unless more of it is in doubt or its scans fit its own map worse.
+    """Choose which look to keep: the second, if nothing of it is in doubt, or if neither of two measures is worse.
 
-    Doubt alone kept runs that had lost their way without a sign; of two maps the one that fits worse is the torn one.
+    These are the number of scans in doubt and how well scans fit the run's own map: where both looks are in doubt, the
+    map that fits worse is the torn one.
     """
-    worse = scans_in_doubt(second) > scans_in_doubt(first) or mean_score(second) < mean_score(first)
-    return first if worse else second
+    doubted = scans_in_doubt(second)
+    worse = doubted > scans_in_doubt(first) or mean_score(second) < mean_score(first)
+    return first if doubted and worse else second
 
 
 def scans_in_doubt(result: RefinedResult) -> int:

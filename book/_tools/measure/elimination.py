@@ -175,11 +175,12 @@ CHANGES: Mapping[str, Change] = {
     "without gate": Change(careful={"outliers.gate": np.inf}),
     "without waiting": Change(careful={"outliers.gone": 1000}),
     "without free space": Change(careful={"outliers.free_scans": 1000}),
+    "without odometry beside lines": Change(careful={"lines.independent_beams": 0.0}),
     "without stricter lines": Change(careful={"lines.min_hits": 3, "lines.elongation": 2.0}),
     "with higher clamp": Change({"map.clamp": float(5.0 * np.log(4.0))}),
     "with resampling at N/2": Change({"resample_below": 0.5}),
     "with sub-cell step": Change(match=with_sub_cell_step),
-    "with odometry beside lines": Change({"lines": LineConfig(independent_beams=150.0)}),
+    "with odometry beside lines at once": Change({"lines": LineConfig(independent_beams=150.0)}),
 }
 """The filters that are compared with the one that is used."""
 

@@ -40,7 +40,7 @@ from pfslam.refined.step import RefinedConfig
 from pfslam.run import run_slam
 from pfslam.sensors import LidarModel
 from pfslam.settings import changed
-from pfslam.simulator import Hazards, simulate
+from pfslam.simulator import PRESETS, Hazards, simulate
 from pfslam.slam import SlamConfig
 from pfslam.study import Case, Study
 from pfslam.study.run import OFF
@@ -52,7 +52,7 @@ RIGHT = 0.05
 ENLARGED = 100
 """So many times larger than in the building are the ellipses of the picture drawn."""
 DRIVES = {
-    "hall": ("hall", "hall"),
+    "hall p.": ("hall", "six people"),
     "corr.": (20, "corridor20"),
     "peop.": (20, "hard/people20"),
     "slop.": (20, "hard/slopes20"),
@@ -88,6 +88,7 @@ WITHOUT = {
     "waiting": Without(careful={"outliers.gone": 1000}),
     "free space": Without(careful={"outliers.free_scans": 1000}),
     "gate": Without(careful={"outliers.gate": np.inf}),
+    "odometry": Without(careful={"lines.independent_beams": 0.0}),
     "lines": Without(
         careful={f"lines.{name}": getattr(LineConfig(), name) for name in ("min_hits", "elongation")}
     ),
@@ -100,7 +101,9 @@ WITHOUT = {
 def recording_of(drive: str) -> Recording:
     """The recording of a drive; each process keeps the last one."""
     dataset, folder = DRIVES[drive]
-    return pfslam.load(dataset, None if dataset == "hall" else data_folder() / folder)
+    if dataset == "hall":
+        return replace(simulate(replace(PRESETS["hall"], hazards=Hazards(people=6))).recording, camera=None)
+    return pfslam.load(dataset, data_folder() / folder)
 
 
 @lru_cache(maxsize=4)

@@ -41,7 +41,7 @@ def plain_filter(particles: int = 100) -> RefinedConfig:
     plainly = replace(
         RefinedConfig(), lines=None, tilt=False, draw_metres=0.0, draw_radians=0.0, beam_spacing=0.0
     )
-    return replace(plainly, particles=particles, every=20, noise=noise, search=search)
+    return replace(plainly, particles=particles, every=20, noise=noise, search=search, resample_below=0.5)
 
 
 @dataclass(frozen=True, eq=False)
