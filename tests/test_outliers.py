@@ -266,7 +266,10 @@ def test_robust_settings_that_were_asked_for_are_no_second_look():
 def look(doubted: int, score: float) -> SimpleNamespace:
     """A run of ten scans, of which the last are doubted, with one mean score; the scan that was not matched is none."""
     distrust = [{"from": 10.0 - doubted, "to": None, "reason": ""}]
-    infos = [SimpleNamespace(matched=True, aligned_score=score), SimpleNamespace(matched=False, aligned_score=0.0)]
+    infos = [
+        SimpleNamespace(matched=True, aligned_score=score),
+        SimpleNamespace(matched=False, aligned_score=0.0),
+    ]
     return SimpleNamespace(distrust=distrust, trajectory=SimpleNamespace(t=np.arange(10.0)), infos=infos)
 
 

@@ -49,4 +49,13 @@ __all__ += [
     "ladder",
 ]
 __all__ += ["ladder_table", "lattice_medians", "line_step", "lost", "map_along"]
-__all__ += ["median_interval", "nearer", "paired", "private_table", "read_table", "rungs", "show_source", "situation"]
+__all__ += [
+    "median_interval",
+    "nearer",
+    "paired",
+    "private_table",
+    "read_table",
+    "rungs",
+    "show_source",
+    "situation",
+]

@@ -158,7 +158,7 @@ def missed_by(pairs: dict[str, tuple[np.ndarray, np.ndarray]]) -> str:
 
 
 def lost(change: str, *groups: str) -> int:
-    """Count the runs with a change that are off by more than ``OFF`` at some time, in some groups of drives or in all."""
+    """Count the runs with a change that are off by more than ``OFF`` at some time, in some groups of drives or all."""
     run = select(read_table("ch09_elimination"), label=change)
     group = np.array([drive.partition(" ")[0] for drive in run["drive"]])
     return int(np.count_nonzero((run["max_m"] > OFF) & (np.isin(group, groups) | (not groups))))
