@@ -78,10 +78,8 @@ check_looks_broken = Exercise(
         "average particle i has N w_i.": wrong_weights,
         "You count the offspring, which is right. Look at the weights that come back, too, and ask of each new row "
         "whether it was a row of the old cloud as a whole.": wrong_offspring,
-        "Your test lets one pass that draws positions and headings separately: ask of each new row whether it was a "
-        "row of the old cloud as a whole.": lambda resample: (
-            wrong_weights(resample) or wrong_offspring(resample)
-        ),
+        "Your test lets one pass that draws positions and headings separately: ask whether each new row was a row of "
+        "the old cloud.": lambda resample: wrong_weights(resample) or wrong_offspring(resample),
     },
     praise="Three right resamplers pass, five broken ones are caught.",
 )
