@@ -34,7 +34,7 @@ class Estimate(NamedTuple):
     def within(self, expected: float, tolerance: float) -> bool | None:
         """Tell whether the number is as expected: None where its error leaves that open.
 
-        It is not where it is off by more than the tolerance, and by more than three standard errors.
+        It counts as wrong only if it is off by more than the tolerance and by more than three standard errors.
         """
         if not self.error <= tolerance:
             return None
@@ -99,8 +99,8 @@ def fit_mounting(recording: Recording) -> Mounting:
 class Drive:
     """An odometry's poses by ``columns (3, K)`` at stamps ``t (K,)``, and pairs of scans at ``t0`` and ``t1 (P,)`` (s).
 
-    Headings (rad) go on beyond a whole turn. ``values (7,)`` are those of a ``Mounting``, in its order, but for the
-    place of the LiDAR, which is that in the body.
+    Headings (rad) go on beyond a whole turn. ``values (7,)`` are those of a ``Mounting``, in its order, but the
+    place of the LiDAR is that on the robot, not the difference from what is stated.
     """
 
     t: np.ndarray
@@ -131,7 +131,7 @@ class Drive:
         return bool(np.abs(np.median(turn)) > NO_TURN and np.count_nonzero(otherwise) < least)
 
     def moves(self, values: np.ndarray) -> np.ndarray:
-        """Predict the LiDAR's moves ``(P, 3)``."""
+        """Return the LiDAR's moves between the scans of each pair ``(P, 3)`` (m, m, rad) that the values predict."""
         turns, drift, late, ways, yaw, x, y = values
         way, turn = self.odometry(late)
         turn = turns * turn + drift * (self.t1 - self.t0)

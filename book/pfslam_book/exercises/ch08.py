@@ -72,14 +72,14 @@ check_looks_broken = Exercise(
     cases=[(resample,) for resample in resamplers()],
     mistakes={
         "Your test accuses every resampler, the right ones too. One call is chance: average the offspring over "
-        "hundreds of calls, and leave room for what is left of chance.": lambda resample: True,
+        "hundreds of calls, and allow for the chance that remains in an average.": lambda resample: True,
         "Your test lets every resampler pass.": lambda resample: False,
         "You look at the weights that come back. Count the offspring of each particle over many calls, too: on "
         "average particle i has N w_i.": wrong_weights,
-        "You count the offspring, which is right. Look at the weights that come back, and whether whole rows were "
-        "rows before, too.": wrong_offspring,
-        "Your test lets one pass that draws positions and headings separately: look whether whole rows were rows "
-        "before.": lambda resample: wrong_weights(resample) or wrong_offspring(resample),
+        "You count the offspring, which is right. Look at the weights that come back, too, and ask of each new row "
+        "whether it was a row of the old cloud as a whole.": wrong_offspring,
+        "Your test lets one pass that draws positions and headings separately: ask whether each new row was a row of "
+        "the old cloud.": lambda resample: wrong_weights(resample) or wrong_offspring(resample),
     },
     praise="Three right resamplers pass, five broken ones are caught.",
 )

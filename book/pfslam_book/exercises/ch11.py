@@ -114,7 +114,7 @@ predicted = Exercise(
             step_mistake(first=1.0)
         ),
     },
-    praise="Where the robot's error goes, the ties to the posts go with it.",
+    praise="The step changed the robot's block and its covariances with the posts, and left the posts alone.",
     same=same_belief,
 )
 looked = Exercise(
@@ -139,7 +139,7 @@ looked = Exercise(
             heading=0.0
         ),
     },
-    praise="One look at one post has moved all numbers that are tied to it.",
+    praise="One look at one post has moved all numbers that are correlated with it.",
     same=same_belief,
 )
 
@@ -210,5 +210,5 @@ check_which_post = Exercise(
             )
         ),
     },
-    praise="This is the nearest neighbour in units of what is expected; a wrong post would do more harm than none.",
+    praise="You chose the nearest post, measured by S. If none is near enough, no post is safer than a wrong one.",
 )

@@ -70,7 +70,7 @@ check_robust_weight = Exercise(
         ),
         "The width enters squared, as chi does.": lambda chi2, k: (k / (k + chi2)) ** 2,
         "chi2 is squared already.": lambda chi2, k: (k**2 / (k**2 + chi2**2)) ** 2,
-        "A hard threshold. The kernel lets go gradually, so that steps can change their minds.": (
+        "A hard threshold. The kernel lets go little by little, so that a later step may still believe a loop.": (
             lambda chi2, k: (chi2 < k**2).astype(float)
         ),
     },

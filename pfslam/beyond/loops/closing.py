@@ -49,9 +49,9 @@ LOOP_FLOOR, NEIGHBOUR_FLOOR = np.array([0.03, 0.03, 0.005]) ** 2, np.array([0.01
 class Revision:
     """A revised run: the path at the same times, the map drawn from it, and what was done.
 
-    ``keys (K,)`` are indices of scans, ``candidates`` the number of pairs looked at, ``loops`` those kept that know
-    where, as edges between key scans, ``scale (K,)`` what was found about the wheels, and ``across`` how many more were
-    kept that leave a direction open by half a metre or more, as along a corridor: springs, but no loops.
+    ``keys (K,)`` are indices of scans, ``candidates`` the number of pairs looked at, ``loops`` those kept that fix
+    a position, as edges between key scans, ``scale (K,)`` what was found about the wheels, and ``across`` how many more
+    were kept that leave a direction open by half a metre or more, as along a corridor: springs, but no loops.
     """
 
     trajectory: Trajectory
@@ -177,9 +177,9 @@ def softened(information: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def consistent(loops: Edges, poses: np.ndarray, reach: float = 8.0) -> Edges:
-    """Keep the loops with which at least ``SUPPORT`` others nearby, and most of them, agree (Olson, 2009).
+    """Keep a loop if ``SUPPORT`` or more of the loops near it, and more than half of them, agree with it (Olson, 2009).
 
-    Another loop, carried along the path to both ends of this one, predicts it.
+    The path joins both ends of this loop to those of one near it. So that one predicts what this one should measure.
     """
     way, keep = way_along(poses), np.zeros(len(loops), dtype=bool)
     for b in range(len(loops)):
@@ -194,12 +194,12 @@ def consistent(loops: Edges, poses: np.ndarray, reach: float = 8.0) -> Edges:
 
 
 def certain(loops: Edges) -> np.ndarray:
-    """Say which matches ``(E,)`` bool know where, to ``LEAST_CERTAIN`` in each direction, their heading given."""
+    """Say which matches ``(E,)`` bool fix a place to ``LEAST_CERTAIN`` in each direction, if the heading is known."""
     return np.linalg.eigvalsh(loops.information[:, :2, :2])[:, 0] > LEAST_CERTAIN**-2
 
 
 def confirming(loops: Edges, poses: np.ndarray) -> Edges:
-    """Return the loops such that those which agree with the path hold it as it is, and the others pull.
+    """Change the loops so that those which agree with the path hold it as it is, while the others pull.
 
     A loop agrees if its error is one that 19 of 20 right ones stay below. What it measured is no better than what the
     path says already, and would only bring its noise.
