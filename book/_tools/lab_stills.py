@@ -34,7 +34,7 @@ MOMENTS = {
     "dot": "",
     "lever": "",
     "late": "lab.stage.set({'clock-offset': '100'});",
-    "scrub": "",
+    "scrub": "lab.stage.set({'time': '62'});",
     "sharpness": "",
     "smoothing": "",
     "turn": "lab.stage.set({'turned-by': '360'});",

@@ -1,4 +1,4 @@
-"""Chapter 00: all instruments at one moment, a turn on the spot, and a clock that is late."""
+"""Chapter 00: a drive with all that its instruments report, a turn on the spot, and a clock that is late."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ += ["late_picture", "scrub_picture", "show_source", "turn_picture"]
 BEAMS_APART = 6
 IMAGE_QUALITY = 60
 EVERY = 0.5, 6.0  # s between the scans, and between the images, that the page has
-FROM, TO, FIRST = 8.0, 116.0, 62.0  # s of the slider, and where it stands at first
+FROM, TO, STILL = 8.0, 116.0, 62.0  # s of the slider, and of the stored picture
 
 
 def at_rest_and_moving(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -69,26 +69,27 @@ def describe_scrub(recording: Recording, time: float) -> str:
 
 
 def scrub_options(recording: Recording) -> dict:
-    """What the script needs: the curves, a scan each half second and an image each three."""
+    """What the script needs: the curves, a scan and a true pose each half second, and an image each six."""
     t, speed, yaw_rate = (packed(values) for values in at_rest_and_moving(recording))
     lidar = sparser(recording.robot.lidar, BEAMS_APART)
     scans, moments = (np.arange(FROM, TO + 0.01, every).tolist() for every in EVERY)
     ranges = [packed_scan(one, lidar) for one in ranges_at(recording, np.array(scans))]
+    poses = recording.true_path().at(recording.wheels_and_gyro()[0].t[0] + np.array(scans))
     images = [image_at(recording, time) for time in moments]
     taken = [time + later for time, (_, later) in zip(moments, images, strict=True)]
     return {
         **{"t": t, "speed": speed, "yawRate": yaw_rate},
         "lidar": lidar_options(lidar),
-        "scans": {"t": scans, "ranges": ranges},
+        "scans": {"t": scans, "ranges": ranges, "poses": poses.round(3).tolist()},
         "images": {"t": taken, "sources": [data_uri(image, IMAGE_QUALITY) for image, _ in images]},
-        **{"from": FROM, "to": TO, "value": FIRST},
+        **{"from": FROM, "to": TO, "value": FROM},
     }
 
 
 def scrub_picture(recording: Recording) -> Laboratory:
     """One slider: the time; a button runs through the drive."""
-    alt = describe_scrub(recording, FIRST)
-    return show_lab("scrub", "Everything the robot knows", alt, **scrub_options(recording))
+    alt = describe_scrub(recording, STILL)
+    return show_lab("scrub", "The robot drives, and its sensors report", alt, **scrub_options(recording))
 
 
 # ---- a turn on the spot, in a small room with a thin round post

@@ -1,20 +1,24 @@
-/* Everything the robot knows at one moment (chapter 00): a scan, an image, and what wheels and gyro said around it. */
+/* The robot drives (chapter 00): what its scans have met so far, and at one moment a scan, an image, wheels and gyro. */
 (function (root) {
   "use strict";
   const {core, draw, picture, unpack} = root.pfslam;
+  const KEPT = 4, OF = 3;  // of so many scans one stays in the picture from above, and of so many of its points one
 
   picture("scrub", data => {
     const [t, speed, yawRate] = [data.t, data.speed, data.yawRate].map(unpack), ranges = data.scans.ranges.map(unpack);
     const images = data.images.sources.map(src => Object.assign(new Image(), {src}));
+    const {poses} = data.scans, way = poses.flatMap(([x, y]) => [x, y]);
+    const met = ranges.map((scan, k) => core.transformPoints(poses[k], core.scanPoints(scan, data.lidar)));  // in the world
+    const few = met.map(points_w => points_w.filter((_, j) => (j >> 1) % OF === 0));
     const nearest = (times, time) => times.reduce((best, one, k) => (Math.abs(one - time) < Math.abs(times[best] - time) ? k : best), 0);
     return {
-      label: "The scan, with ahead at the top; the image; and the curves of wheels and gyro with the moment on them",
+      label: "The robot from above with what its scans have met; the scan, with ahead at the top; the image; and the curves of wheels and gyro",
       controls: {time: {name: "Time", min: data.from, max: data.to, step: 0.5, value: data.value, unit: "s", digits: 1}},
       play: {key: "time", seconds: 30},
-      tall: [0.68, 1.25],
+      tall: [0.86, 1.95],
       places: {
-        wide: [[0, 0, 0.5, 1], [0.54, 0, 0.42, 0.5], [0.5, 0.5, 0.5, 0.22], [0.5, 0.72, 0.5, 0.28]],
-        narrow: [[0, 0, 0.55, 0.58], [0.57, 0.08, 0.42, 0.3], [0, 0.58, 1, 0.19], [0, 0.77, 1, 0.23]],
+        wide: [[0, 0, 0.5, 0.62], [0.5, 0, 0.5, 0.62], [0.06, 0.64, 0.4, 0.36], [0.5, 0.62, 0.5, 0.17], [0.5, 0.79, 0.5, 0.21]],
+        narrow: [[0, 0, 1, 0.43], [0, 0.43, 0.55, 0.32], [0.57, 0.48, 0.42, 0.18], [0, 0.74, 1, 0.12], [0, 0.86, 1, 0.14]],
       },
       compute({time}, again) {
         const scan = nearest(data.scans.t, time), points = core.scanPoints(ranges[scan], data.lidar), k = nearest(t, time);
@@ -22,6 +26,15 @@
         image.onload = again;
         const turned = core.transformPoints([0, 0, Math.PI / 2], points);  // ahead is up
         const far = Array.from({length: points.length / 2}, (_, j) => Math.hypot(points[2 * j], points[2 * j + 1]));
+        const above = {
+          title: "from above", x: [-6, 26], y: [-6, 25], equal: true, xName: "x [m]", yName: "y [m]",
+          paint(pen, colours) {
+            for (let j = 0; j < scan; j += KEPT) draw.dots(pen, few[j], colours.muted, 0.5);
+            draw.line(pen, way.slice(0, 2 * scan + 2), colours.truth, {width: 1.5});
+            draw.dots(pen, met[scan], colours.hits, 0.8);
+            draw.robot(pen, poses[scan], colours.truth, {radius: 0.6});
+          },
+        };
         const ahead = {
           title: `LiDAR at ${time.toFixed(1)} s`, x: [-5, 5], y: [-3, 7], equal: true, xName: "left, y [m]", yName: "ahead, x [m]",
           xTicks: {"-4": "4", 0: "0", 4: "\u22124"},
@@ -42,7 +55,7 @@
           },
         });
         return {
-          panels: [ahead, view, curve(speed, "wheels [m/s]", [-0.1, 1.5]), curve(yawRate, "gyro [rad/s]", [-1.7, 1.7], {xName: "time [s]"})],
+          panels: [above, ahead, view, curve(speed, "wheels [m/s]", [-0.1, 1.5]), curve(yawRate, "gyro [rad/s]", [-1.7, 1.7], {xName: "time [s]"})],
           points,
           words: `At ${time} s: wheels ${speed[k].toFixed(2)} m/s, gyro ${(yawRate[k] < 0 ? "" : "+") + yawRate[k].toFixed(2)} rad/s, nearest ` +
             `LiDAR point ${Math.min(...far).toFixed(1)} m away, farthest ${Math.max(...far).toFixed(1)} m; the image shown was taken ` +
