@@ -103,6 +103,7 @@ copies: $(STAMP)
 	@OPENBLAS_NUM_THREADS=1 PFSLAM_WIDGETS=text "$(BIN)/python" book/_tools/copies.py _build $(NOTEBOOKS)
 	@cp book/_tools/STUDENTS.md _build/student/README.md
 	@cp book/_tools/nbgrader_config.py _build/solutions/
+	@"$(BIN)/python" teachers/solutions.py _build/solutions
 
 student: copies  ## Write the chapters without solutions into _build/student
 
