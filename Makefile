@@ -11,6 +11,7 @@ LOWEST := $(VENV)-lowest
 SITE := _build/html
 NOTEBOOKS := $(sort $(wildcard notebooks/*.ipynb))
 WORKERS ?= 2
+SEED ?= 1
 # One thread for each worker: two workers of two threads would only wait for one another.
 PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
 # Each worker imports all files that it is told of, and the runner of notebooks takes seconds to import.
@@ -19,7 +20,7 @@ USUAL := not nightly and not browser and not lab
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test quick nightly lint types unit notebooks check-book check-lab lab bench studies
-.PHONY: notebook-outputs strip copies student solutions wheel release smoke unlocked lowest lock clean
+.PHONY: notebook-outputs strip copies student solutions exam wheel release smoke unlocked lowest lock clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' Makefile
@@ -103,10 +104,14 @@ copies: $(STAMP)
 	@OPENBLAS_NUM_THREADS=1 PFSLAM_WIDGETS=text "$(BIN)/python" book/_tools/copies.py _build $(NOTEBOOKS)
 	@cp book/_tools/STUDENTS.md _build/student/README.md
 	@cp book/_tools/nbgrader_config.py _build/solutions/
+	@"$(BIN)/python" teachers/solutions.py _build/solutions
 
 student: copies  ## Write the chapters without solutions into _build/student
 
 solutions: copies  ## Write the chapters with their solutions into _build/solutions
+
+exam: $(STAMP)  ## Write an exam paper and its key into _build/exam (SEED=7 for another)
+	@"$(BIN)/python" teachers/exam.py $(SEED) _build/exam
 
 # Wheel and source distribution carry the students' copies of the chapters, which `pfslam lab` opens.
 wheel: $(STAMP) copies

@@ -6,7 +6,15 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "book" / "_ext"))
-from classroom import TABLE, chapters_table, exercises, minutes, read, server_text  # noqa: E402
+from classroom import (  # noqa: E402
+    TABLE,
+    chapters_table,
+    exams_table,
+    exercises,
+    minutes,
+    read,
+    server_text,
+)
 
 
 def test_every_chapter_is_measured():
@@ -46,3 +54,13 @@ def test_exercises_by_hand():
         cell("**Exercise 3 (explore and explain).** Look."),
     ]
     assert exercises({"cells": cells}) == (["move", "other"], ["move"], 1)
+
+
+def test_exams_by_hand():
+    asked = {
+        "00a": {"level": "remember"},
+        "00b": {"level": "apply", "numbers": True},
+        "01a": {"level": "apply"},
+    }
+    rows = exams_table(asked).splitlines()[2:]
+    assert rows == ["| 00 | 1 | 1 | 0 | 1 |", "| 01 | 0 | 1 | 0 | 0 |", "| **all** | 1 | 2 | 0 | 1 |"]

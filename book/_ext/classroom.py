@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import tomllib
 from pathlib import Path
 
 from sphinx.util.docutils import SphinxDirective
@@ -99,8 +100,20 @@ def exercises_table(notebooks: list[Path]) -> str:
     return "\n".join(lines)
 
 
+def exams_table(questions: dict[str, dict]) -> str:
+    """How many questions for exams there are of each chapter and level, and how many have numbers that change."""
+    levels = ("remember", "apply", "analyse")
+    lines = ["| chapter | remember | apply | analyse | with numbers |", "|---|--:|--:|--:|--:|"]
+    for chapter in sorted({name[:2] for name in questions}) + [""]:
+        own = [question for name, question in questions.items() if name.startswith(chapter)]
+        counts = [sum(question["level"] == level for question in own) for level in levels]
+        counts.append(sum(question.get("numbers", False) for question in own))
+        lines.append("| " + " | ".join([chapter or "**all**", *map(str, counts)]) + " |")
+    return "\n".join(lines)
+
+
 class Classroom(SphinxDirective):
-    """``{classroom} chapters`` or ``{classroom} server``."""
+    """``{classroom} chapters``, ``server``, ``exercises`` or ``exams``."""
 
     required_arguments = 1
 
@@ -111,6 +124,10 @@ class Classroom(SphinxDirective):
             self.env.note_dependency(str(path))
         if self.arguments[0] == "exercises":
             return self.parse_text_to_nodes(exercises_table(notebooks))
+        if self.arguments[0] == "exams":
+            asked = Path(self.env.srcdir) / "teachers" / "exam.toml"
+            self.env.note_dependency(str(asked))
+            return self.parse_text_to_nodes(exams_table(tomllib.loads(asked.read_text(encoding="utf-8"))))
         make = {"chapters": chapters_table, "server": server_text}[self.arguments[0]]
         return self.parse_text_to_nodes(make(read(stored, notebooks)))
 
