@@ -1,8 +1,9 @@
-"""Your filter: the printed solutions joined follow the robot, and each part that is spoiled is named."""
+"""Your filter: the printed solutions joined follow the robot, a spoiled part is named, and any loop is scored."""
 
 import ast
 import inspect
 import math
+import re
 from collections import deque
 from dataclasses import replace
 from functools import partial
@@ -11,9 +12,10 @@ from itertools import accumulate
 import numpy as np
 import pytest
 from notebook_cells import source
-from pfslam_book.ch05 import your_filter
-from pfslam_book.ch05.whole import check_filter
-from pfslam_book.ch05.your_filter import (
+from pfslam_book import your_filter
+from pfslam_book.ch05.whole import check_filter, differences
+from pfslam_book.show.keep import keep, kept
+from pfslam_book.your_filter import (
     BOOK,
     CHAPTERS,
     Filter,
@@ -23,16 +25,17 @@ from pfslam_book.ch05.your_filter import (
     step,
     stored_errors,
 )
-from pfslam_book.show.keep import keep, kept
 from right_styles import OTHERS, RESAMPLED, as_list, as_tuples
 
 import pfslam
+from pfslam.particles import RESAMPLERS
 
 pytestmark = pytest.mark.slow
 
 SOLUTIONS = {
     "scan_points": ("00", 1),
     "to_world": ("00", 3),
+    "inputs_between": ("01", 5),
     "cell_of": ("02", 1),
     "crossed_cells": ("02", 3),
     "update_log_odds": ("02", 4),
@@ -78,6 +81,7 @@ B = BOOK
 SPOILED = {
     "scan_points": lambda ranges, angles, xy: B["scan_points"](ranges, angles, xy) - xy,
     "to_world": lambda pose, points: B["to_world"](pose * [1, 1, -1], points),
+    "inputs_between": lambda *streams: B["inputs_between"](*streams) * [4, 1, 1],
     "cell_of": lambda points, origin, resolution: B["cell_of"](points, origin, resolution)[:, ::-1],
     "crossed_cells": lambda start, ends: np.concatenate([B["crossed_cells"](start, ends), ends]),
     "update_log_odds": lambda L, hits, free, up, down, clamp: B["update_log_odds"](
@@ -183,16 +187,44 @@ def after_resampling(s):
         ),
     ],
 )
-def test_the_step_that_is_wrong_is_named(change, step_of_the_loop):
-    verdict = check_filter(spoiled(**change), my_filter(file="none"))
-    assert verdict.verdict == "wrong"
-    assert verdict.message.startswith(f"Not yet. **{step_of_the_loop}**")
+def test_the_step_that_differs_is_named(change, step_of_the_loop):
+    assert differences(spoiled(**change))[0].startswith(f"**{step_of_the_loop}**")
 
 
-@pytest.mark.parametrize("loop", [by_logarithms, spoiled(after_resampling)])
-def test_a_loop_in_another_style_is_right_too(loop):
-    verdict = check_filter(loop, my_filter(file="none"))
+def test_a_loop_in_another_style_is_right_and_no_difference_is_mentioned():
+    verdict = check_filter(by_logarithms, my_filter("none"))
     assert verdict, verdict
+    assert "differ" not in verdict.message
+
+
+def stratified(f, *rest):
+    """The printed loop with a random number for each tooth of the comb."""
+    draw = lambda p, w, rng: (p[RESAMPLERS["stratified"](w, rng)], np.full(len(w), 1 / len(w)))  # noqa: E731
+    return step(Filter(**vars(f) | {"resample": draw}), *rest)
+
+
+OTHER_WAYS = {
+    "estimate after resampling": (spoiled(after_resampling), ["Estimate"]),
+    "stratified": (stratified, []),
+    "another likelihood": (spoiled(settings=lambda s, w: {"sharpness": 0.6 * s.sharpness}), ["Weigh"]),
+}
+
+
+@pytest.mark.parametrize("name", OTHER_WAYS)
+def test_another_way_that_follows_the_robot_is_right_and_its_difference_only_mentioned(name):
+    loop, named = OTHER_WAYS[name]
+    verdict = check_filter(loop, my_filter("none"))
+    assert verdict, verdict
+    assert [f"**{step_of_the_loop}**" in verdict.message for step_of_the_loop in named] == [True] * len(named)
+
+
+def test_a_loop_that_loses_the_robot_hears_by_how_much_and_what_is_different():
+    verdict = check_filter(spoiled(inputs=lambda u: []), my_filter("none"))
+    assert verdict.verdict == "wrong"
+    off = [float(metres) for metres in re.findall(r"([0-9.]+) m in", verdict.message)]
+    assert len(off) == 2
+    assert min(off) > 1.0  # it stays where it began, and the robot drives some metres
+    assert "**Predict**" in verdict.message
 
 
 def test_a_scan_that_leaves_the_map_is_not_drawn_on_its_far_side():
@@ -201,7 +233,7 @@ def test_a_scan_that_leaves_the_map_is_not_drawn_on_its_far_side():
     with pytest.raises(IndexError, match="leaves the map"):
         drive(step, my_filter("none"), pfslam.load("hall"), **low)
     drive(unaware := partial(by_logarithms, stops=False), my_filter("none"), pfslam.load("hall"), **low)
-    assert "on its right side" in check_filter(unaware, my_filter("none")).message
+    assert any("on its right side" in words for words in differences(unaware))
 
 
 def test_an_unwritten_loop_is_unanswered_and_a_short_answer_is_named():

@@ -14,13 +14,15 @@ from pfslam_book.exercises.ch01 import (
     check_arc,
     check_distance_ahead,
     check_gyro_bias,
+    check_inputs_between,
     check_reckon_by_wheels,
 )
+from pfslam_book.show.keep import keep
 from pfslam_book.show.lab import Laboratory, packed, show_lab
 from pfslam_book.show.source import show_source
 
 __all__ = ["calibrate_lab", "check_arc", "check_distance_ahead", "check_gyro_bias", "check_reckon_by_wheels"]
-__all__ += ["show_source", "smoothing_picture"]
+__all__ += ["check_inputs_between", "keep", "show_source", "smoothing_picture"]
 
 # ---- the laboratory
 

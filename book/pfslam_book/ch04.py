@@ -20,8 +20,8 @@ from pfslam_book.show.keep import keep
 from pfslam_book.show.lab import Laboratory, lidar_options, show_lab
 from pfslam_book.show.source import show_source
 
-__all__ = ["check_choose", "check_count_on_walls", "check_transform_test", "keep", "place_at", "places"]
-__all__ += ["sharpness_picture", "show_source", "slide_lab"]
+__all__ = ["check_choose", "check_count_on_walls", "check_transform_test", "keep", "on_walls", "place_at"]
+__all__ += ["places", "sharpness_picture", "show_source", "slide_lab"]
 
 # ---- the laboratory
 
@@ -74,6 +74,19 @@ def as_options(place: Place) -> dict:
 def slide_lab(recording: Recording, **places: Place) -> Laboratory:
     """The laboratory in which the reader fits a scan to the map, at each of the places and anywhere else."""
     return show_lab("slide", "Slide the scan over the map", ALT, **slide_options(recording, **places))
+
+
+# ---- what exercise 1 asks for, point by point
+
+
+def on_walls(grid: OccupancyGrid, points: np.ndarray) -> np.ndarray:
+    """For each point ``(M, 2)`` (m, world): whether it lies in an occupied cell. Outside the map none does."""
+    cells = grid.spec.world_to_cell(points)
+    inside = grid.spec.contains(cells)
+    ix, iy = cells[inside].T
+    result = np.zeros(len(points), dtype=bool)
+    result[inside] = grid.occupied[iy, ix]
+    return result
 
 
 # ---- places along a drive

@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from pfslam_book.ch05.your_filter import drive, error, my_filter, step
+from pfslam_book.your_filter import drive, error, my_filter, step
 
 from measure import cases
 from pfslam.evaluation.trajectory import trajectory_error

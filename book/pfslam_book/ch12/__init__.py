@@ -9,6 +9,7 @@ from pfslam_book.ch12.springs import (
     springs_lab,
     two_rounds,
 )
+from pfslam_book.ch12.your_graph import check_graph
 from pfslam_book.exercises.ch12 import check_edge_error, check_landmark_jacobian, check_robust_weight
 from pfslam_book.show.source import show_source
 from pfslam_book.show.tables import Shown, read_table
@@ -16,6 +17,7 @@ from pfslam_book.show.tables import Shown, read_table
 __all__ = [
     "Shown",
     "check_edge_error",
+    "check_graph",
     "check_landmark_jacobian",
     "check_robust_weight",
     "draw_graph",

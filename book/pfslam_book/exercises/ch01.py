@@ -209,3 +209,80 @@ check_reckon_by_wheels = Exercise(
     },
     praise="From the counts of four wheels to a path, and no gyro was asked.",
 )
+
+# ---- 5: what wheels and gyro say of the time between two scans
+
+
+def streams_case(rng, metres, shares=(0.31, 0.62)) -> tuple:
+    """Two times within 3 s, stamps and counts of the wheels at some 40 Hz, and stamps and yaw rate at some 100 Hz."""
+    t_wheels = 50.0 + np.cumsum(rng.uniform(0.004, 0.046, 120))
+    t_gyro = 50.1 + np.cumsum(rng.uniform(0.008, 0.012, 250))
+    counts, rate = rng.integers(6, 12, (120, 4)), rng.uniform(-0.9, 0.9, 250)
+    begin, end = t_gyro[0] + np.array(shares) * (t_gyro[-1] - t_gyro[0])
+    return begin, end, t_wheels, counts, t_gyro, rate, metres
+
+
+def speeds(t_wheels, counts, t, metres, wheels=np.mean):
+    """The speed in each interval between the times ``t``, from the sum of the distances."""
+    return np.diff(np.interp(t, t_wheels, np.cumsum(wheels(counts, axis=1) * metres))) / np.diff(t)
+
+
+def cut(shift=0, whole=False, speed=speeds):
+    """Rows (v, omega, dt) between two times, with a yaw rate so many samples early or ends that are not cut."""
+
+    def rows(begin, end, t_wheels, counts, t, rate, metres):
+        first, last = np.searchsorted(t, begin, side="right") - 1, np.searchsorted(t, end)
+        edges = t[first : last + 1]
+        dt = np.diff(edges if whole else np.clip(edges, begin, end))
+        v = speed(t_wheels, counts, t, metres)[first:last]
+        return np.column_stack([v, rate[1 - shift : len(rate) - shift][first:last], dt])
+
+    return rows
+
+
+def by_edges(begin, end, t_wheels, counts, t, rate, metres):
+    """The same with the speed of the pieces at both ends taken from the pieces themselves."""
+    edges = np.concatenate([[begin], t[(t > begin) & (t < end)], [end]])
+    v = speeds(t_wheels, counts, edges, metres)
+    return np.column_stack([v, rate[np.searchsorted(t, edges[1:])], np.diff(edges)])
+
+
+def nearest_reading(t_wheels, counts, t, metres):
+    """The shortcut of the chapter: each reading over its own interval, and for each sample the nearest reading."""
+    v = counts[1:].mean(axis=1) * metres / np.diff(t_wheels)
+    return v[np.abs(t_wheels[1:] - t[1:, None]).argmin(axis=1)]
+
+
+def same_rows(found, expected) -> bool:
+    """Rows agree to 0.1 mm of way in each interval, and to 1e-4 in rad/s and s."""
+    (v, *rest), (right, *others) = np.asarray(found, dtype=float).T, expected.T
+    return bool(
+        np.allclose(rest, others, atol=1e-4) and np.allclose(v * others[1], right * others[1], atol=1e-4)
+    )
+
+
+check_inputs_between = Exercise(
+    right=cut(),
+    also=[by_edges],
+    cases=[streams_case(rng, metres) for rng, metres in zip(rngs, METRES, strict=True)],
+    same=same_rows,
+    mistakes={
+        "Four times too fast: you added the wheels. The chassis centre travels their mean.": (
+            cut(speed=lambda *case: speeds(*case, wheels=np.sum))
+        ),
+        "You divide each reading by its own interval. Where a stamp came late the speed has a spike. Interpolate the "
+        "sum of the distances, and take differences of that.": cut(speed=nearest_reading),
+        "A gyro sample tells about the interval that ends at its stamp. You took the one at its beginning.": (
+            cut(shift=1)
+        ),
+        "The first and the last interval reach beyond the two scans. Cut them there, or the next scan counts this "
+        "time again.": cut(whole=True),
+        "The rows are right, but they come as (v, dt, omega). Asked is (v, omega, dt).": (
+            lambda *case: cut()(*case)[:, [0, 2, 1]]
+        ),
+        "The pieces at both ends are missing, so some milliseconds are lost at each scan.": (
+            lambda *case: cut()(*case)[1:-1]
+        ),
+    },
+    praise="No count is lost and none is used twice, and the times add up.",
+)

@@ -125,7 +125,7 @@ resampled = Exercise(
 )
 
 
-def check_resample(theirs: Callable) -> Check:
+def check_fair(theirs: Callable) -> Check:
     """Whether ``resample(poses, weights, rng)`` draws whole poses by weight and makes the weights equal."""
     poses, weights, _ = resampled.cases[0]
     calls = [attempt(theirs, poses.copy(), weights.copy(), np.random.default_rng(s)) for s in (5, 5, 6)]
@@ -148,6 +148,23 @@ def check_resample(theirs: Callable) -> Check:
             return hint("The copies are right, and the new weights are not: make each of them 1/N.")
         return hint(f"Five groups of particles have the weights {SHARES.tolist()}; in your new cloud they make up "
                     f"{found.tolist()}.")  # fmt: skip
+    return verdict
+
+
+def scatter_of_copies(theirs: Callable) -> float:
+    """By how much the number of copies of a particle scatters that should get two and a half, in 300 draws of ten."""
+    poses, weights = np.tile(np.arange(10.0)[:, None], 3), np.where(np.arange(10) == 5, 0.25, 0.75 / 9)
+    draws = [theirs(poses.copy(), weights.copy(), np.random.default_rng(seed))[0] for seed in range(300)]
+    return float(np.std([np.sum(np.asarray(new)[:, 0] == 5.0) for new in draws]))
+
+
+def check_resample(theirs: Callable) -> Check:
+    """Whether ``resample(poses, weights, rng)`` is fair, and leaves less to chance than independent draws."""
+    verdict = check_fair(theirs)
+    if verdict and (scatter := scatter_of_copies(theirs)) >= 1.0:
+        return hint(f"Your draw is fair on average, and a filter runs with it. But a particle that should get two "
+                    f"and a half copies gets two and a half ± {scatter:.1f}. Independent draws scatter so, a comb by "
+                    "half: share one random number, or give each of N equal parts one of its own.")  # fmt: skip
     return verdict
 
 

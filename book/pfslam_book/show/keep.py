@@ -57,6 +57,13 @@ def kept(file: Path | str = FILE) -> dict[str, Callable]:
     return {name: value for name, value in space.items() if inspect.isfunction(value)}
 
 
+def source_of(function: Callable) -> str:
+    """The lines of a function, after those of the imports, constants and helpers that it uses."""
+    function = inspect.unwrap(function)
+    lines = [code for _, code in _uses(function) if code is not None]
+    return "\n\n\n".join([*lines, textwrap.dedent(inspect.getsource(function)).rstrip()])
+
+
 def giving(function: Callable, *kinds: type) -> Callable:
     """The same function, whose answer is an array of this kind, or one array for each of several kinds.
 

@@ -1,16 +1,17 @@
-"""Chapter 05, your filter: the exercises of five chapters, the loop that joins them, and a drive with it."""
+"""Your filter: the exercises of six chapters, the loop that joins them, and a drive with it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import wraps
 from types import SimpleNamespace
 
 import numpy as np
 
 from pfslam.evaluation.trajectory import TrajectoryError, trajectory_error
 from pfslam.grid import LOG_4, GridSpec, OccupancyGrid
-from pfslam.motion import controls, motion_model
+from pfslam.motion import motion_model
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
@@ -50,6 +51,16 @@ def to_world(pose_wb, points_b):
     x, y, theta = pose_wb
     c, s = np.cos(theta), np.sin(theta)
     return points_b @ np.array([[c, -s], [s, c]]).T + [x, y]
+
+
+def inputs_between(begin, end, t_wheels, counts, t_gyro, yaw_rate, metres_per_count):
+    """What wheels and gyro say of the time between two scans: rows (v, omega, dt)."""
+    travelled = np.cumsum(counts.mean(axis=1) * metres_per_count)
+    v = np.diff(np.interp(t_gyro, t_wheels, travelled)) / np.diff(t_gyro)
+    first = np.searchsorted(t_gyro, begin, side="right") - 1
+    last = np.searchsorted(t_gyro, end)
+    dt = np.diff(np.clip(t_gyro[first : last + 1], begin, end))
+    return np.column_stack([v[first:last], yaw_rate[1:][first:last], dt])
 
 
 def cell_of(points, origin, resolution):
@@ -138,6 +149,7 @@ def step(f, s, poses, weights, log_odds, points_b, inputs, rng):
 CHAPTERS = {
     "scan_points": "00",
     "to_world": "00",
+    "inputs_between": "01",
     "cell_of": "02",
     "crossed_cells": "02",
     "update_log_odds": "02",
@@ -158,7 +170,7 @@ BOOK: dict[str, Callable] = {name: globals()[name] for name in CHAPTERS}
 
 
 class Filter(SimpleNamespace):
-    """The ten parts of the filter as attributes; it shows whose they are."""
+    """The eleven parts of the filter as attributes; it shows whose they are."""
 
     def __repr__(self) -> str:
         whose = {name: "the book's" if vars(self)[name] is BOOK[name] else "yours" for name in CHAPTERS}
@@ -176,7 +188,7 @@ def my_filter(file=FILE, **parts: Callable) -> Filter:
         if name in CHAPTERS
     }
     if count := own.get("count_on_walls"):  # one number, even if it comes in a list
-        own["count_on_walls"] = lambda *case: count(*case).item()
+        own["count_on_walls"] = wraps(count)(lambda *case: count(*case).item())
     return Filter(**{**BOOK, **own})
 
 
@@ -201,12 +213,15 @@ class Driven:
 
 def moments(f: Filter, recording: Recording, every: int, seconds: float) -> Iterator:
     """Yield time and points (M, 2) of each scan, and the inputs (v, omega, dt) since the scan before."""
-    sent, scans, lidar = controls(recording), recording.scans(), recording.robot.lidar
-    last = sent.t[0]
+    scans, robot, (wheels, imu) = recording.scans(), recording.robot, recording.wheels_and_gyro()
+    both = (imu.t >= wheels.t[0]) & (imu.t <= wheels.t[-1])
+    t_gyro, yaw_rate = imu.t[both], robot.imu.yaw_rate(imu.angular_velocity[both])
+    streams = wheels.t, wheels.counts, t_gyro, yaw_rate, robot.encoders.metres_per_count
+    last = t_gyro[0]
     for t, ranges in zip(scans.t[::every], scans.ranges[::every], strict=True):
-        if sent.t[0] <= t <= sent.t[-1] and t <= scans.t[0] + seconds:
-            points_b = f.scan_points(ranges.astype(float), lidar.angles, np.array(Settings().lidar_xy))
-            yield t, points_b, list(zip(*sent.during(last, t), strict=True))
+        if t_gyro[0] <= t <= t_gyro[-1] and t <= scans.t[0] + seconds:
+            points_b = f.scan_points(ranges.astype(float), robot.lidar.angles, np.array(Settings().lidar_xy))
+            yield t, points_b, [tuple(row) for row in f.inputs_between(last, t, *streams)]
             last = t
 
 
