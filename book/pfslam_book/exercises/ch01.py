@@ -268,7 +268,7 @@ check_inputs_between = Exercise(
     same=same_rows,
     mistakes={
         "Four times too fast: you added the wheels. The chassis centre travels their mean.": (
-            cut(speed=lambda *case: speeds(*case, wheels=np.sum))
+            cut(speed=partial(speeds, wheels=np.sum))
         ),
         "You divide each reading by its own interval. Where a stamp came late the speed has a spike. Interpolate the "
         "sum of the distances, and take differences of that.": cut(speed=nearest_reading),
