@@ -1,15 +1,18 @@
 """When the estimate of a run is not to be trusted: what the run itself can tell, without the truth.
 
-The mean score per beam says how well a scan fits the map. A robot that has been carried off, the "kidnapped robot" of
-the literature, sees walls where its map has none, and the score falls at once, far below all earlier scores of the run.
-The run itself sets the scale: every LiDAR and every building has its own ordinary scores. The fall is short. A filter
-that draws every scan soon has the new place in its map, at the wrong spot, and its scores look fine again.
+*Carried off.* The mean score per beam says how well a scan fits the map. A robot that has been carried off, the
+"kidnapped robot" of the literature, sees walls where its map has none. So the score falls at once, far below all
+earlier scores of the run. These set the scale, because every LiDAR and every building has its own ordinary scores. The
+fall does not last: a filter that draws every scan soon has the new place in its map, at the wrong spot, and its scores
+look fine again.
 
-A robot that goes astray slowly keeps its scores, because its map goes astray with it. What gives it away is that scans
-move the estimate from where odometry had put it, again and again in the same direction, while part of their beams end
-where the map has no wall: people who walk ahead, or glass, drag the estimate along. When wheels slip the scans move the
-estimate too, but then the walls explain them. ``distrust`` gathers these signs, and simpler ones: no beams, no wall to
-show the way along, and a covariance of the estimate that has become large.
+*Dragged.* A robot that goes astray slowly keeps its scores, because its map goes astray with it. Two signs together
+give it away. Scans move the estimate from where odometry had put it, again and again in the same direction. And part of
+their beams end where the map has no wall. People who walk ahead, or glass, drag the estimate along like this. When
+wheels slip the scans move the estimate, too, but then walls explain all beams.
+
+``distrust`` gathers these signs, and three simpler ones: no beams, no wall that shows the way along, and a covariance
+of the estimate that has become large.
 """
 
 from __future__ import annotations
@@ -33,20 +36,23 @@ PAST = 400
 LOST_BELOW = -8.0
 """Score deviation below which a robot counts as lost.
 
-Ordinary runs were measured down to -6.3, people and moving doors included; 46 kidnaps of the course's robot from -8.9
-down. Where ordinary scores vary widely, as in a log of 180 beams and a scan every few metres, a kidnap may stay within
-them: two of three did, without an alarm.
+Ordinary runs went down to -6.3, with people and moving doors among them. In 46 kidnaps of the course's robot the score
+fell to -8.9 or lower. Where ordinary scores vary widely, as in a log of 180 beams and a scan every few metres, the fall
+of a kidnap may be no larger: two of three raised no alarm there.
 """
 BLIND_SECONDS = 2.0
-"""For so long odometry alone is good to some centimetres."""
+"""Seconds for which odometry alone is good to some centimetres."""
 LONGEST_PAUSE = 3600.0
 """Seconds without a reading after which a clock was set, or the robot was switched off and moved."""
 SETTLING = 3
-"""After a silence the first scans take back what odometry has drifted; carried off, a robot fits badly for longer."""
+"""So many scans after a silence may fit badly: they take back what odometry has drifted.
+
+The scans of a robot that was carried off fit badly for longer.
+"""
 ONE_ALARM = 5.0
-"""Falls less than so many seconds apart belong to one alarm."""
+"""Falls of the score that are less than so many seconds apart are one alarm."""
 LEAST_SPREAD = 0.005
-"""A run whose scores hardly differ is not judged more finely than this."""
+"""Least spread that scores are measured in: otherwise tiny changes would count in a run whose scores hardly differ."""
 
 
 SCORES = ("score", "aligned_score")
@@ -68,7 +74,7 @@ Columns = Mapping[str, np.ndarray]
 
 
 class Steps(Sequence[RefinedStep]):
-    """The steps of a run without their clouds, kept as columns that grow, and what verdicts have found in them so far.
+    """The steps of a run without their clouds, as columns that grow, with what has been computed from them so far.
 
     >>> steps = Steps([RefinedStep(0.0, np.zeros(3), None, 1.0, 500, drawn=True)])
     >>> len(steps), steps[-1].beams, steps.columns["drawn"].tolist()
@@ -104,7 +110,7 @@ class Steps(Sequence[RefinedStep]):
         return RefinedStep(particles=None, **fields | {n: None for n in OPTIONAL if np.isnan(found[n]).all()})
 
     def append(self, step: RefinedStep) -> None:
-        """Add the next step: whole, or not at all."""
+        """Add the next step, all columns or none."""
         k = self._count
         if k == len(self._rows["t"]):
             room = {
@@ -127,7 +133,7 @@ class Steps(Sequence[RefinedStep]):
         return {name: column[: self._count] for name, column in self._rows.items()}
 
     def judged(self) -> dict[str, np.ndarray]:
-        """Return the columns, and with them what follows from each scan and its past; only new scans are looked at.
+        """Return the columns, and what follows from each scan and those before it; only new scans are computed.
 
         ``deviation (K, 2)`` is that of both scores (see ``score_deviation``), ``sigma (K,)`` the standard deviation (m)
         of the position along its worst direction, and ``moved (K,)`` the length of the step (m, a radian as a metre).
@@ -195,10 +201,12 @@ def score_deviation(infos: Sequence[RefinedStep], name: str = "score") -> np.nda
     """Measure how far each score ``(K,)`` lies from the median of those before it, in spreads; below 0 is worse.
 
     ``name`` is "score" or "aligned_score". One spread is the distance from the median down to the 5th percentile,
-    divided by 1.645: one standard deviation if scores were normal, but taken from the lower side, because scores end
-    at 1 and have a long tail below. NaN for scans that were not matched (a blind robot is not a lost one) and while
-    there is too little past. Scans drawn into the map make up the past, so that a robot that stands and sees the same
-    thing a thousand times does not narrow it; scans that were lost themselves do not.
+    divided by 1.645. For normal scores that is one standard deviation. It is taken from the lower side, because scores
+    end at 1 and have a long tail below.
+
+    Only scans drawn into the map count as the past: a robot that stands and sees the same thing a thousand times must
+    not make the spread small. Scans at which the robot was lost do not count. NaN where a scan was not matched, because
+    a blind robot is not a lost one, and while there is too little past.
     """
     return _judged(infos)["deviation"][:, SCORES.index(name)]
 
@@ -206,7 +214,8 @@ def score_deviation(infos: Sequence[RefinedStep], name: str = "score") -> np.nda
 def lost(infos: Sequence[RefinedStep]) -> np.ndarray:
     """Which scans ``(K,)`` bool fit the map so badly that the robot cannot be where the filter puts it.
 
-    An odometry that stands still takes the particles from where the lines lead: then they fit badly, the estimate not.
+    Both the particles and the estimate must fit badly. If an odometry stands still, the particles stay behind and fit
+    badly, but the lines lead the estimate on, and nothing is lost.
     """
     return _fell(_judged(infos))
 
@@ -217,7 +226,7 @@ def _fell(run: Columns) -> np.ndarray:
 
 
 def _silence(t: np.ndarray) -> float:
-    """Return from how many seconds on a time without scans is one that this recording is not used to."""
+    """Return from how many seconds on a time without scans is unusual for this recording."""
     usual = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     return max(BLIND_SECONDS, 5.0 * usual)
 
@@ -231,7 +240,7 @@ def _settling(t: np.ndarray) -> np.ndarray:
 
 
 def alarms(infos: Sequence[RefinedStep]) -> np.ndarray:
-    """List the times ``(A,)`` (s) at which the robot was found to be lost; falls within 5 s are one alarm."""
+    """List the times ``(A,)`` (s) at which the robot was found to be lost; falls less than 5 s apart are one alarm."""
     return _alarms(_judged(infos))
 
 
@@ -246,37 +255,38 @@ Distrust = TypedDict("Distrust", {"from": float, "to": float | None, "reason": s
 WITHIN = 2.0
 """Seconds over which departures from odometry are added up. With three, more runs that were right were doubted."""
 IMPROBABLE = 4.5
-"""Standard deviations beyond which a departure is no chance: in two dimensions one of 25,000 is as long.
+"""A departure of so many standard deviations is no chance: in two dimensions only one of 25,000 is as long.
 
-The recordings of the studies were judged alike with 4; with 5 and more, others that were off went without a word.
+With 4 the recordings of the studies got the same verdicts. With 5 and more, some that were off got no word.
 """
 UNEXPLAINED = 0.02
 """Least share of beams that no wall explains; ordinary drives have less than 1 %."""
 BACK_ON_WALLS = 0.1
-"""By so much more of the beams on old walls, where scans moved the estimate, shows that they took it back.
+"""If scans bring so much more of the beams onto old walls, they have taken back a slip.
 
-Where wheels slipped among people, that share rose by as much with right corrections, but for a few. At 0.15 two runs
-that were right were doubted; at 0.07 two that were off went without a word.
+The share is that at the estimate, less that at the pose to which odometry alone had led. Where wheels slipped among
+people, nearly all right corrections raised it by as much. At 0.15 two runs that were right were doubted; at 0.07 two
+that were off got no word.
 """
 BELIEVED = "that could be believed"
-"""What kind of scan was missing, where some came and their matches lay beyond the gate."""
+"""What the reason says was missing if scans came, but their matches lay beyond the gate."""
 ALONG_METRES = 10.0
-"""So far along a corridor whose walls do not show the way, an error of the wheels of 2 % has grown to 0.2 m."""
+"""Metres along a corridor whose walls do not show the way; over so many, wheels that are 2 % off are off by 0.2 m."""
 ALONG_WITHIN = 20.0
-"""Metres of driving within which those must lie: they are stretches of one corridor."""
+"""Metres of driving within which the ``ALONG_METRES`` must lie, so that they belong to one corridor."""
 
 UNSURE_METRES = 1.0
-"""Standard deviation of the position above which a run does not know itself where it is.
+"""Standard deviation of the position (m) above which the run itself does not know where it is.
 
-Of runs that were right to 5 cm none was measured above 0.7 m.
+No run that was right to 5 cm had more than 0.7 m.
 """
 
 
 def distrust(infos: Sequence[RefinedStep]) -> list[Distrust]:
     """List the stretches of a run whose estimate is not to be trusted, each with its reason, in order of time.
 
-    An error that is drawn into the map stays there, so only blindness ends: when the scans fit again, the estimate is
-    back where it was in the map.
+    Only a stretch without scans can end: when scans fit again, the estimate has found its place in the map. All other
+    stretches last, because an error that is drawn into the map stays there.
     """
     run = _judged(infos)
     signs = _lost(run), _dragged(run), _blind(run), _along(run), _unsure(run)
@@ -294,7 +304,7 @@ def in_doubt(stretches: Sequence[Distrust], t: np.ndarray) -> np.ndarray:
 def was_dragged(infos: Sequence[RefinedStep]) -> bool:
     """Whether scans seem to have dragged the estimate from its odometry, as people and glass do.
 
-    Only scans before the first alarm count: where a robot was carried off, scans contradict odometry and are right.
+    Only scans before the first alarm count. After a robot was carried off, scans contradict odometry and are right.
     """
     run = _judged(infos)
     before = run["t"] < min(_alarms(run), default=np.inf)
@@ -305,10 +315,10 @@ def was_dragged(infos: Sequence[RefinedStep]) -> bool:
 def departures(infos: Sequence[RefinedStep]) -> tuple[np.ndarray, np.ndarray]:
     """Return how far ``(K,)`` (m) scans moved the estimate from its odometry within two seconds, and what is usual.
 
-    The second array ``(K,)`` (m) is the standard deviation of each component in the run so far: the geometric mean of
-    all lengths up to there, which a few slips hardly change, and at least that of the motion model, ``MotionNoise.xy``.
-    The square of their ratio is a normalised innovation (Bar-Shalom, Li and Kirubarajan, 2001), and for normal
-    departures chi-square with two degrees of freedom, but for a factor of 1.12.
+    The second array ``(K,)`` (m) is the standard deviation of each component in the run so far. It is computed as the
+    geometric mean of all lengths up to there, which a few slips hardly change. It is at least that of the motion model,
+    ``MotionNoise.xy``. The square of the ratio of the two is a normalised innovation (Bar-Shalom, Li and Kirubarajan,
+    2001). For normal departures it is chi-square with two degrees of freedom, except for a factor of 1.12.
     """
     return _departures(_judged(infos))
 
@@ -332,9 +342,10 @@ def _lost(run: Columns) -> Iterator[Distrust]:
 
 
 def _dragged(run: Columns) -> Iterator[Distrust]:
-    """Find the first time at which scans moved the estimate improbably far, and no wall explains part of them.
+    """Find the first time at which scans moved the estimate improbably far, while walls leave part of them unexplained.
 
-    Beams on old walls, where scans moved the estimate, explain it: wheels have slipped, with somebody in view.
+    If scans moved the estimate so that more beams end on old walls, the wheels have slipped with somebody in view, and
+    nothing is wrong.
     """
     t, (metres, sigma) = run["t"], _departures(run)
     unexplained = _added_up(run["unexplained"], t) / np.maximum(_added_up(run["matched"], t), 1)
@@ -357,14 +368,14 @@ def _added_up(values: np.ndarray, t: np.ndarray) -> np.ndarray:
 def farther_than_usual(poses: np.ndarray) -> np.ndarray:
     """Which of the steps ``(K - 1,)`` between poses ``(K, 3)`` are more than twice the median one.
 
-    A radian counts as a metre. What a robot that stood, or went its usual metre, did not record is not missing.
+    A radian counts as a metre. If a robot stood, or went no farther than usual, no scan is missing in between.
     """
     steps = np.linalg.norm(between(poses[:-1], poses[1:]), axis=1)
     return steps > 2.0 * np.median(steps) if len(steps) else steps > 0.0
 
 
 def _blind(run: Columns) -> Iterator[Distrust]:
-    """Find the times without a scan to go by, from the last one that was matched to the next."""
+    """Find the times without a usable scan, from the last one that was matched to the next."""
     t, used = run["t"], run["matched"] | run["drawn"]
     seen = np.flatnonzero(used)
     # A stretch goes up to each scan that was used, and the last one to the end.

@@ -1,15 +1,15 @@
 """Outliers among people and glass: beams left out, a gate for the match, hits that wait.
 
-A map of walls has no place for what moves. A person who walks ahead of the robot is drawn as a wall, the next scan is
-matched to that wall, and the robot seems to stand still. Three measures help, in the spirit of mapping among people
-(Haehnel, Triebel, Burgard and Thrun, "Map building with mobile robots in dynamic environments", 2003):
+A map of walls has no place for what moves. If a person walks ahead of the robot, the filter draws a wall there, matches
+the next scan to that wall, and the robot seems to stand still. Three measures help, in the spirit of mapping among
+people (Haehnel, Triebel, Burgard and Thrun, "Map building with mobile robots in dynamic environments", 2003):
 
-* Beams that end where the map is known to be free say nothing about the pose, and are left out of the match.
-* A match far from odometry that leaves many beams unexplained is not believed: the validation gate of tracking
-  (Bar-Shalom and Fortmann, "Tracking and Data Association", 1988). Wheels that slip pass it, because walls explain the
-  scan at its true pose.
-* A wall cannot be seen through. Where a later beam passes the place of a hit, something has gone, and is probably still
-  near; hits near that place wait until later scans have met them again.
+* A beam that ends where the map is known to be free says nothing about the pose, and is left out of the match.
+* A match is not believed if it lies far from odometry and leaves many beams unexplained. In tracking this is called a
+  validation gate (Bar-Shalom and Fortmann, "Tracking and Data Association", 1988). Wheels that slip pass it, because
+  walls explain the scan at its true pose.
+* A wall cannot be seen through. If a later beam passes the place of a hit, something has gone, and is probably still
+  near. So hits near that place wait until later scans have met them again.
 """
 
 from __future__ import annotations
@@ -26,16 +26,19 @@ from pfslam.poses import wrap_angle
 from pfslam.settings import Range, Settings
 
 NOISY = 0.035
-"""Ranges that scatter by more than this (m) smear a wall over several cells; common scanners are good to 1 or 2 cm."""
+"""Ranges are noisy if they scatter by more than this (m): a wall is then smeared over several cells.
+
+Common scanners are good to 1 or 2 cm.
+"""
 MOST_UNEXPLAINED = 0.1
-"""Greatest share of unexplained beams that a match beyond the gate may leave."""
+"""A match beyond the gate is believed if it leaves at most this share of the beams unexplained."""
 WAIT = 5
-"""Hits near something that has gone wait for so many drawn scans before they are drawn."""
+"""Hits near something that has gone wait for so many drawn scans."""
 RADIUS = 0.5
-"""How far from something that has gone hits wait (m): a person's width."""
+"""Hits wait if they are nearer than this (m) to something that has gone: a person's width."""
 
 THINNED = 0.1
-"""Of the places where something has gone, one in every square of so many metres is enough."""
+"""Places where something has gone are looked at once in each square of this side (m)."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +46,13 @@ class OutlierConfig(Settings):
     """What a run does about beams and matches that the map contradicts."""
 
     gate: Annotated[float, Range(0.0, inf)] = 3.0
-    """A match so many sigmas of the motion from odometry is rejected if beams stay unexplained."""
+    """A match that lies so many sigmas of the motion from odometry is rejected if many beams stay unexplained."""
     free_scans: Annotated[int, Range(1, 1000)] = 4
-    """Beams that end in cells seen free so often, far from any wall, are left out of the match."""
+    """A beam is left out of the match if its end cell was seen free so often and lies far from any wall."""
     gone: Annotated[int, Range(1, 1000)] = 2
-    """Scans that must see through a hit, more than met it again, for it to have gone."""
+    """A hit has gone if the scans that saw through it outnumber those that met it again by so many."""
     margin: Annotated[int, Range(0, 100)] = 2
-    """Beams that end so few cells away, or fewer, did not see through a hit: they may have met the same wall."""
+    """A beam that ends at most so many cells from a hit did not see through it: it may have met the same wall."""
 
 
 def inliers(
@@ -57,7 +60,8 @@ def inliers(
 ) -> np.ndarray:
     """Find the end points ``(M, 2)`` that the map does not contradict, ``(M,)`` bool; ``field (H, W)`` is its field.
 
-    The others lie in cells seen free ``config.free_scans`` times, at ``free`` log-odds each, out of reach of any wall.
+    The map contradicts an end point in a cell that was seen free ``config.free_scans`` times, with ``free`` log-odds
+    each time, and lies out of reach of any wall.
     """
     cells = grid.spec.world_to_cell(points_w)
     inside = grid.spec.contains(cells)
@@ -100,10 +104,11 @@ def settle_hits(
     map_config: MapConfig,
     config: OutlierConfig,
 ) -> tuple[np.ndarray, tuple[WaitingScan, ...]]:
-    """Let a new scan vote on those that wait; return the hits ``(H, 2)`` to be drawn now, and who waits from now on.
+    """Let a new scan vote on the hits that wait; return the hits ``(H, 2)`` to draw now and the scans that wait then.
 
-    To be drawn are the hits of the new scan that are not near anything that has gone, and of the scan that has waited
-    longest those that were held back and then met again at least as often as seen through.
+    Two kinds of hits are drawn now. Of the new scan: those that are not near anything that has gone. Of the scan that
+    has waited longest: those that were held back, and that later scans met again at least as often as they saw through
+    them.
     """
     verdict, corner = seen_again_or_through(spec, points_w, beams, sensor_w, map_config.rays, config.margin)
     waiting = tuple(replace(scan, votes=scan.votes + _votes(scan, spec, verdict, corner)) for scan in waiting)

@@ -1,4 +1,4 @@
-"""A whole run of the accurate filter, which looks a second time where scans have misled it."""
+"""A whole run of the accurate filter, with a second look if scans have misled the first."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from pfslam.run import SlamResult, one_run
 class RefinedResult(SlamResult):
     """A finished run of the accurate filter.
 
-    ``config`` is that of the run that was kept. ``second_look`` tells whether the run itself has made it robust, rather
-    than being asked for it.
+    ``config`` holds the settings of the run that was kept. ``second_look`` is true if the run took robust settings by
+    itself; it is false if they were asked for.
     """
 
     second_look: bool = False
@@ -40,7 +40,7 @@ class RefinedResult(SlamResult):
 
     @property
     def distrust(self) -> list[Distrust]:
-        """The stretches whose estimate is not to be trusted, each ``{"from", "to", "reason"}``; none on a sound run."""
+        """The stretches whose estimate is not to be trusted, each ``{"from", "to", "reason"}``; empty if sound."""
         return distrust(self.infos)
 
     @property
@@ -60,11 +60,12 @@ def refined_run(
 ) -> RefinedResult:
     """Run over a recording, and if scans misled the run, do it again with more care.
 
-    A run that its scans have dragged off (``health.was_dragged``) is done again with ``config.robust()``, if that
-    differs, and ``better_look`` says which run is kept. The second begins with the generator as the first found it, so
-    ``config`` and seed of the result repeat it to the last bit. Where the ranges scatter by more than ``NOISY`` a first
-    look may be far off and suspect nothing: the robust run is made at once. Without ``second_look`` the run is made as
-    ``config`` says, and once.
+    If the scans have dragged the run off (``health.was_dragged``), it is done again with ``config.robust()``, unless
+    that is the same. ``better_look`` chooses which run is kept. The second run begins with the generator in the state
+    in which the first found it, so ``config`` and seed of the result repeat it to the last bit.
+
+    If the ranges scatter by more than ``NOISY``, a first run may be far off and suspect nothing. Then the robust run is
+    made at once. Without ``second_look`` there is one run, as ``config`` says.
     """
     scatter, again, how = recording.range_scatter(), deepcopy(rng), (progress, keep_particles, RefinedResult)
     robust = config.robust(scatter)
@@ -79,9 +80,10 @@ def refined_run(
 
 
 def judged(recording: Recording, result: SlamResult) -> RefinedResult:
-    """Return a result whose steps say what verdicts ask for, which those of the report's filter do not by themselves.
+    """Return a result with what the verdicts of ``health`` need, made from a run of any filter.
 
-    How far scans moved the estimate follows from the odometry. What needs lines or the age of walls is left out.
+    The steps of the report's filter do not say how far scans moved the estimate; this is computed from the odometry.
+    What needs lines or the age of walls is left out.
     """
     if isinstance(result, RefinedResult):
         return result
@@ -96,10 +98,10 @@ def judged(recording: Recording, result: SlamResult) -> RefinedResult:
 
 
 def better_look(first: RefinedResult, second: RefinedResult) -> RefinedResult:
-    """Choose which look to keep: the second, if nothing of it is in doubt, or if neither of two measures is worse.
+    """Choose which look to keep: the second, if nothing of it is in doubt, or if it is no worse by two measures.
 
-    These are the number of scans in doubt and how well scans fit the run's own map: where both looks are in doubt, the
-    map that fits worse is the torn one.
+    The first measure is the number of scans in doubt. The second is how well the scans fit the run's own map: if both
+    looks are in doubt, the map that fits worse is probably torn.
     """
     doubted = scans_in_doubt(second)
     worse = doubted > scans_in_doubt(first) or mean_score(second) < mean_score(first)

@@ -1,4 +1,4 @@
-"""Chapter 09: the stored studies as two tables, one change at a time, paired by building."""
+"""Chapter 09: the stored studies as tables, one change at a time, paired by building."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ KNOWN_AS = {
 
 
 def median_interval(values: np.ndarray) -> tuple[float, float]:
-    """Return two of the values between which the median lies in at least 95 % of all samples of so many.
+    """Return two of the values ``(n,)``; in at least 95 % of all samples of this size the true median is between them.
 
-    It lies outside the k-th smallest and the k-th largest with the probability that fewer than k of n coins fall on
-    one side, twice. There must be six values or more.
+    They are the k-th smallest and the k-th largest. Each value lies above or below the true median as a fair coin
+    falls. So the median is outside with twice the probability that fewer than k of n coins show heads, and k is the
+    largest for which this is at most 5 %. There must be six values or more.
 
     >>> median_interval(np.arange(10.0))
     (1.0, 8.0)
@@ -42,7 +43,7 @@ def median_interval(values: np.ndarray) -> tuple[float, float]:
 
 
 def paired(before: np.ndarray, after: np.ndarray) -> tuple[str, ...]:
-    """Say by how much (cm) errors (m) change in the median, the 95 % interval of that, and where they fall.
+    """Return as text the median change (cm) of paired errors (m), its 95 % interval, and in how many pairs they fall.
 
     >>> paired(np.full(6, 0.2), np.array([0.1, 0.1, 0.2, 0.1, 0.1, 0.3]))
     ('-10.0', '-10.0 to +10.0', '4')
@@ -86,7 +87,7 @@ def ladder(study: str = LADDER) -> dict[str, np.ndarray]:
 
 
 def rungs(errors: dict[str, np.ndarray]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return, for each change, the errors before and after it."""
+    """Return, for each change of a ladder, the errors (m) before and after it."""
     return {name: (errors[before], errors[name]) for before, name in pairwise(errors) if name.startswith("+")}
 
 
@@ -97,7 +98,7 @@ def changes_table() -> Shown:
 
 
 def ladder_table() -> Shown:
-    """Return what each change of the ladder is worth."""
+    """Return the table of the ladder: the error after each change, and how it differs from the row before."""
     errors = ladder()
     rows: list[tuple[str, ...]] = [
         (name, cm(errors[name]), "", "", "") for name in ("dead reckoning", "report")
@@ -108,7 +109,7 @@ def ladder_table() -> Shown:
 
 
 def changed_fields(study: str) -> dict[str, str]:
-    """Return the settings that each variant of a study adds to the one before it, as one would write them."""
+    """Return, as text, the settings in which each variant of a study differs from the one before it."""
     first: dict[str, dict[str, Any]] = {}
     for case in read_study(study_file(study)).cases:
         first.setdefault(case.label, dict(case.settings))
@@ -148,7 +149,7 @@ def elimination() -> dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]:
 
 
 def missed_by(pairs: dict[str, tuple[np.ndarray, np.ndarray]]) -> str:
-    """Name the groups of six drives and more that are decidedly worse or better after a change, and by how much."""
+    """Name the groups of six drives or more in which a change is decided, with the median change (cm)."""
     words = []
     for group, (before, after) in pairs.items():
         if len(before) >= 6 and is_decided(before, after):
@@ -158,14 +159,14 @@ def missed_by(pairs: dict[str, tuple[np.ndarray, np.ndarray]]) -> str:
 
 
 def lost(change: str, *groups: str) -> int:
-    """Count the runs with a change that are off by more than ``OFF`` at some time, in some groups of drives or all."""
+    """Count the runs with a change that are off by more than ``OFF`` at some time, in the named groups or in all."""
     run = select(read_table("ch09_elimination"), label=change)
     group = np.array([drive.partition(" ")[0] for drive in run["drive"]])
     return int(np.count_nonzero((run["max_m"] > OFF) & (np.isin(group, groups) | (not groups))))
 
 
 def elimination_table() -> Shown:
-    """Return for each change who misses it, how many runs are lost then, and how many of these without a word."""
+    """Return for each change which drives it makes worse, how many runs it loses, and how many of these say nothing."""
     table, changes = read_table("ch09_elimination"), elimination()
     rows: list[tuple[str, ...]] = []
     for label in labels_of(table):
@@ -187,7 +188,7 @@ def elimination_table() -> Shown:
 
 
 def nearer(method: str, place: str, percent: int, column: str = "return_m") -> int:
-    """Count the buildings of six in which a method is nearer the truth than the shared map, on such floors."""
+    """Count in how many of six buildings a method is nearer the truth than the shared map, on floors of one kind."""
     errors = errors_by_label(select(read_table("ch09_private"), place=place, percent=percent), column)
     return int((errors[method] < errors["shared map, 30"]).sum())
 
@@ -216,7 +217,7 @@ def kinds(study: str, alignment: bool) -> dict[str, np.ndarray]:
 
 
 def situation(name: str, particles: int, alignment: bool) -> np.ndarray:
-    """Return the errors (m) in every building of a situation, with so many particles; 0: scan matching."""
+    """Return the errors (m) in every building of a situation for a number of particles; 0 means scan matching."""
     label = {"label": name} if particles else {"label": f"{name}, scan matching"}
     table = select(read_table("ch09_hard_particles"), particles=float(max(particles, 1)), **label)
     aligned = np.array([str(value) not in ("0.0", "false", "False") for value in table["lines"]])
@@ -224,7 +225,7 @@ def situation(name: str, particles: int, alignment: bool) -> np.ndarray:
 
 
 def hard_comparisons() -> dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]:
-    """Return every comparison that we made where the world moves: (where, change) -> errors before and after."""
+    """Return every comparison made among hazards: (hazards, change) -> errors (m) before and after."""
     found = {("everything", name): pair for name, pair in rungs(ladder(HARD_LADDER)).items()}
     _, shared, private = kinds("ch09_hard_kinds", False).values()
     found["everything", "a map for each particle, no alignment"] = shared, private
@@ -237,7 +238,7 @@ def hard_comparisons() -> dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]:
 
 
 def hard_table() -> Shown:
-    """Return the comparisons where the world moves; of the ladder's changes those whose interval leaves out zero."""
+    """Return the table of comparisons among hazards; of the ladder's changes only those that are decided."""
     rows = []
     for (where, name), (before, after) in hard_comparisons().items():
         if not name.startswith("+") or is_decided(before, after):
