@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from pfslam_book import ch09
 from pfslam_book.ch09.tables import HARD_LADDER, LADDER, changed_fields, median_interval, paired
-from pfslam_book.show.tables import study_file
+from pfslam_book.show.tables import select, study_file
 
+from pfslam.evaluation.trajectory import trajectory_error
+from pfslam.poses import Trajectory
 from pfslam.slam import SlamConfig
 from pfslam.study import read_study
 
@@ -84,3 +86,32 @@ def test_the_graph_is_decided_in_rings_and_private_maps_are_where_the_page_says_
         ("own maps, 10", 6, "corridor", "ate_rmse_m"),
         ("own maps, 30", 3, "corridor", "return_m"),
     }
+
+
+def test_the_stored_drive_has_the_errors_of_its_row_in_the_study_and_its_lines_are_unbroken():
+    drive, table = ch09.parted(), ch09.read_table("ch09_private")
+    rows = select(table, place="corridor", percent=6.0, building=2.0)
+    truth, cloud = Trajectory(drive.t, drive.truth), drive.hypotheses
+    last, heaviest = len(cloud) - 1, [int(np.argmax(drive.log_weights[-1]))]
+    for k in range(last - 1, -1, -1):
+        heaviest.insert(0, drive.parents[k, heaviest[0]])
+    found = {
+        ("own maps, 10", "ate_rmse_m"): drive.told,
+        ("own maps, 10", "path_rmse_m"): cloud[np.arange(last + 1), heaviest],
+        ("shared map, 30", "ate_rmse_m"): drive.shared,
+    }
+    for (label, column), poses in found.items():
+        error = trajectory_error(Trajectory(drive.t, poses), truth).ate_rmse_m
+        assert error == pytest.approx(select(rows, label=label)[column].item(), abs=1e-4)
+    for column in ("ate_rmse_m", "return_m"):
+        own = select(table, place="corridor", percent=6.0, label="own maps, 10")
+        assert np.argsort(own[column])[2] == 1, "the caption: third best of six"
+        assert ch09.nearer("own maps, 10", "corridor", 6, column) == (6 if column == "ate_rmse_m" else 5)
+    begin = np.take_along_axis(cloud[:-1], drive.parents[:-1, :, None].astype(int), axis=1)
+    moved = np.linalg.norm(np.diff(drive.truth[:, :2], axis=0), axis=1)[:, None]
+    assert (np.abs(np.linalg.norm((cloud[1:] - begin)[..., :2], axis=2) - moved) < 0.5).all()
+    assert (drive.parents[~drive.resampled] == np.arange(10)).all()
+    for grid in (drive.own_map, drive.shared_map):
+        long, wide = (np.ptp(where) * grid.spec.resolution for where in np.nonzero(grid.log_odds > 0)[::-1])
+        assert 60.0 < long < 80.0
+        assert 1.5 < wide < 6.0

@@ -8,6 +8,7 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
+from pfslam_book.ch09.tables import PARTED
 from pfslam_book.ch10.building import SCANS_PER_SECOND, driven, world_of
 from pfslam_book.show.faults import with_fault
 
@@ -27,6 +28,9 @@ from pfslam.simulator.config import RING
 from pfslam.slam import SlamConfig
 from pfslam.study import Case, Study
 from pfslam.study.disturbances import first_seconds
+
+LAP = [(2.0, -0.2), (35.0, -0.3), (68.0, -0.2), (68.4, 0.2), (35.0, 0.3), (1.6, 0.2)]
+"""The way along a corridor of 70 m and back."""
 
 
 def exactly(grid, points_b, particles, config, rng) -> Match:
@@ -66,6 +70,12 @@ def on_floors(recording: Recording, percent: float) -> Recording:
     return replace(recording, encoders=replace(encoders, counts=counts))
 
 
+def doors_at(seed: int) -> np.ndarray:
+    """Where along a corridor its doors begin (m), ``(3,)``: two near its start, one near its far end."""
+    rng = np.random.default_rng(seed)
+    return np.array([*rng.uniform(2.0, 9.0, 2), rng.uniform(58.0, 66.0)])
+
+
 @lru_cache(maxsize=1)
 def drive(place: str, percent: float, seed: int) -> Recording:
     """Once round a ring of corridors, or along a corridor of 70 m and back, on three floors."""
@@ -73,28 +83,43 @@ def drive(place: str, percent: float, seed: int) -> Recording:
         slip = replace(RING.slip, true_metres_per_count=RING.slip.true_metres_per_count * 1.02)
         ring = replace(simulate(replace(RING, slip=slip), seed).recording, camera=None)
         return on_floors(ring, percent)
-    rng = np.random.default_rng(seed)
-    doors = [(x, -1.15, x + 0.9, 1.15) for x in [*rng.uniform(2.0, 9.0, 2), rng.uniform(58.0, 66.0)]]
-    lap = [(2.0, -0.2), (35.0, -0.3), (68.0, -0.2), (68.4, 0.2), (35.0, 0.3), (1.6, 0.2)]
-    world = world_of(np.array([(0.0, -1.0, 70.0, 1.0), *doors]), np.array(lap))
+    doors = [(x, -1.15, x + 0.9, 1.15) for x in doors_at(seed)]
+    world = world_of(np.array([(0.0, -1.0, 70.0, 1.0), *doors]), np.array(LAP))
     return on_floors(driven(world, seed), percent)
+
+
+def histories(recording: Recording, config: Any, seed: int) -> tuple[dict[str, np.ndarray], OccupancyGrid]:
+    """Run private maps and keep, for K scans, all N hypotheses; return that, and the last map of the heaviest.
+
+    ``hypotheses (K, N, 3)`` and ``log_weights (K, N)`` are those before resampling, ``parents (K, N)`` says from which
+    of them each of those after it comes, and ``told (K, 3)`` is the estimate.
+    """
+    scans = []
+    for belief, step in slam_steps(recording, config, np.random.default_rng(seed)):
+        before, after = step.particles.poses, belief.particles.poses
+        same = (after[:, None] == before).all(axis=2)
+        parents = same.argmax(axis=1) if step.resampled else np.arange(len(before))
+        scans.append((step.t, step.estimate, before, step.particles.log_weights, parents, step.resampled))
+    names = ("t", "told", "hypotheses", "log_weights", "parents", "resampled")
+    return dict(zip(names, map(np.array, zip(*scans, strict=True)), strict=True)), belief.map.grid
 
 
 def as_driven_and_as_told(recording: Recording, config: Any, seed: int) -> tuple[Trajectory, Trajectory]:
     """The path as it was told scan by scan, and the path of the particle that is heaviest at the end."""
-    told, clouds, parents = [], [], []
-    for belief, step in slam_steps(recording, config, np.random.default_rng(seed)):
-        before, after = step.particles.poses, belief.particles.poses
-        told.append((step.t, step.estimate))
-        clouds.append(before)
-        same = (after[:, None] == before).all(axis=2)
-        parents.append(same.argmax(axis=1) if step.resampled else np.arange(len(before)))
-        heaviest = int(np.argmax(step.particles.log_weights))
-    t, path = np.array([at for at, _ in told]), [clouds[-1][heaviest]]
-    for parent, cloud in zip(parents[-2::-1], clouds[-2::-1], strict=True):
+    run, _ = histories(recording, config, seed)
+    heaviest = int(np.argmax(run["log_weights"][-1]))
+    path = [run["hypotheses"][-1][heaviest]]
+    for parent, cloud in zip(run["parents"][-2::-1], run["hypotheses"][-2::-1], strict=True):
         heaviest = parent[heaviest]
         path.append(cloud[heaviest])
-    return Trajectory(t, np.array([pose for _, pose in told])), Trajectory(t, np.array(path[::-1]))
+    return Trajectory(run["t"], run["told"]), Trajectory(run["t"], np.array(path[::-1]))
+
+
+def compared(method: str, n: int, every: int) -> Any:
+    """Make the settings of a method with so many particles."""
+    presets = {"shared": SlamConfig.refined, "private": SlamConfig.per_particle}
+    preset = presets.get(method, SlamConfig.matching)
+    return replace(preset(), particles=n, every=every, draw_metres=0.2, draw_radians=0.1)
 
 
 def at_the_return(case: Case) -> dict[str, Any]:
@@ -105,10 +130,7 @@ def at_the_return(case: Case) -> dict[str, Any]:
     place, method, n = case.get("place"), case.get("method"), case.get("particles")
     recording = drive(place, case.get("percent"), case.get("building"))
     every = 80 if place == "ring" else 2 * SCANS_PER_SECOND
-    preset = {"shared": SlamConfig.refined, "private": SlamConfig.per_particle}.get(
-        method, SlamConfig.matching
-    )
-    config = replace(preset(), particles=n, every=every, draw_metres=0.2, draw_radians=0.1)
+    config = compared(method, n, every)
     if method == "private":
         told, known = as_driven_and_as_told(recording, config, 0)
     else:
@@ -168,3 +190,32 @@ STUDIES = [
         run=at_the_return,
     ),
 ]
+
+
+def parted(building: int = 2) -> dict[str, np.ndarray]:
+    """Both filters in one corridor at 6 %: every hypothesis, the shared map's path, the truth, and both maps.
+
+    Doors are given by their way from the start (m).
+    """
+    recording, every = drive("corridor", 6.0, building), 2 * SCANS_PER_SECOND
+    run, own = histories(recording, compared("private", 10, every), 0)
+    shared = run_slam(
+        recording, compared("shared", 30, every), rng=np.random.default_rng(0), keep_particles=False
+    )
+    paths = {"truth": recording.true_path().at(run["t"]), "shared": shared.trajectory.poses}
+    found = {
+        "doors": doors_at(building) - LAP[0][0],
+        "resampled": run["resampled"],
+        "t": run["t"] - run["t"][0],
+    }
+    found |= {"parents": run["parents"].astype(np.int8)}
+    paths |= {name: run[name] for name in ("hypotheses", "log_weights", "told")}
+    found |= {name: values.astype(np.float32) for name, values in paths.items()}
+    for name, grid in (("own", own), ("shared", shared.grid)):
+        found[f"{name}_map"] = np.sign(grid.log_odds).astype(np.int8)
+        found[f"{name}_corner"] = np.array([*grid.spec.origin, grid.spec.resolution])
+    return found
+
+
+if __name__ == "__main__":
+    np.savez_compressed(PARTED, **parted())

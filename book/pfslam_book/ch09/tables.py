@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from itertools import pairwise, product
 from math import comb
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.study import read_study
 from pfslam.study.run import OFF
 from pfslam_book.show.tables import ERROR, Shown, errors_by_label, labels_of, read_table, select, study_file
 
+PARTED = Path(__file__).with_name("parted.npz")
 LADDER, HARD_LADDER = "ch09_ladder", "ch09_hard_ladder"
 KNOWN_AS = {
     "+ gentle clearing": "inverse sensor model",
@@ -207,6 +211,20 @@ def private_table() -> Shown:
             )
     head = ("floors", "method", "drive [cm]", "better [of 6]", "return [cm]", "better [of 6]")
     return Shown(head, rows, left=(1,))
+
+
+def parted() -> SimpleNamespace:
+    """Return one stored drive along a corridor: every hypothesis of private maps, a shared map's path, and both maps.
+
+    The arrays are those of ``measure.ch09.parted``; ``own_map`` and ``shared_map`` hold only the signs of the cells.
+    """
+    with np.load(PARTED, allow_pickle=False) as file:
+        of = dict(file)
+    for name in ("own", "shared"):
+        signs, (x, y, resolution) = of[f"{name}_map"], of.pop(f"{name}_corner")
+        spec = GridSpec((float(x), float(y)), float(resolution), signs.shape)
+        of[f"{name}_map"] = OccupancyGrid(spec, signs.astype(float))
+    return SimpleNamespace(**of)
 
 
 def kinds(study: str, alignment: bool) -> dict[str, np.ndarray]:
