@@ -80,10 +80,11 @@ def match(
 ) -> Match:
     """Move each of ``poses (N, 3)`` by the lattice step that maximises J for the end points ``(M, 2)`` (body, m).
 
-    J = B S - (delta_x^2 + delta_y^2) / 2 sigma_xy^2 - delta_theta^2 / 2 sigma_theta^2, with the mean score S of ``field (H, W)``
-    at the lattice pose nearest to the particle, moved by delta: the logarithm of likelihood times prior, which is also
-    the particle's ``log_likelihood``. Of equals the nearest wins. ``sigmas`` are the standard deviations (m, rad) of
-    the motion that led here: they set the prior, and the window outside which no match is accepted.
+    J = B S - (delta_x^2 + delta_y^2) / 2 sigma_xy^2 - delta_theta^2 / 2 sigma_theta^2, with the mean score S of
+    ``field (H, W)`` at the lattice pose nearest to the particle, moved by delta: the logarithm of likelihood times
+    prior, which is also the particle's ``log_likelihood``. Of equals the nearest wins. ``sigmas`` are the standard
+    deviations (m, rad) of the motion that led here: they set the prior, and the window outside which no match is
+    accepted.
     """
     lattice = Lattice(spec.resolution, config.yaw_step)
     window = window_for(config, lattice, *sigmas)
