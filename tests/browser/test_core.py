@@ -242,8 +242,7 @@ def score_cases(rng):
     walls[0, 0] = walls[-1, -1] = True
     points, poses = rng.uniform(-3, 3, (60, 2)), poses_in(rng, 25)
     for occupied in (walls, np.zeros(SPEC.shape, dtype=bool)):
-        for kind in ("occupied", "distance"):
-            field = score_field(occupied, kind).values
+        for kind, field in (("occupied", occupied.astype(np.float32)), ("distance", score_field(occupied))):
             yield "scoreField", [occupied, SPEC, kind], field
             sums = []
             for points_w in transform_points(poses, points):

@@ -15,7 +15,7 @@
       label: "The robot from above with what its scans have met; the scan, with ahead at the top; the image; and the curves of wheels and gyro",
       controls: {time: {name: "Time", min: data.from, max: data.to, step: 0.5, value: data.value, unit: "s", digits: 1}},
       play: {key: "time", seconds: 30},
-      tall: [0.86, 1.95],
+      tall: [0.86, 1.74],
       places: {
         wide: [[0, 0, 0.5, 0.62], [0.5, 0, 0.5, 0.62], [0.06, 0.64, 0.4, 0.36], [0.5, 0.62, 0.5, 0.17], [0.5, 0.79, 0.5, 0.21]],
         narrow: [[0, 0, 1, 0.43], [0, 0.43, 0.55, 0.32], [0.57, 0.48, 0.42, 0.18], [0, 0.74, 1, 0.12], [0, 0.86, 1, 0.14]],
