@@ -168,5 +168,5 @@ def test_standing_long_neither_bursts_nor_collapses_the_cloud(waited):
     still = (t > 5.0) & (t < STOOD)
     assert 0.5 < np.median(spread[still & (t > 45.0)]) / np.median(spread[still & (t < 20.0)]) < 2.0
     assert 1e-4 < spread[still].min() < spread[still].max() < 0.1
-    sizes = [info.effective_sample_size for info in waited.infos]
-    assert np.median(np.array(sizes)[still]) > 2.0
+    infos = [info for info, it in zip(waited.infos, still, strict=True) if it]
+    assert all(info.resampled or info.effective_sample_size > 2.0 for info in infos)

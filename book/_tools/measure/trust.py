@@ -27,6 +27,7 @@ from scipy.stats import chi2
 
 import pfslam
 from measure import cases
+from measure.elimination import GIVEN
 from pfslam.cli.parser import SPOILED
 from pfslam.evaluation.trajectory import aligned_at_first, trajectory_error
 from pfslam.io.datasets import data_folder
@@ -40,7 +41,7 @@ from pfslam.refined.step import RefinedConfig
 from pfslam.run import run_slam
 from pfslam.sensors import LidarModel
 from pfslam.settings import changed
-from pfslam.simulator import PRESETS, Hazards, simulate
+from pfslam.simulator import Hazards, simulate
 from pfslam.slam import SlamConfig
 from pfslam.study import Case, Study
 from pfslam.study.run import OFF
@@ -53,13 +54,13 @@ ENLARGED = 100
 """So many times larger than in the building are the ellipses of the picture drawn."""
 DRIVES = {
     "hall p.": ("hall", "six people"),
-    "corr.": (20, "corridor20"),
-    "peop.": (20, "hard/people20"),
-    "slop.": (20, "hard/slopes20"),
-    "glass": (20, "hard/glass20"),
-    "cheap": (20, "hard/cheap20"),
-    "every.": (20, "hard/everything20"),
-    "ring": (95, "hard/ring95"),
+    "corr.": GIVEN["corridor"],
+    "peop.": GIVEN["people"],
+    "slop.": GIVEN["slopes"],
+    "glass": GIVEN["glass"],
+    "cheap": GIVEN["cheap"],
+    "every.": GIVEN["everything"],
+    "ring": GIVEN["ring"],
 }
 """The drives of the table of ingredients, with headings short enough for a phone."""
 
@@ -102,7 +103,7 @@ def recording_of(drive: str) -> Recording:
     """The recording of a drive; each process keeps the last one."""
     dataset, folder = DRIVES[drive]
     if dataset == "hall":
-        return replace(simulate(replace(PRESETS["hall"], hazards=Hazards(people=6))).recording, camera=None)
+        return replace(simulate("hall", hazards=Hazards(people=6)).recording, camera=None)
     return pfslam.load(dataset, data_folder() / folder)
 
 
