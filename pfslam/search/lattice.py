@@ -72,15 +72,3 @@ def distinct_nodes(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     x, y, k = (nodes - low).T
     keys, which = np.unique((x * ny + y) * nk + k, return_inverse=True)  # one number sorts faster than three
     return np.column_stack([keys // (ny * nk), keys // nk % ny, keys % nk]) + low, which
-
-
-def parabola_peak(before, here, after) -> np.ndarray:
-    """Locate the peak of a parabola through three values, in steps from the middle one; 0 where it has none.
-
-    >>> float(parabola_peak(1.0, 4.0, 3.0))
-    0.25
-    """
-    with np.errstate(invalid="ignore"):  # values may be infinite
-        curvature, slope = before - 2.0 * here + after, 0.5 * (before - after)
-    peaked = np.isfinite(curvature) & (curvature < 0)
-    return np.where(peaked, slope, 0.0) / np.where(peaked, curvature, 1.0)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pfslam_book.show.faults import with_fault
+from pfslam_book.show.texture_error import parabola_peak
 
 import pfslam
 from measure.logs import LOGS, off
@@ -32,7 +33,6 @@ from pfslam.refined.matching import Match, match
 from pfslam.refined.run import RefinedResult
 from pfslam.refined.step import RefinedConfig
 from pfslam.run import run_slam
-from pfslam.search.lattice import parabola_peak
 from pfslam.settings import changed
 from pfslam.simulator import PRESETS, Hazards, SimulatorConfig, simulate
 from pfslam.simulator.cache import _key, cache_folder

@@ -10,7 +10,6 @@ from pfslam.errors import DataError
 from pfslam.evaluation.trajectory import share_of
 from pfslam.grid import GridSpec
 from pfslam.poses import apply_transform, invert_transform, pose_to_transform
-from pfslam.search.lattice import parabola_peak
 from pfslam.sensors import RgbdModel
 from pfslam.texture import FloorTexture, associate_rgb, disparity_from_depth
 
@@ -108,6 +107,18 @@ def _patches(picture: np.ndarray, patch: int, border: int) -> np.ndarray:
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(picture, around), (size, size), axis=(0, 1))
     chosen = windows[: rows * patch : patch, : columns * patch : patch]
     return chosen if picture.ndim == 2 else np.moveaxis(chosen, 2, -1)
+
+
+def parabola_peak(before, here, after) -> np.ndarray:
+    """Locate the peak of a parabola through three values, in steps from the middle one; 0 where it has none.
+
+    >>> float(parabola_peak(1.0, 4.0, 3.0))
+    0.25
+    """
+    with np.errstate(invalid="ignore"):  # values may be infinite
+        curvature, slope = before - 2.0 * here + after, 0.5 * (before - after)
+    peaked = np.isfinite(curvature) & (curvature < 0)
+    return np.where(peaked, slope, 0.0) / np.where(peaked, curvature, 1.0)
 
 
 def _best_shift(cost: np.ndarray) -> tuple[float, float]:
