@@ -21,7 +21,7 @@ from pfslam.recording import LidarScans, Recording, RgbdStream
 from pfslam.settings import changed
 from pfslam.simulator.camera import CameraRenderer
 from pfslam.simulator.clocks import LIDAR_CLOCK, START_OF_TIME, camera_stamps, ticks_and_stamps, unix
-from pfslam.simulator.config import HALL, PRESETS, RAMP, Hazards, SimulatorConfig
+from pfslam.simulator.config import HALL, PRESETS, RAMP, RING, Hazards, SimulatorConfig
 from pfslam.simulator.drive import Drive, drive_path
 from pfslam.simulator.hazards import add_hazards
 from pfslam.simulator.lidar import measured, seen_through, true_ranges
@@ -30,7 +30,7 @@ from pfslam.simulator.world import World, make_world
 
 DEFAULT_SEED = 2021  # the building of the built-in sets
 
-__all__ = ["HALL", "PRESETS", "RAMP", "Hazards", "Simulation", "SimulatorConfig", "simulate"]
+__all__ = ["HALL", "PRESETS", "RAMP", "RING", "Hazards", "Simulation", "SimulatorConfig", "simulate"]
 
 
 @dataclass(frozen=True, eq=False)
