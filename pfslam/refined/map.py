@@ -244,6 +244,14 @@ class RefinedMap(Map):
             self.undo = former
             raise
 
+    def shrink_to(self, spec: GridSpec) -> None:
+        """Go back to a former grid, which holds all that is drawn."""
+        if self.is_empty:
+            self.lay_out(spec)
+        else:
+            for canvas in self.canvases():
+                canvas.cover(spec)
+
     def _taking_back(
         self, points_w: np.ndarray, hits: np.ndarray, shrink: Callable[[], None]
     ) -> Callable[[], None]:
