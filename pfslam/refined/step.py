@@ -202,13 +202,7 @@ class RefinedConfig(SlamConfig):
         if isinstance(config, RefinedConfig):
             return config
         return RefinedConfig(
-            particles=config.particles,
-            every=config.every,
-            noise=config.noise,
-            search=config.search,
-            map=config.map,
-            resample_below=config.resample_below,
-            resampler=config.resampler,
+            **vars(config),
             lines=None,
             tilt=False,
             estimate="best",
