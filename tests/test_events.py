@@ -10,9 +10,8 @@ from pfslam.errors import DataError
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, between, compose, rotation_matrix, transform_points
 from pfslam.recording import LidarScans
-from pfslam.refined.events import LevelledScans, level_scan
+from pfslam.refined.events import LevelledScans, deskewed, level_scan
 from pfslam.refined.odometer import Odometer
-from pfslam.refined.sweep import deskewed
 from pfslam.sensors import RobotModel
 from pfslam.slam import SlamConfig
 
