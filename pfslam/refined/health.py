@@ -84,11 +84,8 @@ class Steps(Sequence[RefinedStep]):
     def __init__(self, infos: Iterable[RefinedStep] = ()):
         infos = list(infos)
         self._rows = {name: _column(name, [getattr(info, name) for info in infos]) for name in COLUMNS}
-        self._count, nothing = (
-            len(infos),
-            {"deviation": np.zeros((0, 2)), "sigma": np.zeros(0), "moved": np.zeros(0)},
-        )
-        self._judged = nothing, [_Past(), _Past()]
+        nothing = {"deviation": np.zeros((0, 2)), "sigma": np.zeros(0), "moved": np.zeros(0)}
+        self._count, self._judged = len(infos), (nothing, [_Past(), _Past()])
         self.judged()
 
     @classmethod
