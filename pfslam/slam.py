@@ -7,10 +7,9 @@ own, of the same verbs in the same order: ``pfslam.refined.step``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from pfslam.particles import (
     reweight,
 )
 from pfslam.recording import Recording
-from pfslam.run import SlamResult, one_run
+from pfslam.run import Once, SlamResult
 from pfslam.settings import Range, Settings, plain
 
 MAX_EVERY = 10**6
@@ -145,6 +144,7 @@ class SlamConfig(Settings):
     (20, 4)
     """
 
+    result: ClassVar[type[SlamResult]] = SlamResult
     particles: Annotated[int, Range(1, MAX_PARTICLES)] = 200
     every: Every = None
     """Every how-many-th scan is used; None takes the recording's own default."""
@@ -196,13 +196,6 @@ class SlamConfig(Settings):
         """Process one scan: ``slam_step``."""
         return slam_step(belief, event, self, rng)
 
-    def run(
-        self,
-        recording: Recording,
-        rng: np.random.Generator,
-        progress: Callable | None = None,
-        keep_particles: bool = True,
-        second_look: bool = True,
-    ) -> SlamResult:
-        """Run over a whole recording, as ``run_slam`` says; the report's filter never does it again."""
-        return one_run(recording, self, rng, progress, keep_particles)
+    def look(self, recording: Recording, once: Once, rng: np.random.Generator) -> Any:
+        """Run ``once`` over a whole recording: the report's filter never does it again."""
+        return once(self, rng)
