@@ -69,11 +69,6 @@ class Belief:
     estimate: np.ndarray
     map: Map
 
-    @classmethod
-    def start(cls, config: SlamConfig) -> Belief:
-        """Make the belief before the first scan: all particles at the origin, and an empty map."""
-        return cls(Particles.at(np.zeros(3), config.particles), np.zeros(3), Map(config.map))
-
     @property
     def grid(self) -> OccupancyGrid:
         """The map's occupancy grid."""
@@ -189,8 +184,8 @@ class SlamConfig(Settings):
         return UsedScans.of(recording, self.every)
 
     def start(self) -> Belief:
-        """Make the belief before the first scan."""
-        return Belief.start(self)
+        """Make the belief before the first scan: all particles at the origin, and an empty map."""
+        return Belief(Particles.at(np.zeros(3), self.particles), np.zeros(3), Map(self.map))
 
     def step(self, belief: Belief, event: ScanEvent, rng: np.random.Generator) -> tuple[Belief, Step]:
         """Process one scan: ``slam_step``."""

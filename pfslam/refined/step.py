@@ -88,7 +88,7 @@ class RefinedBelief(Belief):
     corrected: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     @classmethod
-    def start(cls, config: RefinedConfig) -> Self:  # type: ignore[override]
+    def start(cls, config: RefinedConfig) -> Self:
         """Make the belief before the first scan: all particles at the origin, and an empty map."""
         empty = RefinedMap(config.map, None, config.lines, config.outliers)
         covariance = None if config.lines is None else np.zeros((3, 3))
