@@ -15,9 +15,8 @@ from pfslam.errors import DataError
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.particles import Particles
 from pfslam.poses import wrap_angle
-from pfslam.search.boxes import MAX_SCORES
 from pfslam.search.lattice import Lattice, Window
-from pfslam.search.volume import BoxScores, OccupiedCells, search
+from pfslam.search.volume import MAX_SCORES, NodeScores, OccupiedCells, search
 from pfslam.settings import Range, Settings
 
 
@@ -102,24 +101,23 @@ def best_perturbations(
     window = Window(config.cells, config.yaws)
     # One random number for each particle, drawn here: how the search groups particles must not change their numbers.
     tie_breaks = rng.random(len(particles))
-    for box in search(OccupiedCells(grid), grid.spec, points_b, particles.poses, lattice, window):
-        for part in box.in_parts():
-            some = part.members
-            step, counts[some] = best_step(part, window, tie_breaks[some])
-            poses[some] += lattice.pose(step)
+    for found in search(OccupiedCells(grid), grid.spec, points_b, particles.poses, lattice, window):
+        some = found.members
+        step, counts[some] = best_step(found, window, tie_breaks[some])
+        poses[some] += lattice.pose(step)
     poses[:, 2] = wrap_angle(poses[:, 2])
     return Match(Particles(poses, particles.log_weights), counts, len(points_b))
 
 
-def best_step(box: BoxScores, window: Window, tie_breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the lattice step ``(n, 3)`` of greatest score for each particle of a box, and that score ``(n,)``.
+def best_step(found: NodeScores, window: Window, tie_breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the lattice step ``(n, 3)`` of greatest score for each particle of some nodes, and that score ``(n,)``.
 
     ``tie_breaks (n,)`` from 0 to 1 choose among equals. Where nothing scores, nothing is known: the step is zero.
     """
-    best = box.scores.max(axis=1)
-    row, tied = np.nonzero(box.scores == best[:, None])
+    best = found.scores.max(axis=1)
+    row, tied = np.nonzero(found.scores == best[:, None])
     count = np.bincount(row, minlength=len(best))
     first = np.cumsum(count) - count
-    choice = tied[first[box.node_of] + np.floor(tie_breaks * count[box.node_of]).astype(np.int64)]
-    choice[best[box.node_of] == 0] = window.centre
-    return window.steps()[choice], best[box.node_of]
+    choice = tied[first[found.node_of] + np.floor(tie_breaks * count[found.node_of]).astype(np.int64)]
+    choice[best[found.node_of] == 0] = window.centre
+    return window.steps()[choice], best[found.node_of]

@@ -146,15 +146,6 @@ class OccupancyGrid:
         """Return a grid of its own, which later scans do not change."""
         return OccupancyGrid(self.spec, self.log_odds.copy())
 
-    def covering(self, points_w: np.ndarray, margin: float = 5.0) -> OccupancyGrid:
-        """Return this grid if it covers the points ``(M, 2)``, else a larger copy with the rest unknown."""
-        spec = self.spec.covering(points_w, margin)
-        if spec == self.spec:
-            return self
-        larger = Canvas(self.spec, np.float32, self.log_odds)
-        larger.cover(spec)
-        return OccupancyGrid(spec, larger.values)
-
 
 class Canvas:
     """Values of a grid that grows: a window into a larger block of zeros, so that growing rarely copies.

@@ -51,16 +51,10 @@ class Map:
 
         Raises ``DataError``, and draws nothing, where the map would grow too large.
         """
-        if len(event.points_b) == 0:
-            return
-        before = self.spec
-        try:
+        if len(event.points_b) > 0:
             points_w, sensor_w = self.make_room(event, pose)
             integrate_scan(self.grid, points_w, event.beams, sensor_w, self.config)
             self.is_empty = False
-        except BaseException:  # out of memory, or Ctrl-C
-            self.shrink_to(before)
-            raise
 
     def make_room(self, event: ScanEvent, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Grow to hold a scan; return its end points ``(M, 2)`` and the LiDAR's place ``(2,)`` in the world (m)."""
@@ -73,11 +67,3 @@ class Map:
             for canvas in self.canvases():  # one after the other: only one has its old block beside it
                 canvas.cover(spec)
         return seen[:-1], seen[-1]
-
-    def shrink_to(self, spec: GridSpec) -> None:
-        """Go back to a former grid, which holds all that is drawn."""
-        if self.is_empty:
-            self.lay_out(spec)
-        else:
-            for canvas in self.canvases():
-                canvas.cover(spec)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self, TypeVar
+from functools import partial
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
@@ -15,11 +16,17 @@ from pfslam.methods import preset
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 
-R = TypeVar("R", bound="SlamResult")
+Once = Callable[[Any, np.random.Generator], Any]
+"""Makes one run over a recording, with these settings and these random numbers."""
 
 
 class Method(Protocol):
-    """What a run needs of a method's settings: ``SlamConfig`` has it, and so have the classes that extend that."""
+    """What a run needs of a method's settings: ``SlamConfig`` has it, and so have the classes that extend that.
+
+    ``result`` is the class of what a run gives back.
+    """
+
+    result: ClassVar[type[SlamResult]]
 
     def used_scans(self, recording: Recording) -> UsedScans:
         """Choose the scans of a recording."""
@@ -30,15 +37,8 @@ class Method(Protocol):
     def step(self, belief: Any, event: Any, rng: np.random.Generator) -> tuple[Any, Any]:
         """Process one scan: return the next belief, and what happened."""
 
-    def run(
-        self,
-        recording: Recording,
-        rng: np.random.Generator,
-        progress,
-        keep_particles: bool,
-        second_look: bool,
-    ) -> SlamResult:
-        """Run over a whole recording."""
+    def look(self, recording: Recording, once: Once, rng: np.random.Generator) -> Any:
+        """Run ``once`` over a whole recording, or a second time where the first shows that it takes more care."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,8 @@ def run_slam(
     """
     config = preset("refined") if config is None else config
     rng = np.random.default_rng(0) if rng is None else rng
-    return config.run(recording, rng, progress, keep_particles, second_look)
+    once = partial(one_run, recording, progress=progress, keep_particles=keep_particles)
+    return config.look(recording, once, rng) if second_look else once(config, rng)
 
 
 def slam_steps(recording: Recording, config: Method, rng: np.random.Generator) -> Iterator[tuple[Any, Any]]:
@@ -127,9 +128,8 @@ def one_run(
     rng: np.random.Generator,
     progress: Callable | None = None,
     keep_particles: bool = True,
-    kind: type[R] = SlamResult,  # type: ignore[assignment]
-) -> R:
-    """Run a method once over a recording, and return a result of this ``kind``."""
+) -> SlamResult:
+    """Run a method once over a recording."""
     scans = config.used_scans(recording)
     steps = steps_over(scans, config, rng)
     infos: list[Any] = []
@@ -137,4 +137,4 @@ def one_run(
     for belief, info in progress(steps, total=len(scans)) if progress else steps:
         infos.append(info if keep_particles else replace(info, particles=None))
         grid = belief.map.grid
-    return kind.of(infos, grid, scans.dropped, config)
+    return config.result.of(infos, grid, scans.dropped, config)

@@ -7,10 +7,9 @@ own, of the same verbs in the same order: ``pfslam.refined.step``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from pfslam.particles import (
     reweight,
 )
 from pfslam.recording import Recording
-from pfslam.run import SlamResult, one_run
+from pfslam.run import Once, SlamResult
 from pfslam.settings import Range, Settings, plain
 
 MAX_EVERY = 10**6
@@ -69,11 +68,6 @@ class Belief:
     particles: Particles
     estimate: np.ndarray
     map: Map
-
-    @classmethod
-    def start(cls, config: SlamConfig) -> Belief:
-        """Make the belief before the first scan: all particles at the origin, and an empty map."""
-        return cls(Particles.at(np.zeros(3), config.particles), np.zeros(3), Map(config.map))
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -145,6 +139,7 @@ class SlamConfig(Settings):
     (20, 4)
     """
 
+    result: ClassVar[type[SlamResult]] = SlamResult
     particles: Annotated[int, Range(1, MAX_PARTICLES)] = 200
     every: Every = None
     """Every how-many-th scan is used; None takes the recording's own default."""
@@ -189,20 +184,13 @@ class SlamConfig(Settings):
         return UsedScans.of(recording, self.every)
 
     def start(self) -> Belief:
-        """Make the belief before the first scan."""
-        return Belief.start(self)
+        """Make the belief before the first scan: all particles at the origin, and an empty map."""
+        return Belief(Particles.at(np.zeros(3), self.particles), np.zeros(3), Map(self.map))
 
     def step(self, belief: Belief, event: ScanEvent, rng: np.random.Generator) -> tuple[Belief, Step]:
         """Process one scan: ``slam_step``."""
         return slam_step(belief, event, self, rng)
 
-    def run(
-        self,
-        recording: Recording,
-        rng: np.random.Generator,
-        progress: Callable | None = None,
-        keep_particles: bool = True,
-        second_look: bool = True,
-    ) -> SlamResult:
-        """Run over a whole recording, as ``run_slam`` says; the report's filter never does it again."""
-        return one_run(recording, self, rng, progress, keep_particles)
+    def look(self, recording: Recording, once: Once, rng: np.random.Generator) -> Any:
+        """Run ``once`` over a whole recording: the report's filter never does it again."""
+        return once(self, rng)

@@ -9,8 +9,7 @@ from pfslam.correlation import OccupiedCells, map_correlation
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.poses import transform_points
 from pfslam.refined.field import TOP, renew_field, score_field
-from pfslam.search import boxes, volume
-from pfslam.search.boxes import cheapest_boxes
+from pfslam.search import volume
 from pfslam.search.lattice import Lattice, Window
 from pfslam.search.volume import search
 
@@ -73,15 +72,13 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("way", ["chosen by cost", "volumes", "windows", "little memory"])
+@pytest.mark.parametrize("way", ["tiles", "small tiles", "little memory"])
 @pytest.mark.parametrize("case", CASES)
 def test_search_gives_the_integers_of_the_definition(monkeypatch, case, way):
-    if way in ("volumes", "windows"):
-        monkeypatch.setattr(volume, "lie_together", lambda *_: False)
-        monkeypatch.setattr(volume, "volume_is_cheaper", lambda *_: way == "volumes")
-        monkeypatch.setattr(volume, "CACHE", 40)
-    elif way == "little memory":
-        monkeypatch.setattr(boxes, "MAX_SCORES", 2 * 5**3)
+    monkeypatch.setattr(volume, "TILE", 1 if way == "small tiles" else volume.TILE)
+    if way == "little memory":
+        for name, value in (("MAX_SCORES", 2 * 5**3), ("CHUNK", 2 * 5**3), ("CACHE", 40)):
+            monkeypatch.setattr(volume, name, value)
     what = {"spread": (0.1, 0.1, 0.03), "centres": [(0, 0, 0)], "lattice": LATTICE, "window": WINDOW}
     what |= {"beams": 25, "cells": (30, 40), "particles": 4} | CASES[case]
     rng, occupied, spec, points = random_case(list(CASES).index(case), what["beams"], what["cells"])
@@ -90,21 +87,6 @@ def test_search_gives_the_integers_of_the_definition(monkeypatch, case, way):
     poses += rng.normal(0.0, what["spread"], poses.shape)
     poses[-1] = poses[0]  # two particles at one place
     assert_search_is_the_definition(occupied, spec, points, poses, what["lattice"], what["window"])
-
-
-REACH = np.array([2, 2, 2])
-
-
-def test_headings_on_both_sides_of_pi_are_two_boxes_even_if_one_side_holds_a_single_node():
-    nodes = np.array([[0, 0, -628], [0, 0, 620], [1, 0, 621], [0, 1, 625], [0, 0, 626], [1, 1, 627]])
-    assert [list(part) for part in cheapest_boxes(nodes, REACH)] == [[0], [1, 2, 3, 4, 5]]
-
-
-@given(st.lists(st.tuples(*[st.integers(-300, 300)] * 3), min_size=1, max_size=40, unique=True))
-@settings(max_examples=50)
-def test_boxes_part_the_nodes(nodes):
-    parts = cheapest_boxes(np.array(nodes), np.array([4, 4, 4]))
-    assert sorted(np.concatenate(parts)) == list(range(len(nodes)))
 
 
 def field_by_brute_force(occupied):

@@ -10,9 +10,8 @@ from pfslam.errors import DataError
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory, between, compose, rotation_matrix, transform_points
 from pfslam.recording import LidarScans
-from pfslam.refined.events import LevelledScans, level_scan
+from pfslam.refined.events import LevelledScans, deskewed, level_scan
 from pfslam.refined.odometer import Odometer
-from pfslam.refined.sweep import deskewed
 from pfslam.sensors import RobotModel
 from pfslam.slam import SlamConfig
 
@@ -179,13 +178,3 @@ def test_an_odometer_refuses_what_it_cannot_use():
     for t in (1.5, 1.2):
         with pytest.raises(DataError, match=rf"stamp: found {t} after 1.5, expected increasing times"):
             odometer.event(t, np.full(1081, 2.0))
-
-
-def test_a_copy_of_an_odometer_goes_on_by_itself():
-    one = Odometer(RobotModel())
-    one.add_pose(1.0, [0.0, 0.0, 0.0])
-    other = one.copy()
-    for odometer, x in ((one, 0.1), (other, 0.2)):
-        odometer.add_pose(2.0, [x, 0.0, 0.0])
-        odometer.event(1.0, np.full(1081, 2.0))
-        assert odometer.event(2.0, np.full(1081, 2.0)).motion[0] == pytest.approx(x)

@@ -230,7 +230,7 @@ def test_a_canvas_grows_like_copies_do_and_copies_little(far, seed):
 )
 def test_a_grid_grows_by_at_least_the_margin_beyond_the_point_and_not_elsewhere(point, side):
     """A margin of 0.7 m is 1.4 cells of half a metre: two more than the cell that the point falls into."""
-    grown = OccupancyGrid.empty(SPEC).covering(np.array([point]), margin=0.7).spec.extent
+    grown = SPEC.covering(np.array([point]), margin=0.7).extent
     growth = np.abs(np.array(grown) - SPEC.extent)
     np.testing.assert_allclose(growth, np.where(np.arange(4) == side, 1.5, 0.0), atol=1e-12)
 

@@ -21,7 +21,6 @@ from pfslam.refined.health import (
     distrust,
     in_doubt,
     lost,
-    score_deviation,
     was_dragged,
 )
 from pfslam.refined.record import RefinedStep
@@ -50,6 +49,11 @@ def infos(scores, **what):
 def ordinary(count, seed=0):
     """Scores about 0.95 with a normal lower side: 0.02 is one spread."""
     return 0.95 - 0.02 * np.abs(np.random.default_rng(seed).standard_normal(count))
+
+
+def score_deviation(run):
+    """How far each score lies from those before it, in their spreads."""
+    return Steps(run).judged()["deviation"][:, 0]
 
 
 def test_score_deviation_is_a_count_of_standard_deviations_of_a_normal_past():

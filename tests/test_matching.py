@@ -128,7 +128,7 @@ def test_how_the_particles_are_parted_does_not_change_where_any_of_them_goes(mon
     drawn = case(10, particles=60)
     together = moved(*drawn)
     monkeypatch.setattr("pfslam.search.volume.CHUNK", 5 * 729)
-    monkeypatch.setattr("pfslam.search.boxes.MAX_SCORES", 8 * 729)
+    monkeypatch.setattr("pfslam.search.volume.MAX_SCORES", 8 * 729)
     np.testing.assert_array_equal(moved(*drawn), together)
 
 

@@ -13,6 +13,7 @@ from rosbags import rosbag2
 
 import pfslam
 from pfslam.io.datasets import load
+from pfslam.refined.health import Steps
 from pfslam.study.disturbances import first_seconds
 
 PAGE = Path(own_node.__file__).with_suffix(".md").read_text(encoding="utf-8")
@@ -80,7 +81,7 @@ def test_what_is_published_says_where_and_how_sure():
     mapper = pfslam.Mapper(RECORDING.robot.lidar)
     mapper.add(7.25, np.full(361, 2.0), (0.0, 0.0, 0.0))
     mapper.belief = replace(mapper.belief, estimate=np.array([1.0, 2.0, np.pi / 2]))
-    mapper.steps = [replace(mapper.steps[-1], covariance=np.arange(9.0).reshape(3, 3))]
+    mapper._steps = Steps([replace(mapper.steps[-1], covariance=np.arange(9.0).reshape(3, 3))])
     pose = NEW.make("geometry_msgs/msg/PoseWithCovarianceStamped")
     own_node.fill_pose(pose, mapper)
     assert (pose.header.frame_id, pose.pose.pose.position.x, pose.pose.pose.position.y) == ("map", 1.0, 2.0)

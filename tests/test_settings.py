@@ -18,7 +18,7 @@ from pfslam.refined.floor import map_texture
 from pfslam.refined.matching import SearchConfig
 from pfslam.refined.step import RefinedConfig
 from pfslam.run import run_slam
-from pfslam.search.boxes import MAX_SCORES
+from pfslam.search.volume import MAX_SCORES
 from pfslam.sensors import LidarModel, RobotModel
 from pfslam.settings import Range, Settings, changed, plain
 from pfslam.simulator import HALL, simulate

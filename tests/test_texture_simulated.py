@@ -26,7 +26,9 @@ def drive(name):
     recording = replace(simulation.recording, camera=replace(camera, **read_once))
     spec = GridSpec.around(recording.truth.poses[:, :2], 0.05, margin=6.0)
     floor, walls = simulation.world.free_area(spec), simulation.world.true_grid(spec)
-    t = recording.camera.disparity_t[image_pairs(recording.camera, every=EVERY).disparity]
+    pairs = image_pairs(recording.camera, every=EVERY)
+    some = replace(recording.camera, disparity_index=pairs.disparity, rgb_index=pairs.rgb)
+    recording, t = replace(recording, camera=some), some.disparity_t[pairs.disparity]
     poses = recording.truth.at(t[recording.truth.covers(t)])
     visible = visible_floor(spec, poses, recording.robot.camera, ~floor, max_depth=4.0)
     grid = OccupancyGrid(spec, np.where(walls, 1, np.where(floor, -1, 0)).astype(np.float32))
@@ -35,7 +37,7 @@ def drive(name):
 
 def error(name, preset) -> TextureError:
     recording, grid, colours, floor, visible = drive(name)
-    texture = map_texture(recording, recording.truth, grid, PRESETS[preset], every=EVERY)
+    texture = map_texture(recording, recording.truth, grid, PRESETS[preset])
     return texture_error(texture, colours, floor, visible)
 
 

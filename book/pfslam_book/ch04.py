@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from pfslam.cli.figures import map_along
-from pfslam.grid import GridSpec, MapConfig, OccupancyGrid, integrate_scan
+from pfslam.events import scan_event
+from pfslam.grid import MapConfig, OccupancyGrid
+from pfslam.map import Map
 from pfslam.particles import effective_sample_size
-from pfslam.poses import transform_points
 from pfslam.recording import Recording
-from pfslam.sensors import scan_points
 from pfslam.simulator import DEFAULT_SEED, HALL
 from pfslam.simulator.world import make_world
 from pfslam_book.exercises.ch04 import check_choose, check_count_on_walls, check_transform_test
@@ -97,17 +97,12 @@ def places(recording: Recording, every: int = 20, after: float = 10.0) -> Iterat
 
     The maps are drawn from true poses, so what goes wrong is the fault of the score.
     """
-    scans, lidar, truth = recording.scans(), recording.robot.lidar, recording.true_path()
-    grid = OccupancyGrid.empty(GridSpec.around(truth.poses[:1, :2], MapConfig().resolution))
-    for i in range(0, len(scans.t), every):
-        points, pose = scan_points(scans.ranges[i], lidar), truth.at(scans.t[i])
-        if scans.t[i] - scans.t[0] > after:
-            yield Place(OccupancyGrid(grid.spec, grid.log_odds.copy()), points, pose)
-        points_w = transform_points(pose, points)
-        sensor = transform_points(pose, np.array([lidar.position_b[:2]]))
-        grid = grid.covering(np.concatenate([points_w, sensor]))
-        beams = np.flatnonzero(lidar.valid(scans.ranges[i]))
-        integrate_scan(grid, points_w, beams, sensor[0], MapConfig())
+    scans, truth, map = recording.scans(), recording.true_path(), Map(MapConfig())
+    for t, ranges in zip(scans.t[::every], scans.ranges[::every], strict=True):
+        event, pose = scan_event(t, ranges, recording.robot.lidar, np.zeros(3), ()), truth.at(t)
+        if t - scans.t[0] > after:
+            yield Place(map.copy().grid, event.points_b, pose)
+        map.draw(event, pose)
 
 
 # ---- how sharp a likelihood is

@@ -228,11 +228,9 @@ class PosedPairs(NamedTuple):
     dropped: Counter[str]
 
 
-def posed_pairs(
-    camera: RgbdStream, trajectory: Trajectory, config: TextureConfig, every: int = 1
-) -> PosedPairs:
-    """The image pairs to paint, each ``every``-th, with the body's pose when the images were taken."""
-    pairs = image_pairs(camera, IMAGE_GAP, every)
+def posed_pairs(camera: RgbdStream, trajectory: Trajectory, config: TextureConfig) -> PosedPairs:
+    """The image pairs to paint, with the body's pose when the images were taken."""
+    pairs = image_pairs(camera, IMAGE_GAP)
     t_disparity, t_rgb = camera.disparity_t[pairs.disparity], camera.rgb_t[pairs.rgb]
     inside, own = trajectory.covers(t_disparity), np.ones(len(t_disparity), dtype=bool)
     if config.states == "nearest":
@@ -285,10 +283,9 @@ def map_texture(
     trajectory: Trajectory,
     grid: OccupancyGrid | None = None,
     config: TextureConfig | None = None,
-    every: int = 1,
     progress: Callable | None = None,
 ) -> FloorTexture:
-    """The floor's colours along a drive, from every ``every``-th image pair (``config`` None: ``refined``).
+    """The floor's colours along a drive, from all its image pairs (``config`` None: ``refined``).
 
     The texture lies on the cells of ``grid``; without one it covers all that the camera can reach from the
     trajectory. What is left out is counted in ``dropped``, a damaged image with its pair. Images are read one pair at
@@ -297,10 +294,8 @@ def map_texture(
     config = TextureConfig.refined() if config is None else config
     if recording.camera is None:
         raise DataError(recording.name, "camera", "no images", "a recording with disparity and RGB images")
-    if int(every) != every or every < 1:
-        raise DataError("map_texture", "every", every, "a whole number of at least 1")
     stream, model = recording.camera, recording.robot.camera
-    pairs = posed_pairs(stream, trajectory, config, every)
+    pairs = posed_pairs(stream, trajectory, config)
     if config.pitch == "floor plane":
         model = camera_from_floor(stream, pairs.disparity, model, config)
     rays = PixelRays.of(model, config, CELL if grid is None else grid.spec.resolution)

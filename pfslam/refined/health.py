@@ -84,11 +84,8 @@ class Steps(Sequence[RefinedStep]):
     def __init__(self, infos: Iterable[RefinedStep] = ()):
         infos = list(infos)
         self._rows = {name: _column(name, [getattr(info, name) for info in infos]) for name in COLUMNS}
-        self._count, nothing = (
-            len(infos),
-            {"deviation": np.zeros((0, 2)), "sigma": np.zeros(0), "moved": np.zeros(0)},
-        )
-        self._judged = nothing, [_Past(), _Past()]
+        nothing = {"deviation": np.zeros((0, 2)), "sigma": np.zeros(0), "moved": np.zeros(0)}
+        self._count, self._judged = len(infos), (nothing, [_Past(), _Past()])
         self.judged()
 
     @classmethod
@@ -135,7 +132,7 @@ class Steps(Sequence[RefinedStep]):
     def judged(self) -> dict[str, np.ndarray]:
         """Return the columns, and what follows from each scan and those before it; only new scans are computed.
 
-        ``deviation (K, 2)`` is that of both scores (see ``score_deviation``), ``sigma (K,)`` the standard deviation (m)
+        ``deviation (K, 2)`` is that of both scores (see ``_Past.judge``), ``sigma (K,)`` the standard deviation (m)
         of the position along its worst direction, and ``moved (K,)`` the length of the step (m, a radian as a metre).
         """
         columns, (judged, pasts) = self.columns, self._judged
@@ -171,7 +168,16 @@ class _Past:
         self.middle, self.spread = 0.0, 1.0
 
     def judge(self, columns: Columns, name: str) -> np.ndarray:
-        """Return the deviations ``(K,)`` of the next scans' scores, and take in those that are ordinary."""
+        """Return the deviations ``(K,)`` of the next scans' scores, and take in those that are ordinary.
+
+        A deviation is how far a score lies from the median of those before it, in spreads; below 0 is worse. One spread
+        is the distance from the median down to the 5th percentile, divided by 1.645. For normal scores that is one
+        standard deviation. It is taken from the lower side, because scores end at 1 and have a long tail below.
+
+        Only scans drawn into the map count as the past: a robot that stands and sees the same thing a thousand times
+        must not make the spread small. Scans at which the robot was lost do not count. NaN where a scan was not
+        matched, because a blind robot is not a lost one, and while there is too little past.
+        """
         found = np.full(len(columns["t"]), np.nan)
         for k in np.flatnonzero(columns["matched"]):
             score = float(columns[name][k])
@@ -193,34 +199,20 @@ def _sigma(covariances: np.ndarray) -> np.ndarray:
     return np.sqrt(np.linalg.eigvalsh(positions)[:, 1])
 
 
-def _judged(infos: Sequence[RefinedStep]) -> dict[str, np.ndarray]:
+def _judged(infos: Sequence[RefinedStep] | Columns) -> Columns:
+    """Return the columns of a run, which may be at hand already."""
+    if isinstance(infos, Mapping):
+        return infos
     return (infos if isinstance(infos, Steps) else Steps(infos)).judged()
 
 
-def score_deviation(infos: Sequence[RefinedStep], name: str = "score") -> np.ndarray:
-    """Measure how far each score ``(K,)`` lies from the median of those before it, in spreads; below 0 is worse.
-
-    ``name`` is "score" or "aligned_score". One spread is the distance from the median down to the 5th percentile,
-    divided by 1.645. For normal scores that is one standard deviation. It is taken from the lower side, because scores
-    end at 1 and have a long tail below.
-
-    Only scans drawn into the map count as the past: a robot that stands and sees the same thing a thousand times must
-    not make the spread small. Scans at which the robot was lost do not count. NaN where a scan was not matched, because
-    a blind robot is not a lost one, and while there is too little past.
-    """
-    return _judged(infos)["deviation"][:, SCORES.index(name)]
-
-
-def lost(infos: Sequence[RefinedStep]) -> np.ndarray:
+def lost(infos: Sequence[RefinedStep] | Columns) -> np.ndarray:
     """Which scans ``(K,)`` bool fit the map so badly that the robot cannot be where the filter puts it.
 
     Both the particles and the estimate must fit badly. If an odometry stands still, the particles stay behind and fit
     badly, but the lines lead the estimate on, and nothing is lost.
     """
-    return _fell(_judged(infos))
-
-
-def _fell(run: Columns) -> np.ndarray:
+    run = _judged(infos)
     particles, estimate = run["deviation"].T < LOST_BELOW
     return particles & estimate & ~_settling(run["t"])
 
@@ -239,13 +231,10 @@ def _settling(t: np.ndarray) -> np.ndarray:
     return found[: len(t)]
 
 
-def alarms(infos: Sequence[RefinedStep]) -> np.ndarray:
+def alarms(infos: Sequence[RefinedStep] | Columns) -> np.ndarray:
     """List the times ``(A,)`` (s) at which the robot was found to be lost; falls less than 5 s apart are one alarm."""
-    return _alarms(_judged(infos))
-
-
-def _alarms(run: Columns) -> np.ndarray:
-    t = run["t"][_fell(run)]
+    run = _judged(infos)
+    t = run["t"][lost(run)]
     return t[np.diff(t, prepend=-np.inf) > ONE_ALARM]
 
 
@@ -307,12 +296,12 @@ def was_dragged(infos: Sequence[RefinedStep]) -> bool:
     Only scans before the first alarm count. After a robot was carried off, scans contradict odometry and are right.
     """
     run = _judged(infos)
-    before = run["t"] < min(_alarms(run), default=np.inf)
+    before = run["t"] < min(alarms(run), default=np.inf)
     before_alarm = {name: column[before] for name, column in run.items()}
     return any(True for _ in _dragged(before_alarm))
 
 
-def departures(infos: Sequence[RefinedStep]) -> tuple[np.ndarray, np.ndarray]:
+def departures(infos: Sequence[RefinedStep] | Columns) -> tuple[np.ndarray, np.ndarray]:
     """Return how far ``(K,)`` (m) scans moved the estimate from its odometry within two seconds, and what is usual.
 
     The second array ``(K,)`` (m) is the standard deviation of each component in the run so far. It is computed as the
@@ -320,10 +309,7 @@ def departures(infos: Sequence[RefinedStep]) -> tuple[np.ndarray, np.ndarray]:
     ``MotionNoise.xy``. The square of the ratio of the two is a normalised innovation (Bar-Shalom, Li and Kirubarajan,
     2001). For normal departures it is chi-square with two degrees of freedom, except for a factor of 1.12.
     """
-    return _departures(_judged(infos))
-
-
-def _departures(run: Columns) -> tuple[np.ndarray, np.ndarray]:
+    run = _judged(infos)
     t, departure = run["t"], run["departure"].T
     metres = np.hypot(*(_added_up(moved, t) for moved in np.where(_settling(t), 0.0, departure)))
     mean = np.cumsum(np.log(metres**2 + MotionNoise.xy**2)) / np.arange(1, len(metres) + 1)
@@ -336,7 +322,7 @@ def _ways(estimates: np.ndarray) -> np.ndarray:
 
 
 def _lost(run: Columns) -> Iterator[Distrust]:
-    if len(when := _alarms(run)):
+    if len(when := alarms(run)):
         reason = "scans fit the map far worse than before: the robot is lost, or was moved by hand"
         yield {"from": float(when[0]), "to": None, "reason": reason}
 
@@ -347,7 +333,7 @@ def _dragged(run: Columns) -> Iterator[Distrust]:
     If scans moved the estimate so that more beams end on old walls, the wheels have slipped with somebody in view, and
     nothing is wrong.
     """
-    t, (metres, sigma) = run["t"], _departures(run)
+    t, (metres, sigma) = run["t"], departures(run)
     unexplained = _added_up(run["unexplained"], t) / np.maximum(_added_up(run["matched"], t), 1)
     strange = (unexplained > UNEXPLAINED) & (run["old_walls"] < BACK_ON_WALLS)
     found = (metres > IMPROBABLE * sigma) & strange

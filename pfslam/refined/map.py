@@ -15,7 +15,7 @@ import numpy as np
 
 from pfslam.correlation import Perturbations, best_perturbations
 from pfslam.events import ScanEvent
-from pfslam.grid import Canvas, GridSpec, MapConfig, OccupancyGrid, free_cells, integrate_scan
+from pfslam.grid import Canvas, GridSpec, MapConfig, OccupancyGrid, integrate_scan
 from pfslam.map import Map
 from pfslam.particles import Particles
 from pfslam.poses import between, transform_points
@@ -244,6 +244,14 @@ class RefinedMap(Map):
             self.undo = former
             raise
 
+    def shrink_to(self, spec: GridSpec) -> None:
+        """Go back to a former grid, which holds all that is drawn."""
+        if self.is_empty:
+            self.lay_out(spec)
+        else:
+            for canvas in self.canvases():
+                canvas.cover(spec)
+
     def _taking_back(
         self, points_w: np.ndarray, hits: np.ndarray, shrink: Callable[[], None]
     ) -> Callable[[], None]:
@@ -281,12 +289,7 @@ def integrate_hits(
 
     What the scan saw through is free, its own end points stay as they were.
     """
-    mask, (rows, columns) = free_cells(grid.spec, points_w, beams, sensor_w, config.rays)
-    change = mask * np.float32(-config.free)
-    ix, iy = grid.spec.world_to_cell(points_w).T
-    change[iy - rows.start, ix - columns.start] = 0.0
-    change += grid.log_odds[rows, columns]
-    np.clip(change, -config.clamp, config.clamp, out=grid.log_odds[rows, columns])
+    rows, columns = integrate_scan(grid, points_w, beams, sensor_w, replace(config, hit=0.0))
     if len(hits) == 0:
         return rows, columns
     ix, iy = grid.spec.world_to_cell(hits).T

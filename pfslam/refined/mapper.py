@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from copy import copy
 from pathlib import Path
 
 import numpy as np
@@ -82,7 +83,8 @@ class Mapper:
         t, ranges = _numbers(t, ranges)
         if ranges.shape != (beams,):
             raise DataError("Mapper", "ranges", f"shape {ranges.shape}", f"({beams},), one for each beam")
-        before = self.odometer.copy(), self.belief, len(self._steps), self.rng.bit_generator.state
+        odometer = {name: copy(value) for name, value in vars(self.odometer).items()}
+        before = self.belief, len(self._steps), self.rng.bit_generator.state
         drawn = self.belief.map.undo
         try:
             if odometry is not None:
@@ -92,8 +94,8 @@ class Mapper:
             self._steps.append(step)
             return step
         except BaseException:  # Ctrl-C, too: a node saves its belief when it is stopped
-            odometer, self.belief, count, self.rng.bit_generator.state = before
-            vars(self.odometer).update(vars(odometer))
+            self.belief, count, self.rng.bit_generator.state = before
+            vars(self.odometer).update(odometer)
             self._steps.cut(count)
             if (undo := self.belief.map.undo) is not drawn and undo is not None:
                 undo()
@@ -104,10 +106,6 @@ class Mapper:
     def steps(self) -> Sequence[RefinedStep]:
         """What happened at each scan, as in ``SlamResult.infos``, without the clouds."""
         return self._steps
-
-    @steps.setter
-    def steps(self, steps: Iterable[RefinedStep]) -> None:
-        self._steps = Steps(steps)
 
     @property
     def pose(self) -> np.ndarray:

@@ -91,14 +91,13 @@ def match(
     steps = lattice.pose(window.steps())
     cost = 0.5 * np.sum((steps / _widths(sigmas, lattice, config.prior)) ** 2, axis=1)
     moved, log_likelihood, score = np.array(poses, dtype=float), np.zeros(len(poses)), np.zeros(len(poses))
-    for box in search(field, spec, points_b, poses, lattice, window):
-        for part in box.in_parts():
-            share = part.scores / np.float32(len(points_b) * TOP)
-            J = config.sharpness * share - cost
-            best, rows = np.argmax(J, axis=1), np.arange(len(J))
-            some, node = part.members, part.node_of
-            moved[some] += steps[best[node]]
-            log_likelihood[some], score[some] = J[rows, best][node], share[rows, best][node]
+    for found in search(field, spec, points_b, poses, lattice, window):
+        share = found.scores / np.float32(len(points_b) * TOP)
+        J = config.sharpness * share - cost
+        best, rows = np.argmax(J, axis=1), np.arange(len(J))
+        some, node = found.members, found.node_of
+        moved[some] += steps[best[node]]
+        log_likelihood[some], score[some] = J[rows, best][node], share[rows, best][node]
     moved[:, 2] = wrap_angle(moved[:, 2])
     return Match(moved, log_likelihood, score)
 

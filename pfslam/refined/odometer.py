@@ -8,7 +8,7 @@ from pfslam.errors import DataError
 from pfslam.io.jumps import FASTEST, jumped, rejoined
 from pfslam.motion import Controls
 from pfslam.poses import Trajectory, between
-from pfslam.refined.events import LEVEL, RefinedEvent, gone_on, levelled_event
+from pfslam.refined.events import RefinedEvent, gone_on, levelled_event
 from pfslam.sensors import RobotModel
 
 
@@ -16,8 +16,8 @@ class Odometer:
     """The odometry of a robot's own node: poses go in as they come, the event of a scan comes out.
 
     Poses come in the order of their stamps (s). The events are those of ``LevelledScans`` over the whole recording, to
-    the last bit, but for the lean of the body, which the node may know and hands over. The first begins at its own
-    scan, or at the first sample with ``from_odometry``.
+    the last bit, where the floor is taken to be flat. The first begins at its own scan, or at the first sample with
+    ``from_odometry``.
 
     >>> odometer = Odometer(RobotModel())
     >>> odometer.add_pose(10.0, [0.0, 0.0, 0.0])
@@ -39,15 +39,6 @@ class Odometer:
         self._t: list[float] = []
         self._poses: list[np.ndarray] = []
         self._inputs: list[tuple[float, float]] = []  # speed and yaw rate up to each stamp but the first
-
-    def copy(self) -> Odometer:
-        """Return an odometer that has taken the same samples and goes on by itself."""
-        other = Odometer(self.robot)
-        kept = {
-            name: value.copy() if isinstance(value, list) else value for name, value in vars(self).items()
-        }
-        vars(other).update(kept)
-        return other
 
     def add_pose(self, t: float, pose) -> None:
         """Add a pose ``(3,)`` (m, m, rad) of the robot's own odometry, in whatever frame that has."""
@@ -77,11 +68,11 @@ class Odometer:
         """Whether there are samples on both sides of a scan stamped ``t`` (s)."""
         return self.reaches(t) and self._t[0] <= t
 
-    def event(self, t: float, ranges, tilt: tuple[float, float] = LEVEL) -> RefinedEvent:
+    def event(self, t: float, ranges) -> RefinedEvent:
         """Return the event of a scan with ``ranges (B,)`` (m); ``DataError`` while the odometry does not reach it.
 
-        ``tilt`` is the (pitch, roll) of the body in rad. Where the last beams come after the last sample, the robot is
-        taken to go on as it did up to there; who can wait asks ``reaches``. Scans come in the order of their stamps.
+        Where the last beams come after the last sample, the robot is taken to go on as it did up to there; who can wait
+        asks ``reaches``. Scans come in the order of their stamps.
         """
         lidar = self.robot.lidar
         if not self._t or not self._t[0] <= t <= self._t[-1]:
@@ -93,9 +84,7 @@ class Odometer:
         odometry = gone_on(Trajectory(inputs.t, np.array(self._poses)), inputs, 0.5 * abs(lidar.sweep))
         begin = (self._t[0] if self.from_odometry else t) if self.previous is None else self.previous
         motion = between(*odometry.at(np.array([begin, t])))
-        motion[:2] *= np.cos(tilt[0])
-        v, omega, dt = inputs.during(begin, t)
-        made = levelled_event(t, ranges, lidar, motion, (np.cos(tilt[0]) * v, omega, dt), odometry, tilt)
+        made = levelled_event(t, ranges, lidar, motion, inputs.during(begin, t), odometry)
         self.previous = t
         self._forget(t - 0.5 * abs(lidar.sweep))
         return made

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,7 +14,7 @@ from pfslam.recording import Recording
 from pfslam.refined.health import Distrust, distrust, in_doubt, was_dragged
 from pfslam.refined.outliers import NOISY
 from pfslam.refined.record import RefinedStep
-from pfslam.run import SlamResult, one_run
+from pfslam.run import Once, SlamResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +50,7 @@ class RefinedResult(SlamResult):
         return np.array(found) if len(found) == len(self.infos) else None
 
 
-def refined_run(
-    recording: Recording,
-    config: Any,
-    rng: np.random.Generator,
-    progress: Callable | None = None,
-    keep_particles: bool = True,
-    second_look: bool = True,
-) -> RefinedResult:
+def refined_run(recording: Recording, config: Any, once: Once, rng: np.random.Generator) -> RefinedResult:
     """Run over a recording, and if scans misled the run, do it again with more care.
 
     If the scans have dragged the run off (``health.was_dragged``), it is done again with ``config.robust()``, unless
@@ -65,18 +58,18 @@ def refined_run(
     in which the first found it, so ``config`` and seed of the result repeat it to the last bit.
 
     If the ranges scatter by more than ``NOISY``, a first run may be far off and suspect nothing. Then the robust run is
-    made at once. Without ``second_look`` there is one run, as ``config`` says.
+    made at once.
     """
-    scatter, again, how = recording.range_scatter(), deepcopy(rng), (progress, keep_particles, RefinedResult)
+    scatter, again = recording.range_scatter(), deepcopy(rng)
     robust = config.robust(scatter)
-    if not second_look or robust == config:
-        return one_run(recording, config, rng, *how)
+    if robust == config:
+        return once(config, rng)
     if scatter > NOISY:
-        return replace(one_run(recording, robust, rng, *how), second_look=True)
-    result = one_run(recording, config, rng, *how)
+        return replace(once(robust, rng), second_look=True)
+    result = once(config, rng)
     if not was_dragged(result.infos):
         return result
-    return better_look(result, replace(one_run(recording, robust, again, *how), second_look=True))
+    return better_look(result, replace(once(robust, again), second_look=True))
 
 
 def judged(recording: Recording, result: SlamResult) -> RefinedResult:

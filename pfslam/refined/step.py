@@ -6,10 +6,10 @@ that are not to be believed, coasting through scans that say nothing, and a cova
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from pfslam.refined.noise import MotionNoise, predicted, shifted
 from pfslam.refined.outliers import NOISY, OutlierConfig
 from pfslam.refined.record import RefinedStep
 from pfslam.refined.run import RefinedResult, refined_run
+from pfslam.run import Once, SlamResult
 from pfslam.settings import Range, changed
 from pfslam.slam import Belief, SlamConfig, best_particle
 
@@ -87,7 +88,7 @@ class RefinedBelief(Belief):
     corrected: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     @classmethod
-    def start(cls, config: RefinedConfig) -> Self:  # type: ignore[override]
+    def start(cls, config: RefinedConfig) -> Self:
         """Make the belief before the first scan: all particles at the origin, and an empty map."""
         empty = RefinedMap(config.map, None, config.lines, config.outliers)
         covariance = None if config.lines is None else np.zeros((3, 3))
@@ -163,6 +164,7 @@ class RefinedConfig(SlamConfig):
     (20, 'mean')
     """
 
+    result: ClassVar[type[SlamResult]] = RefinedResult
     noise: ControlNoise | MotionNoise = field(default_factory=MotionNoise)  # type: ignore[assignment]
     """White noise on every control sample (Eq. 11), or noise on the motion between two scans."""
     search: SearchConfig | Perturbations = field(default_factory=SearchConfig)  # type: ignore[assignment]
@@ -202,13 +204,7 @@ class RefinedConfig(SlamConfig):
         if isinstance(config, RefinedConfig):
             return config
         return RefinedConfig(
-            particles=config.particles,
-            every=config.every,
-            noise=config.noise,
-            search=config.search,
-            map=config.map,
-            resample_below=config.resample_below,
-            resampler=config.resampler,
+            **vars(config),
             lines=None,
             tilt=False,
             estimate="best",
@@ -253,16 +249,9 @@ class RefinedConfig(SlamConfig):
         """Process one scan: ``refined_step``."""
         return refined_step(belief, event, self, rng)
 
-    def run(
-        self,
-        recording: Recording,
-        rng: np.random.Generator,
-        progress: Callable | None = None,
-        keep_particles: bool = True,
-        second_look: bool = True,
-    ) -> RefinedResult:
+    def look(self, recording: Recording, once: Once, rng: np.random.Generator) -> RefinedResult:
         """Run over a whole recording, with a second look where scans have misled the first: ``refined_run``."""
-        return refined_run(recording, self, rng, progress, keep_particles, second_look)
+        return refined_run(recording, self, once, rng)
 
 
 def with_changes(config: SlamConfig, changes: Mapping[str, Any], source: object, prefix: str = "") -> Any:

@@ -41,6 +41,11 @@ class Window:
         return 2 * self.yaws + 1, 2 * self.cells + 1, 2 * self.cells + 1
 
     @property
+    def size(self) -> int:
+        """How many perturbations there are."""
+        return int(np.prod(self.shape))
+
+    @property
     def reach(self) -> np.ndarray:
         """Half width ``(3,)`` in columns, rows and headings."""
         return np.array([self.cells, self.cells, self.yaws])
@@ -61,14 +66,3 @@ def _window_steps(window: Window) -> np.ndarray:
     steps = np.column_stack([x - window.cells, y - window.cells, k - window.yaws])
     steps.flags.writeable = False
     return steps
-
-
-def distinct_nodes(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the distinct rows ``(U, 3)`` of ``nodes (N, 3)`` in order, and which of them each row is ``(N,)``."""
-    if len(nodes) == 1:
-        return nodes, np.zeros(1, dtype=np.int64)
-    low = nodes.min(axis=0)
-    _, ny, nk = np.ptp(nodes, axis=0) + 1
-    x, y, k = (nodes - low).T
-    keys, which = np.unique((x * ny + y) * nk + k, return_inverse=True)  # one number sorts faster than three
-    return np.column_stack([keys // (ny * nk), keys // nk % ny, keys % nk]) + low, which

@@ -94,10 +94,6 @@ class World:
         hidden = (along > 0.0) & (along < 1.0 - 1e-9) & (part >= 0.0) & (part <= 1.0)
         return ~hidden.any(axis=1) & (np.hypot(*way.T) <= reach)
 
-    def spec(self, resolution: float, margin: float = 1.0) -> GridSpec:
-        """Build a grid around the whole building."""
-        return GridSpec.around(self.walls_w.reshape(-1, 2), resolution, margin)
-
     def free_area(self, spec: GridSpec) -> np.ndarray:
         """Mark cells ``(H, W)`` bool whose centre is floor: inside the building and not under clutter."""
         ix, iy = np.meshgrid(np.arange(spec.shape[1]), np.arange(spec.shape[0]))

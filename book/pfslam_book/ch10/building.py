@@ -10,7 +10,7 @@ import numpy as np
 
 from pfslam.beyond.localization import STEP_METRES, STEP_RADIANS
 from pfslam.events import ScanEvent
-from pfslam.grid import OccupancyGrid
+from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.motion import dead_reckoning
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory, between, compose, invert
@@ -53,7 +53,7 @@ class Place:
 def true_map(simulation: Simulation | World, resolution: float = 0.05) -> OccupancyGrid:
     """Draw the map of a simulated building from its walls, as from an architect's plan."""
     world = simulation if isinstance(simulation, World) else simulation.world
-    spec = world.spec(resolution)
+    spec = GridSpec.around(world.walls_w.reshape(-1, 2), resolution)
     cells = np.where(world.true_grid(spec), 1.0, np.where(world.free_area(spec), -1.0, 0.0))
     return OccupancyGrid(spec, cells.astype(np.float32))
 
