@@ -1,11 +1,11 @@
 """A mapper that is fed scan by scan is the run over all scans, and one that was saved is one that was not."""
 
-import sys
 from dataclasses import replace
 from zipfile import ZipFile
 
 import numpy as np
 import pytest
+from breaking import lines_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from rooms import ROOM, SQUARE, drive, scan
@@ -188,30 +188,6 @@ def test_a_jump_of_the_odometry_is_left_out_at_the_rate_of_scans_too(metres, rat
 # ------------------------------------------------------------------------------------------------
 
 
-def raises_at(line, function, *arguments):
-    """Call the function, and press Ctrl-C before the package's so-many-th line; False if it ends before."""
-    left = [line]
-
-    def traced(frame, event, _):
-        if "pfslam" not in frame.f_code.co_filename:
-            return None
-        if event == "line":
-            left[0] -= 1
-            if left[0] == 0:
-                raise KeyboardInterrupt
-        return traced
-
-    before = sys.gettrace()
-    sys.settrace(traced)
-    try:
-        function(*arguments)
-    except KeyboardInterrupt:
-        return True
-    finally:
-        sys.settrace(before)
-    return False
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "fed"),
@@ -230,12 +206,12 @@ def test_a_step_that_is_interrupted_at_any_line_leaves_everything_as_it_was(befo
     t, ranges = samples[at][1]
     scan_of = (t, ranges) if fed else (t + 0.04, ranges, samples[at - 1][1][1])
     good.save(tmp_path / "good.npz")
-    line = interrupted = 1
-    while raises_at(line, bad.add, *scan_of):
+    last = 1
+    while lines_of(lambda: bad.add(*scan_of), last) == last:
         bad.save(tmp_path / "bad.npz")
         assert (tmp_path / "bad.npz").read_bytes() == (tmp_path / "good.npz").read_bytes()
-        line, interrupted = line + 1 + line // 10, interrupted + 1
-    assert interrupted > 10
+        last += 25
+    assert last > 300
     for mapper in (pfslam.Mapper.load(tmp_path / "good.npz"), good):
         mapper.add(*scan_of)
     again = pfslam.Mapper.load(tmp_path / "bad.npz")
