@@ -780,14 +780,12 @@ def test_an_hour_of_an_imu_is_kept_as_numbers_while_it_is_read(tmp_path):
 @pytest.mark.slow
 def test_an_hour_of_ranges_is_held_once(tmp_path):
     """A scan more takes its ranges, 8,648 bytes, and some 200 more; with its ranges held twice it would be 17,000."""
-    fine = replace(LIDAR, beams=2162)
-    scan = NEW.scan(START, np.full(2162, 2.0), fine)
+    fine, ranges = replace(LIDAR, beams=2162), np.full(2162, 2.0)
     place = [row for row in rows_of(BOX) if row[0] in ("/odom", "/tf_static")]
     peaks = []
     for scans in (500, 500, 1500):  # the first builds up what the library keeps
-        rows = [("/scan", nanoseconds(START) + 2_000_000 * k, scan) for k in range(scans)]
-        for k, (_, at, _) in enumerate(rows):
-            rows[k] = "/scan", at, NEW.scan(at * 1e-9, scan.ranges, fine)
+        stamps = nanoseconds(START) + 2_000_000 * np.arange(scans)
+        rows = [("/scan", int(at), NEW.scan(at * 1e-9, ranges, fine)) for at in stamps]
         path = write_bag(tmp_path / f"drive{len(peaks)}", "mcap", rows + place)
         tracemalloc.start()
         found = pfslam.load(path)

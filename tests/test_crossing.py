@@ -114,15 +114,6 @@ def test_a_cut_drive_is_as_right_as_the_whole(start, scans):
 
 
 @METHOD
-@pytest.mark.parametrize("odometry", [False, True])
-def test_a_recording_that_was_saved_runs_like_the_one_that_was_not(method, odometry, tmp_path):
-    whole = circuit(odometry)
-    pfslam.save(whole, tmp_path / "drive.npz")
-    again = pfslam.load(tmp_path / "drive.npz")
-    assert_same_run(run(again, method, every=4), run(whole, method, every=4))
-
-
-@METHOD
 def test_what_is_recorded_after_the_last_scan_changes_nothing(method):
     """Encoders, gyro or odometry that go on longer, or begin earlier where no count falls, say nothing of the scans."""
     whole = circuit()
@@ -146,7 +137,7 @@ def test_what_is_recorded_after_the_last_scan_changes_nothing(method):
 @pytest.mark.parametrize("method", ["refined", "robust", "matching", "per-particle"])
 def test_where_the_frame_of_an_odometry_lies_is_nothing_to_the_run(method):
     whole = circuit(odometry=True)
-    moved = pfslam.poses.compose(np.array([3.0, -2.0, 0.7]), whole.odometry.poses)
+    moved = pfslam.poses.compose(np.array([10_000.0, -10_000.0, np.pi]), whole.odometry.poses)
     elsewhere = replace(whole, odometry=Trajectory(whole.odometry.t, moved))
     found, expected = (run(r, method, every=4).trajectory.poses for r in (elsewhere, whole))
     assert np.abs(between(found, expected)).max() < 1e-6

@@ -415,23 +415,6 @@ def test_a_search_takes_settings_and_is_repeated_from_its_summary(files):
     assert (files / "a/trajectory.tum").read_bytes() != (files / "c/trajectory.tum").read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--set", "sigma=0"], "locate: --set sigma: found 0, expected a number from 0.001"),
-        (["--set", "sigma"], "locate: --set: found 'sigma', expected NAME=VALUE"),
-        (["--set", "lines=false"], "key: found '--set lines', expected a field of LocalizationConfig"),
-        (["--particles", "0"], "locate: --particles: found 0"),
-        (["--config", "none.toml"], "none.toml"),
-    ],
-)
-def test_bad_settings_of_a_search_are_one_line(files, capsys, options, words):
-    assert main(["locate", str(files / "room.yaml"), str(files / "drive.npz"), *options]) == 2
-    complaint = capsys.readouterr().err
-    assert words in complaint
-    assert complaint.count("\n") == 1
-
-
 @pytest.mark.slow
 def test_another_building_is_not_found(files, tmp_path, capsys):
     """A room that is half a metre longer and wider, and has no pillars."""

@@ -167,27 +167,6 @@ def test_a_mapper_fed_with_every_sample_is_the_run_to_the_last_bit(
     assert all(t > stamps[-1] for t, _ in waiting)
 
 
-@pytest.mark.parametrize(("metres", "rate"), [(1.2, 8.0), (0.5, 50.0)])
-def test_a_jump_of_the_odometry_is_left_out_at_the_rate_of_scans_too(metres, rate):
-    """A drive at 0.48 m/s, whose odometry jumps ahead after four seconds of nine; scans come eight times a second."""
-    truth, lidar = drive(SQUARE).truth, DRIVE.robot.lidar
-    t = np.arange(0.0, 9.0, 1.0 / rate)
-    poses = truth.at(t)
-    poses[t > 4.0] = compose([metres, 0.0, 0.0], poses[t > 4.0])
-    mapper = pfslam.Mapper(lidar, replace(SlamConfig.refined(), particles=20))
-    for stamp, pose in zip(t, poses, strict=True):
-        mapper.add_odometry(stamp, pose)
-    for stamp in np.arange(0.0, t[-1], 0.125):
-        mapper.add(stamp, scan(ROOM, truth.at(stamp)))
-    assert mapper.odometer.jumps == 1
-    expected = truth.at(mapper.steps[-1].t)
-    np.testing.assert_allclose(mapper.pose[:2], expected[:2], atol=0.02)
-
-
-# What raises leaves no trace
-# ------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "fed"),

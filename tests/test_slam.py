@@ -219,14 +219,6 @@ def test_estimates_are_never_revised_and_come_at_the_used_scans():
     np.testing.assert_array_equal(run_slam(half, config).trajectory.poses, whole.trajectory.poses[:20])
 
 
-def test_every_nth_scan_follows_from_the_rate_unless_told_otherwise():
-    config = replace(REFINED, particles=5)
-    fast = replace(DRIVE, lidar=LidarScans(DRIVE.lidar.t[0] + 0.024 * np.arange(50), DRIVE.lidar.ranges[:50]))
-    np.testing.assert_array_equal(run_slam(fast, config).trajectory.t, fast.lidar.t[::5])
-    told = replace(config, every=4)
-    np.testing.assert_array_equal(run_slam(DRIVE, told).trajectory.t, DRIVE.lidar.t[::4])
-
-
 def test_scans_outside_the_odometrys_time_are_dropped_and_counted():
     late = replace(SHORT, lidar=LidarScans(SHORT.lidar.t + 0.25, SHORT.lidar.ranges))
     result = run_slam(late, replace(REFINED, particles=5))
