@@ -63,7 +63,7 @@ FAULTS = {
 
 @pytest.fixture(scope="module")
 def drive():
-    return first_seconds(simulated("hall", None).recording, 60.0)
+    return first_seconds(simulated("hall", None).recording, 45.0)
 
 
 def complaints(recording):

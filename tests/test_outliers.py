@@ -252,17 +252,6 @@ def test_where_ranges_are_noisy_the_robust_run_is_made_at_once(sigma, robust):
     assert run_slam(noisy, FEW, second_look=False).config == FEW
 
 
-def test_however_far_ranges_scatter_there_are_robust_settings():
-    """Twenty metres of margin are 400 cells, more than the setting itself takes."""
-    assert FEW.robust(5.0).outliers == replace(CONFIG, margin=100)
-
-
-def test_robust_settings_that_were_asked_for_are_no_second_look():
-    result = run_slam(drive([(3.0, 10, 0.1)]), FEW.robust())
-    assert result.config.outliers is not None
-    assert not result.second_look
-
-
 def look(doubted: int, score: float) -> SimpleNamespace:
     """A run of ten scans, of which the last are doubted, with one mean score; the scan that was not matched is none."""
     distrust = [{"from": 10.0 - doubted, "to": None, "reason": ""}]
