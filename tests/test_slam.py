@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drives import simulated
-from rooms import CURVES, SQUARE, distance_to_walls, drive, sensor_position
+from rooms import CURVES, SQUARE, blinded, distance_to_walls, drive, sensor_position
 
 from pfslam.correlation import Perturbations, map_correlation
 from pfslam.errors import DataError
@@ -228,12 +228,6 @@ def test_scans_outside_the_odometrys_time_are_dropped_and_counted():
     for recording, what in ((never, "lidar time_stamps"), (replace(SHORT, lidar=None), "LiDAR")):
         with pytest.raises(DataError, match=what):
             run_slam(recording, REFINED)
-
-
-def blinded(recording, which):
-    ranges = recording.lidar.ranges.copy()
-    ranges[which] = np.inf
-    return replace(recording, lidar=LidarScans(recording.lidar.t, ranges))
 
 
 @PRESETS
