@@ -75,17 +75,11 @@ def summary_in(folder):
 def test_run_leaves_all_files_and_a_summary_that_holds_what_the_contract_names(results):
     more = [*PICTURES, "texture.png", "texture.yaml", "trajectory_covariance.txt"]
     summary, scans = summary_in(results), len(box_recording().lidar.t[::5])
-    assert (
-        sorted(p.name for p in results.iterdir()) == sorted(summary["files"]) == sorted(CONTRACT_FILES + more)
-    )
+    assert {p.name for p in results.iterdir()} == {*summary["files"]} == {*CONTRACT_FILES, *more}
     assert (summary["config"]["particles"], summary["config"]["every"], summary["seed"]) == (20, 5, 0)
     assert set(summary["seconds"]) == {"load", "dead_reckoning", "slam", "texture", "write"}
-    assert (summary["scans"], summary["updates"], summary["lost"], summary["distrust"]) == (
-        scans,
-        scans - 1,
-        0,
-        [],
-    )
+    found = [summary[name] for name in ("scans", "updates", "lost", "distrust")]
+    assert found == [scans, scans - 1, 0, []]
     assert 0 <= summary["resamplings"] < scans
     assert all(isinstance(count, int) for count in summary["dropped"].values())
     # Exact wheels and gyro: scales of one, to within what the grid allows.

@@ -17,6 +17,7 @@ from pfslam.io.jumps import without_jumps
 from pfslam.io.selection import select
 from pfslam.poses import Trajectory, between
 from pfslam.recording import LidarScans
+from pfslam.study.disturbances import first_seconds
 
 FEW = settings(max_examples=6)
 METHODS = {
@@ -106,18 +107,7 @@ def test_what_is_recorded_after_the_last_scan_changes_nothing(method):
     whole = circuit()
     shorter = LidarScans(whole.lidar.t[:30], whole.lidar.ranges[:30])
     longer = replace(whole, lidar=shorter)
-    ends = np.searchsorted(whole.encoders.t, shorter.t[-1]) + 2
-    of_imu = np.searchsorted(whole.imu.t, shorter.t[-1]) + 2
-    until_then = replace(
-        longer,
-        encoders=replace(whole.encoders, t=whole.encoders.t[:ends], counts=whole.encoders.counts[:ends]),
-        imu=replace(
-            whole.imu,
-            t=whole.imu.t[:of_imu],
-            angular_velocity=whole.imu.angular_velocity[:of_imu],
-            acceleration_g=whole.imu.acceleration_g[:of_imu],
-        ),
-    )
+    until_then = first_seconds(longer, shorter.t[-1] + 0.05)  # two counts and four readings of the gyro more
     assert_same_run(run(until_then, method), run(longer, method))
 
 

@@ -80,11 +80,8 @@ def test_first_middle_and_last_beam_by_hand(beam):
 )
 def test_the_events_of_a_drive_add_up_to_its_odometry(config, legs):
     recording = drive(legs)
-    used, pose, odometry = (
-        list(config.used_scans(recording).events()),
-        np.zeros(3),
-        dead_reckoning(recording),
-    )
+    used, odometry = list(config.used_scans(recording).events()), dead_reckoning(recording)
+    pose = np.zeros(3)
     for event in used:
         pose = compose(pose, event.motion)
     np.testing.assert_allclose(pose, odometry.at(used[-1].t), atol=1e-9)

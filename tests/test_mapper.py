@@ -135,10 +135,8 @@ def test_a_mapper_fed_with_every_sample_is_the_run_to_the_last_bit(
 ):
     """Scans come before, between, on and after samples. With a sweep, those at the end wait for what never comes."""
     assume((np.diff(stamps) > 1e-6).all())
-    truth, config = (
-        drive(SQUARE).truth,
-        replace(CONFIGS[name], every=1, particles=1 if name == "matching" else 10),
-    )
+    truth = drive(SQUARE).truth
+    config = replace(CONFIGS[name], every=1, particles=1 if name == "matching" else 10)
     poses = compose(np.array([3.0, 4.0, 1.0]), truth.at(np.clip(stamps, 0.0, 9.0)) * [1.02, 1.02, 1.0])
     poses[len(poses) // 2 :] = compose([jump, 0.0, 0.5 * jump], poses[len(poses) // 2 :])
     on_samples |= {len(stamps) - 1} if last else set()

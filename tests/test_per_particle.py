@@ -29,13 +29,7 @@ def owners(histories):
 
 def layers(map):
     """All that a map holds, as arrays of their own."""
-    held = (
-        map.grid.log_odds,
-        map.field,
-        map.moments.sums,
-        map.moments.slots.values,
-        np.array(map.drawn),
-    )
+    held = (map.grid.log_odds, map.field, map.moments.sums, map.moments.slots.values, np.array(map.drawn))
     return [part.copy() for part in held]
 
 

@@ -69,15 +69,8 @@ def test_a_hit_that_was_held_back_is_drawn_if_met_at_least_as_often_as_seen_thro
     others = WaitingScan(np.zeros((0, 2)), np.zeros(0, dtype=int), np.zeros(0, dtype=bool))
     oldest = WaitingScan(far, np.array([votes]), np.array([False]))
     now = np.array([[2.0, 1.0], [2.0, 1.1]])
-    hits, waiting = settle_hits(
-        (oldest, others, others, others, others),
-        spec,
-        now,
-        np.array([0, 1]),
-        np.array([1.0, 1.0]),
-        MapConfig(),
-        OutlierConfig(),
-    )
+    before, scan_now = (oldest, others, others, others, others), (now, np.array([0, 1]), np.ones(2))
+    hits, waiting = settle_hits(before, spec, *scan_now, MapConfig(), OutlierConfig())
     assert len(waiting) == 5
     assert np.count_nonzero((hits == far).all(axis=1)) == drawn
 
