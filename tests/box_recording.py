@@ -25,16 +25,8 @@ def box_recording(seconds=6.0, images=4):
     robot = RobotModel()
     ranges = np.stack([room_ranges(pose, robot.lidar) for pose in poses]).astype(np.float32)
     camera = box_camera(START + 0.5, images) if images else None
-    return Recording(
-        "box",
-        robot,
-        Encoders(t_encoder, counts),
-        Imu(t_imu, turning, gravity),
-        None,
-        LidarScans(t_scan, ranges),
-        camera,
-        Trajectory(t_scan, poses),
-    )
+    seen = {"lidar": LidarScans(t_scan, ranges), "camera": camera, "truth": Trajectory(t_scan, poses)}
+    return Recording("box", robot, Encoders(t_encoder, counts), Imu(t_imu, turning, gravity), **seen)
 
 
 def true_pose(elapsed):

@@ -150,11 +150,6 @@ def resampling_wheel(poses, weights, rng):
     return [np.float32(poses[kept]), [1 / n] * n]
 
 
-def by_multinomial(poses, weights, rng):
-    n = len(weights)
-    return np.repeat(poses, rng.multinomial(n, weights), axis=0), deque([1 / n] * n)
-
-
 def by_the_standard_library(poses, weights, rng):
     own, n = random.Random(int(rng.integers(2**31))), len(weights)
     return own.choices(poses.tolist(), weights.tolist(), k=n), (1 / n,) * n
@@ -164,7 +159,7 @@ def by_scheme(scheme):
     return lambda poses, weights, rng: (poses[scheme(weights, rng)], np.full(len(poses), 1 / len(poses)))
 
 
-RESAMPLED = [resampling_wheel, by_multinomial, by_the_standard_library, *map(by_scheme, RESAMPLERS.values())]
+RESAMPLED = [resampling_wheel, by_the_standard_library, *map(by_scheme, RESAMPLERS.values())]
 
 
 def mean_in_a_loop(poses, weights):

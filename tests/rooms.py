@@ -128,3 +128,10 @@ def bare_corridor():
     """A drive along two long walls, of which a scanner that sees six metres sees no end."""
     walls = np.array([[-60.0, -1.03, 60.0, -1.03], [-60.0, 1.02, 60.0, 1.02]])
     return drive([(2.0, 12, 0.0)], walls, replace(LIDAR, range_max=6.0))
+
+
+def blinded(recording, which):
+    """The same drive, but these of its scans see nothing."""
+    ranges = recording.lidar.ranges.copy()
+    ranges[which] = np.inf
+    return replace(recording, lidar=LidarScans(recording.lidar.t, ranges))

@@ -9,12 +9,7 @@ from rooms import drive
 
 import pfslam
 from pfslam.errors import DataError
-from pfslam.evaluation.calibration import (
-    apply_calibration,
-    calibrate,
-    gyro_bias,
-    still_pieces,
-)
+from pfslam.evaluation.calibration import apply_calibration, calibrate, gyro_bias, still_pieces
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.motion import dead_reckoning
 from pfslam.recording import Encoders, Imu, Recording
@@ -106,9 +101,7 @@ def test_wheels_and_a_gyro_that_drifts_get_back_what_the_walls_tell():
     rates[:, 2] = rates[:, 2] / 1.05 + 0.02
     wheels = EncoderModel(metres_per_count=1.04 * true.robot.encoders.metres_per_count)
     recording = replace(
-        true,
-        robot=replace(true.robot, encoders=wheels),
-        imu=Imu(true.imu.t, rates, true.imu.acceleration_g),
+        true, robot=replace(true.robot, encoders=wheels), imu=Imu(true.imu.t, rates, true.imu.acceleration_g)
     )
     result = run_slam(recording, CONFIG)
     found = calibrate(recording, result)

@@ -12,20 +12,6 @@ def right(matrix, factor):
 
 
 @pytest.mark.parametrize(
-    "answer",
-    [
-        lambda m, f: (f * m).tolist(),
-        lambda m, f: tuple(map(tuple, f * m)),
-        lambda m, f: np.float32(f) * np.float32(m),
-        lambda m, f: np.round(f * m, 4),
-        lambda m, f: [[f * x for x in row] for row in m],
-    ],
-)
-def test_any_container_and_four_digits_will_do(answer):
-    assert compare(answer, right, CASES)
-
-
-@pytest.mark.parametrize(
     ("answer", "words"),
     [
         (lambda m, f: -f * m, "sign"),

@@ -37,24 +37,33 @@ def wrapped(recording, bits=8):
     return np.diff(readings, axis=0, prepend=readings[:1])
 
 
+TURNS = "Do wheels and gyro turn the same way?"
+SCANS_TURN = "Do scans turn as the gyro does?"
+FASTEST = "How fast was a wheel at most?"
 FAULTS = {
-    HEALTHY: lambda r: r,
-    "running totals": lambda r: with_counts(r, totals(r)),
-    "8-bit counter": lambda r: with_counts(r, wrapped(r)),
-    "gyro in degrees": lambda r: scaled_gyro(r, float(np.rad2deg(1.0))),
-    "gyro flipped": lambda r: scaled_gyro(r, -1.0),
-    "beams backwards": clockwise,
-    "both mirrored": lambda r: clockwise(scaled_gyro(r, -1.0)),
-    "scans 150 ms late": lambda r: late_scans(r, 0.15),
-    "gyro silent for 3 s": lambda r: silent_gyro(r, 30.0, 33.0),
-    "60 % of beams lost": lambda r: missing_beams(r, 0.6, np.random.default_rng(0)),
-    "noise of 5 cm": lambda r: range_noise(r, 0.05, np.random.default_rng(0)),
+    HEALTHY: (lambda r: r, set()),
+    "running totals": (lambda r: with_counts(r, totals(r)), {FASTEST}),
+    "8-bit counter": (lambda r: with_counts(r, wrapped(r)), {FASTEST}),
+    "gyro in degrees": (lambda r: scaled_gyro(r, float(np.rad2deg(1.0))), {TURNS, SCANS_TURN}),
+    "gyro flipped": (lambda r: scaled_gyro(r, -1.0), {TURNS, SCANS_TURN}),
+    "beams backwards": (clockwise, {SCANS_TURN}),
+    "both mirrored": (lambda r: clockwise(scaled_gyro(r, -1.0)), {TURNS}),
+    "scans 150 ms late": (lambda r: late_scans(r, 0.15), {"Do scans and gyro share a clock?"}),
+    "gyro silent for 3 s": (lambda r: silent_gyro(r, 30.0, 33.0), {"How long is the longest gap?"}),
+    "60 % of beams lost": (
+        lambda r: missing_beams(r, 0.6, np.random.default_rng(0)),
+        {"How many beams return?"},
+    ),
+    "noise of 5 cm": (
+        lambda r: range_noise(r, 0.05, np.random.default_rng(0)),
+        {"How far do ranges scatter?"},
+    ),
 }
 
 
 @pytest.fixture(scope="module")
 def drive():
-    return first_seconds(simulated("hall", None).recording, 60.0)
+    return first_seconds(simulated("hall", None).recording, 45.0)
 
 
 def complaints(recording):
@@ -79,25 +88,11 @@ def test_a_log_of_odometry_poses_is_checked_as_far_as_it_goes(real_data):
     assert findings["What does the gyro show at rest?"].ok is None
 
 
-EXPECTED = {
-    HEALTHY: set(),
-    "running totals": {"How fast was a wheel at most?"},
-    "8-bit counter": {"How fast was a wheel at most?"},
-    "gyro in degrees": {"Do wheels and gyro turn the same way?", "Do scans turn as the gyro does?"},
-    "gyro flipped": {"Do wheels and gyro turn the same way?", "Do scans turn as the gyro does?"},
-    "beams backwards": {"Do scans turn as the gyro does?"},
-    "both mirrored": {"Do wheels and gyro turn the same way?"},
-    "scans 150 ms late": {"Do scans and gyro share a clock?"},
-    "gyro silent for 3 s": {"How long is the longest gap?"},
-    "60 % of beams lost": {"How many beams return?"},
-    "noise of 5 cm": {"How far do ranges scatter?"},
-}
-
-
 @pytest.mark.parametrize("fault", FAULTS)
 def test_each_fault_is_found(drive, fault):
-    found = complaints(FAULTS[fault](drive))
-    assert EXPECTED[fault] <= found
+    change, expected = FAULTS[fault]
+    found = complaints(change(drive))
+    assert expected <= found
     assert bool(found) == (fault != HEALTHY)
 
 
@@ -255,9 +250,8 @@ def test_a_sound_mounting_is_never_doubted_and_a_wrong_one_always(name, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("hazard", ["people", "slip", "bumps"])
-def test_a_sound_mounting_is_not_doubted_among_hazards(hazard):
-    found = fit_mounting(simulated("hall", 7, **{hazard: 8}).recording)
+def test_a_sound_mounting_is_not_doubted_among_hazards():
+    found = fit_mounting(simulated("hall", 7, people=8, slip=8, bumps=8).recording)
     assert check_scene(found).ok is check_place(found).ok is True
 
 
@@ -300,12 +294,8 @@ def test_a_run_stops_at_what_spoils_it_and_goes_on_if_asked_to(drive, name, tmp_
     assert (said.out, words in said.err, "--anyway" in said.err) == ("", True, True)
     assert not (tmp_path / "out" / "summary.json").exists()
     assert main([*line, "--anyway"]) == 4
-    (*_, doubt) = [
-        d
-        for d in json.loads((tmp_path / "out" / "summary.json").read_text())["distrust"]
-        if words in d["reason"]
-    ]
-    assert doubt["to"] is None
+    distrust = json.loads((tmp_path / "out" / "summary.json").read_text())["distrust"]
+    assert [d["to"] for d in distrust if words in d["reason"]][-1] is None
 
 
 def test_the_clock_offset_comes_out_in_milliseconds(drive):
@@ -375,10 +365,8 @@ def test_the_answers_do_not_depend_on_the_order_of_the_gyros_columns(drive, kind
     """Columns z, x, y in the place of x, y, z, against encoders, and against an odometry's poses."""
     path = pfslam.dead_reckoning(drive)
     drive = drive if kind == "wheels" else replace(drive, odometry=path, encoders=None)
-    gyro = replace(
-        drive.imu,
-        angular_velocity=drive.imu.angular_velocity[:, [2, 0, 1]],
-        acceleration_g=drive.imu.acceleration_g[:, [2, 0, 1]],
+    gyro = Imu(
+        drive.imu.t, *(v[:, [2, 0, 1]] for v in (drive.imu.angular_velocity, drive.imu.acceleration_g))
     )
     robot = replace(drive.robot, imu=replace(drive.robot.imu, yaw_axis=0))
     assert check_up(replace(drive, imu=gyro, robot=robot)) == check_up(drive)

@@ -3,7 +3,6 @@
 import importlib
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -76,17 +75,11 @@ def summary_in(folder):
 def test_run_leaves_all_files_and_a_summary_that_holds_what_the_contract_names(results):
     more = [*PICTURES, "texture.png", "texture.yaml", "trajectory_covariance.txt"]
     summary, scans = summary_in(results), len(box_recording().lidar.t[::5])
-    assert (
-        sorted(p.name for p in results.iterdir()) == sorted(summary["files"]) == sorted(CONTRACT_FILES + more)
-    )
+    assert {p.name for p in results.iterdir()} == {*summary["files"]} == {*CONTRACT_FILES, *more}
     assert (summary["config"]["particles"], summary["config"]["every"], summary["seed"]) == (20, 5, 0)
     assert set(summary["seconds"]) == {"load", "dead_reckoning", "slam", "texture", "write"}
-    assert (summary["scans"], summary["updates"], summary["lost"], summary["distrust"]) == (
-        scans,
-        scans - 1,
-        0,
-        [],
-    )
+    found = [summary[name] for name in ("scans", "updates", "lost", "distrust")]
+    assert found == [scans, scans - 1, 0, []]
     assert 0 <= summary["resamplings"] < scans
     assert all(isinstance(count, int) for count in summary["dropped"].values())
     # Exact wheels and gyro: scales of one, to within what the grid allows.
@@ -136,17 +129,6 @@ def test_the_map_shows_the_room_where_it_is(results):
     assert set(np.unique(cv2.imread(str(results / "map.pgm"), cv2.IMREAD_UNCHANGED))) == {0, 205, 254}
 
 
-def test_the_same_seed_gives_the_same_files(results, data, tmp_path):
-    line = ["run", "7", "--data", str(data), "--out", str(tmp_path), "--particles", "20", "--every", "5"]
-    assert main(line) == 0
-    for path in results.iterdir():
-        # The page says with what command it was made.
-        first, second = (
-            re.sub(rb'"command": "[^"]*"', b"", p.read_bytes()) for p in (path, tmp_path / path.name)
-        )
-        assert path.name == "summary.json" or first == second
-
-
 def misled(tmp_path, mishap):
     """A short drive in the box among the named mishap, as a file."""
     drive = box_recording(seconds=8.0, images=0)
@@ -156,8 +138,6 @@ def misled(tmp_path, mishap):
         ranges[t > 2.0, 200:-200] = 0.8
     elif mishap == "noise":
         ranges += rng.normal(0.0, 0.06, ranges.shape).astype(ranges.dtype)
-    elif mishap == "glass":
-        ranges[:, ::3] += rng.random(ranges[:, ::3].shape) < 0.5
     save(replace(drive, lidar=replace(drive.lidar, ranges=ranges)), tmp_path / "drive.npz")
     return str(tmp_path / "drive.npz")
 
@@ -172,7 +152,7 @@ REPEATED = {
 }
 
 
-@pytest.mark.parametrize("mishap", ["none", "people", "noise", "glass"])
+@pytest.mark.parametrize("mishap", ["none", "people", "noise"])
 @pytest.mark.parametrize("options", REPEATED)
 def test_a_run_is_repeated_from_its_own_summary(tmp_path, options, mishap):
     line, name = ["run", misled(tmp_path, mishap), "--anyway", "--quiet"], options
@@ -187,24 +167,10 @@ def test_a_run_is_repeated_from_its_own_summary(tmp_path, options, mishap):
     assert first["second_look"] == (may and (mishap == "noise" or (mishap == "people" and name == "refined")))
     for field in ("config", "method", "seed", "second_look_allowed", "slam"):
         assert first[field] == second[field]
-    for name in ("trajectory.tum", "map.pgm", "trajectory_covariance.txt"):
+    assert first["files"] == second["files"]
+    for name in {*first["files"]} - {"summary.json", "index.html"}:
         one, other = (tmp_path / which / name for which in ("first", "again"))
-        assert one.is_file() == other.is_file() == (name in first["files"])
-        assert not one.is_file() or one.read_bytes() == other.read_bytes()
-
-
-def test_a_summary_says_whether_the_run_took_robust_settings_of_its_own(tmp_path):
-    line = ["run", misled(tmp_path, "noise"), "--particles", "4", "--every", "9", "--anyway", "--quiet"]
-    expected = {"": (True, True, True), "--no-second-look": (False, False, False)}
-    expected["--set outliers=true --no-second-look"] = (False, False, True)
-    for options, wanted in expected.items():
-        main([*line, *options.split(), "--out", str(tmp_path / "o")])
-        found = summary_in(tmp_path / "o")
-        robust = found["config"]["outliers"] is not None
-        assert (found["second_look"], found["second_look_allowed"], robust) == wanted, options
-    (tmp_path / "once.toml").write_text("second_look = false\n")
-    main([*line, "--config", str(tmp_path / "once.toml"), "--out", str(tmp_path / "o")])
-    assert summary_in(tmp_path / "o")["config"]["outliers"] is None
+        assert one.read_bytes() == other.read_bytes()
 
 
 def test_settings_come_from_a_file_and_options_win(data, tmp_path, capsys):
@@ -406,6 +372,12 @@ BAD_LINES = {
     "run 7 --data DATA --out DATA/Imu7.npz/deeper": "a folder that can be written",
     "run 8 --data DATA --texture": "--texture: found no images",
     "run 8 --data DATA --loops": "--loops: found no LiDAR",
+    "locate none.yaml 8 --data DATA": "none.yaml",
+    "locate none.yaml 8 --set sigma=0": "locate: --set sigma: found 0, expected a number from 0.001",
+    "locate none.yaml 8 --set sigma": "locate: --set: found 'sigma', expected NAME=VALUE",
+    "locate none.yaml 8 --set lines=false": "'--set lines', expected a field of LocalizationConfig",
+    "locate none.yaml 8 --particles 0": "locate: --particles: found 0",
+    "locate none.yaml 8 --config none.toml": "none.toml",
     "info DATA": "the number of a set",
     "simulate hall": "required: --out",
     "simulate attic --out x": "invalid choice: 'attic'",

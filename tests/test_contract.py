@@ -45,11 +45,6 @@ def test_defaults_of_a_run_are_the_refined_filter_and_seed_0():
     assert result.grid.log_odds.shape == result.grid.spec.shape
 
 
-def test_report_preset_takes_standard_deviations():
-    defaults = {p.name: p.default for p in inspect.signature(pfslam.SlamConfig.report).parameters.values()}
-    assert defaults == {"sigma_v": np.sqrt(0.1), "sigma_omega": np.sqrt(0.02)}
-
-
 @pytest.mark.parametrize("thing", [DRIVE, DRIVE.truth, pfslam.SlamConfig.refined(), DRIVE.robot])
 def test_what_must_not_drift_apart_is_frozen(thing):
     with pytest.raises(FrozenInstanceError):

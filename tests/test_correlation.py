@@ -126,12 +126,6 @@ def test_sums_of_the_longest_scan_stay_exact_in_float32():
     # The largest sum that a scan of 16777 beams can reach is still a float32 whole number with a neighbour
     # one away.
     beams = 16_777
-    found = search(
-        np.full((1, 1), TOP, dtype=np.float32),
-        GridSpec((-0.5, -0.5), 1.0, (1, 1)),
-        np.zeros((beams, 2)),
-        np.zeros((1, 3)),
-        Lattice(1.0, 0.1),
-        Window(0, 0),
-    )
+    field, spec = np.full((1, 1), TOP, dtype=np.float32), GridSpec((-0.5, -0.5), 1.0, (1, 1))
+    found = search(field, spec, np.zeros((beams, 2)), np.zeros((1, 3)), Lattice(1.0, 0.1), Window(0, 0))
     assert int(next(iter(found)).scores[0, 0]) == beams * TOP < 2**24

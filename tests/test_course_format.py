@@ -190,10 +190,8 @@ def test_an_absurd_header_costs_nothing(tmp_path, header):
 def test_a_header_that_python_stumbles_over_is_read_again(tmp_path, monkeypatch):
     # Python 3.11 raises SystemError if its collector runs code while a header is parsed: the file is sound.
     np.savez(tmp_path / "good.npz", a=np.arange(3))
-    read, stumbles = (
-        np.lib.npyio.NpzFile.__getitem__,
-        [SystemError("AST constructor recursion depth mismatch")],
-    )
+    read = np.lib.npyio.NpzFile.__getitem__
+    stumbles = [SystemError("AST constructor recursion depth mismatch")]
 
     def stumbling(archive, key):
         if stumbles:

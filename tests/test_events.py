@@ -8,9 +8,9 @@ from rooms import ENCODER_STEP, LIDAR, ROOM, SQUARE, arcs, distance_to_walls, dr
 
 from pfslam.errors import DataError
 from pfslam.motion import dead_reckoning
-from pfslam.poses import Trajectory, between, compose, rotation_matrix, transform_points
+from pfslam.poses import compose, rotation_matrix, transform_points
 from pfslam.recording import LidarScans
-from pfslam.refined.events import LevelledScans, deskewed, level_scan
+from pfslam.refined.events import deskewed, level_scan
 from pfslam.refined.odometer import Odometer
 from pfslam.sensors import RobotModel
 from pfslam.slam import SlamConfig
@@ -79,11 +79,8 @@ def test_first_middle_and_last_beam_by_hand(beam):
 )
 def test_the_events_of_a_drive_add_up_to_its_odometry(config, legs):
     recording = drive(legs)
-    used, pose, odometry = (
-        list(config.used_scans(recording).events()),
-        np.zeros(3),
-        dead_reckoning(recording),
-    )
+    used, odometry = list(config.used_scans(recording).events()), dead_reckoning(recording)
+    pose = np.zeros(3)
     for event in used:
         pose = compose(pose, event.motion)
     np.testing.assert_allclose(pose, odometry.at(used[-1].t), atol=1e-9)
@@ -118,48 +115,6 @@ def test_a_range_at_the_limit_is_one_point_and_one_beam_or_neither(limit, tilt):
     ranges[3] = limit
     points, beams, _, _ = level_scan(ranges, replace(LIDAR, range_max=limit), tilt, -np.inf)
     assert len(points) == len(beams)
-
-
-def same_event(found, expected):
-    for name, value in vars(expected).items():
-        for a, b in zip(np.atleast_1d(getattr(found, name)), np.atleast_1d(value), strict=True):
-            np.testing.assert_array_equal(a, b, err_msg=name)
-
-
-@pytest.mark.parametrize("sweep", [0.0, -0.05])
-def test_an_odometer_fed_pose_by_pose_makes_the_events_of_the_drive_to_the_last_bit(sweep):
-    """A scan is asked for as soon as the poses have passed it."""
-    recording = told(drive(LEGS), sweep)
-    start = compose(np.array([3.0, 4.0, 1.0]), recording.truth.poses)
-    recording = replace(recording, encoders=None, imu=None, odometry=Trajectory(recording.truth.t, start))
-    whole, odometer = LevelledScans.of(recording, tilt=False), Odometer(recording.robot)
-    waiting, compared = list(whole.events()), 0
-    for t, pose in zip(recording.truth.t, start, strict=True):
-        odometer.add_pose(t, pose)
-        while waiting and odometer.covers(waiting[0].t):
-            expected = waiting.pop(0)
-            same_event(odometer.event(expected.t, recording.lidar.ranges[whole.scans[compared]]), expected)
-            compared += 1
-    assert compared > 50
-
-
-def test_jumps_of_an_odometry_are_left_out_and_counted_and_the_odometer_leaves_them_out_too():
-    """Set back to zero twice; the odometer makes the events of the drive to the last bit."""
-    recording = told(drive(LEGS), 0.0)
-    poses = recording.truth.poses.copy()
-    for k in (200, 350):
-        poses[k:] = between(poses[k], poses[k:])
-    assert np.hypot(*(poses[200] - poses[199])[:2]) > 0.4
-    recording = replace(recording, encoders=None, imu=None, odometry=Trajectory(recording.truth.t, poses))
-    sound = replace(recording, odometry=recording.truth)
-    whole, odometer = LevelledScans.of(recording, tilt=False), Odometer(recording.robot)
-    assert whole.dropped == {"jumps of the odometry": 2}
-    assert LevelledScans.of(sound, tilt=False).dropped == {}
-    for t, pose in zip(recording.truth.t, poses, strict=True):
-        odometer.add_pose(t, pose)
-    assert odometer.jumps == 2
-    for i, expected in zip(whole.scans, whole.events(), strict=True):
-        same_event(odometer.event(expected.t, recording.lidar.ranges[i]), expected)
 
 
 def test_an_odometer_refuses_what_it_cannot_use():

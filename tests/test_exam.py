@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from exam import LEVELS, NUMBERS, QUESTIONS, draw, filled, main, paper
-from scipy.stats import binomtest
 
 ROOT = Path(__file__).resolve().parents[1]
 SEEDS = range(30)
@@ -57,15 +56,20 @@ BY_HAND = {
     "01c": {"half": 8.919, "end": 3.438},
     "02c": {"scans": 5, "seconds": 0.125},
     "03b": {"spread": 0.992, "wider": 1.403},
+    "03c": {"all": 0.736842},
     "03e": {"left": 0.2, "right": 1.8, "n_eff": 60.98},
     "04b": {"by_count": 1.00714, "by_share": 1.2837, "by_beams": 32},
     "04c": {"leaves": 5.73, "cells": 0.8727},
+    "05b": {"n_eff": 47.804878},
     "05e": {"draws": 0.8184, "comb": 0.8, "safe": 0.02},
     "06b": {"d": 400, "z": 0.4919, "change_mm": 0.715, "limit": 1.841},
     "06c": {"height_cm": 0.8727, "reach": 1.1459},
+    "07b": {"p": 0.38770},
     "07c": {"needed": 160},
+    "08c": {"shift": 2.0, "delay_ms": 10.0},
     "09b": {"nx": 1, "ny": 0, "third": 3, "change_mm": 52.36},
     "09c": {"across": 0.4495, "along": 4.472},
+    "10b": {"n": 460_515},
     "10c": {"lost": 0.36603},
     "11b": {"gain": 0.6667, "mean": 1.4667, "var": 0.1667},
     "12c": {"middle": 2.828, "end": 4, "tied": 2},
@@ -82,49 +86,26 @@ def test_answers_by_hand(name):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_answers_found_in_another_way(seed):
     v = values("01b", seed)
-    x = y = 0.0
-    for k in range(20_000):
-        x += v["v"] * math.cos(v["omega"] * (k + 0.5) / 20_000) / 20_000
-        y += v["v"] * math.sin(v["omega"] * (k + 0.5) / 20_000) / 20_000
-    assert (v["x"], v["y"]) == pytest.approx((x, y), abs=1e-6)
+    arc = v["v"] * (np.exp(1j * v["omega"]) - 1) / (1j * v["omega"])
+    assert (v["x"], v["y"]) == pytest.approx((arc.real, arc.imag))
     v = values("02b", seed)
     level = 0
     for step in [1] * v["hits"] + [-1] * v["crossed"]:
         level = max(-2, min(2, level + step))
     assert v["p"] == pytest.approx(1 / (1 + math.exp(-level * math.log(4))))
-    v = values("03c", seed)
-    belief = np.where(np.arange(v["cells"]) < v["doors"], v["hit"], v["false"])
-    assert v["all"] == pytest.approx((belief / belief.sum())[: v["doors"]].sum())
-    v = values("05b", seed)
-    weights = np.append(np.full(v["n"] - 1, (1 - v["w"]) / (v["n"] - 1)), v["w"])
-    assert v["n_eff"] == pytest.approx(1 / (weights @ weights))
     v = values("05c", seed)
     shares = [v[f"w{k}"] for k in range(4)]
     drawn = [next(k for k in range(4) if v["start"] + tooth / 4 < sum(shares[: k + 1])) for tooth in range(4)]
     assert v["ancestors"] == ", ".join(map(str, drawn))
-    v = values("07b", seed)
-    assert v["p"] == pytest.approx(binomtest(v["k"], v["n"]).pvalue)
     v = values("08b", seed)
     assert v["bias"] * v["time"] + v["scale"] / 100 * v["turn"] == pytest.approx(v["parted"])
-    v = values("08c", seed)
-    for d, w in ((v["d1"], v["w1"]), (v["d2"], v["w2"])):
-        assert v["shift"] + 100 * v["range"] * w * v["delay_ms"] / 1000 == pytest.approx(d)
-    v = values("10b", seed)
-    share = float(v["share"].split()[0]) / 100
-    assert (1 - share) ** v["n"] <= v["missed"] / 100 < (1 - share) ** (v["n"] - 1)
     v = values("11c", seed)
-    p = 1.0
-    for _ in range(200):
-        p = 1 / (1 / (p + v["q"]) + 1 / v["r"])
-    assert v["p"] == pytest.approx(p)
+    assert 1 / v["p"] == pytest.approx(1 / (v["p"] + v["q"]) + 1 / v["r"])
     v = values("12b", seed)
     assert v["n"] * v["each"] + v["left"] == pytest.approx(v["e"])
     assert v["each"] / v["s"] ** 2 == pytest.approx(v["left"] / v["c"] ** 2)
     v = values("13b", seed)
-    reading = v["a"]
-    for _ in range(v["steps"]):
-        reading = (reading + 1) % 2 ** v["bits"]
-    assert reading == v["b"]
+    assert (v["a"] + v["steps"]) % 2 ** v["bits"] == v["b"]
 
 
 def test_a_paper_another_paper_and_its_key(tmp_path):

@@ -196,6 +196,8 @@ ORIGIN = "origin: [-10.25, 3.5, 0.0]"
         (None, b"", r"map\.pgm: header"),
         (None, b"P5\n4 3\n255\n123", r"map\.pgm: pixels"),
         (None, b"P5\n999999999 999999999\n255\n", r"map\.pgm: pixels"),
+        (None, b"P5\n4 3\n255\n" + 12 * b"\xfe", "no occupied cell"),
+        (None, b"P5\n4 3\n255\n" + 12 * b"\x00", "no free cell"),
     ],
 )
 def test_bad_maps(tmp_path, grid, old, new, message):
@@ -206,7 +208,7 @@ def test_bad_maps(tmp_path, grid, old, new, message):
     else:
         path.write_text(path.read_text().replace(old, new))
     with pytest.raises(DataError, match=message):
-        read_map(path)
+        read_known_map(path)
 
 
 # ---- floor texture -----------------------------------------------------------------------------------------
@@ -344,10 +346,7 @@ BAD_LOGS = {
     "far away": (flaser(1.0, pose="0 1e300 0"), r"odometry\.pose: found 1e\+300, expected m and rad"),
     "stamp in ns": (flaser(976052890244111000), "stamps: found 9.76.*, expected seconds"),
     "beams change": (flaser(1.0) + "\n" + flaser(2.0, (1, 2)), "line 2: found 2 beams"),
-    "angles in degrees": (
-        robotlaser(1.0, start=-90.0),
-        "laser, angle_min: found -90",
-    ),
+    "angles in degrees": (robotlaser(1.0, start=-90.0), "laser, angle_min: found -90"),
     "more than a turn": (robotlaser(1.0, step=4.0), "laser: found angles from -1 to 7, expected radians"),
     "no odometry": (rawlaser(1.0), "odometry: found none"),
     "laser far away": (

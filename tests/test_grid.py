@@ -181,10 +181,8 @@ def test_beams_without_a_reading_clear_nothing(rays):
 
 @pytest.mark.parametrize("clamp", [10.0, 1.25])
 def test_hit_and_free_amounts_add_up_over_scans_up_to_the_clamp(clamp):
-    grid, config = (
-        OccupancyGrid.empty(GridSpec((0.0, 0.0), 1.0, (1, 6))),
-        MapConfig(1.0, 2.0, 0.5, clamp, "bresenham"),
-    )
+    grid = OccupancyGrid.empty(GridSpec((0.0, 0.0), 1.0, (1, 6)))
+    config = MapConfig(1.0, 2.0, 0.5, clamp, "bresenham")
     for end in (5.5, 5.5, 3.5):  # two hits in cell 5 that cross cell 3, then one hit in cell 3
         integrate_scan(grid, np.array([[end, 0.5]]), np.array([0]), np.array([0.5, 0.5]), config)
     np.testing.assert_allclose(grid.log_odds, np.clip([[-1.5, -1.5, -1.5, 1.0, -1.0, 4.0]], -clamp, clamp))

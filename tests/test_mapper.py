@@ -1,11 +1,11 @@
 """A mapper that is fed scan by scan is the run over all scans, and one that was saved is one that was not."""
 
-import sys
 from dataclasses import replace
 from zipfile import ZipFile
 
 import numpy as np
 import pytest
+from breaking import lines_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from rooms import ROOM, SQUARE, drive, scan
@@ -135,10 +135,8 @@ def test_a_mapper_fed_with_every_sample_is_the_run_to_the_last_bit(
 ):
     """Scans come before, between, on and after samples. With a sweep, those at the end wait for what never comes."""
     assume((np.diff(stamps) > 1e-6).all())
-    truth, config = (
-        drive(SQUARE).truth,
-        replace(CONFIGS[name], every=1, particles=1 if name == "matching" else 10),
-    )
+    truth = drive(SQUARE).truth
+    config = replace(CONFIGS[name], every=1, particles=1 if name == "matching" else 10)
     poses = compose(np.array([3.0, 4.0, 1.0]), truth.at(np.clip(stamps, 0.0, 9.0)) * [1.02, 1.02, 1.0])
     poses[len(poses) // 2 :] = compose([jump, 0.0, 0.5 * jump], poses[len(poses) // 2 :])
     on_samples |= {len(stamps) - 1} if last else set()
@@ -167,51 +165,6 @@ def test_a_mapper_fed_with_every_sample_is_the_run_to_the_last_bit(
     assert all(t > stamps[-1] for t, _ in waiting)
 
 
-@pytest.mark.parametrize(("metres", "rate"), [(1.2, 8.0), (0.5, 50.0)])
-def test_a_jump_of_the_odometry_is_left_out_at_the_rate_of_scans_too(metres, rate):
-    """A drive at 0.48 m/s, whose odometry jumps ahead after four seconds of nine; scans come eight times a second."""
-    truth, lidar = drive(SQUARE).truth, DRIVE.robot.lidar
-    t = np.arange(0.0, 9.0, 1.0 / rate)
-    poses = truth.at(t)
-    poses[t > 4.0] = compose([metres, 0.0, 0.0], poses[t > 4.0])
-    mapper = pfslam.Mapper(lidar, replace(SlamConfig.refined(), particles=20))
-    for stamp, pose in zip(t, poses, strict=True):
-        mapper.add_odometry(stamp, pose)
-    for stamp in np.arange(0.0, t[-1], 0.125):
-        mapper.add(stamp, scan(ROOM, truth.at(stamp)))
-    assert mapper.odometer.jumps == 1
-    expected = truth.at(mapper.steps[-1].t)
-    np.testing.assert_allclose(mapper.pose[:2], expected[:2], atol=0.02)
-
-
-# What raises leaves no trace
-# ------------------------------------------------------------------------------------------------
-
-
-def raises_at(line, function, *arguments):
-    """Call the function, and press Ctrl-C before the package's so-many-th line; False if it ends before."""
-    left = [line]
-
-    def traced(frame, event, _):
-        if "pfslam" not in frame.f_code.co_filename:
-            return None
-        if event == "line":
-            left[0] -= 1
-            if left[0] == 0:
-                raise KeyboardInterrupt
-        return traced
-
-    before = sys.gettrace()
-    sys.settrace(traced)
-    try:
-        function(*arguments)
-    except KeyboardInterrupt:
-        return True
-    finally:
-        sys.settrace(before)
-    return False
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "fed"),
@@ -230,12 +183,12 @@ def test_a_step_that_is_interrupted_at_any_line_leaves_everything_as_it_was(befo
     t, ranges = samples[at][1]
     scan_of = (t, ranges) if fed else (t + 0.04, ranges, samples[at - 1][1][1])
     good.save(tmp_path / "good.npz")
-    line = interrupted = 1
-    while raises_at(line, bad.add, *scan_of):
+    last = 1
+    while lines_of(lambda: bad.add(*scan_of), last) == last:
         bad.save(tmp_path / "bad.npz")
         assert (tmp_path / "bad.npz").read_bytes() == (tmp_path / "good.npz").read_bytes()
-        line, interrupted = line + 1 + line // 10, interrupted + 1
-    assert interrupted > 10
+        last += 25
+    assert last > 300
     for mapper in (pfslam.Mapper.load(tmp_path / "good.npz"), good):
         mapper.add(*scan_of)
     again = pfslam.Mapper.load(tmp_path / "bad.npz")

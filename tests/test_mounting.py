@@ -110,12 +110,8 @@ def test_what_a_drive_does_not_show_has_a_large_error():
     straight = np.column_stack([0.1 * made.odometry.t, np.zeros((len(made.odometry), 2))])
     angles = np.linspace(-0.5 * VIEW, 0.5 * VIEW, 180)
     poses = compose(Trajectory(made.odometry.t, straight).at(made.lidar.t), [*PLACE, 0.0])
-    recording = replace(
-        made,
-        odometry=Trajectory(made.odometry.t, straight),
-        lidar=LidarScans(made.lidar.t, cast(poses, angles).astype(np.float32)),
-    )
-    found = fit_mounting(recording)
+    scans = LidarScans(made.lidar.t, cast(poses, angles).astype(np.float32))
+    found = fit_mounting(replace(made, odometry=Trajectory(made.odometry.t, straight), lidar=scans))
     assert (
         found.turns.within(1.0, 0.2) is found.late.within(0.0, 0.02) is found.ahead.within(0.0, 0.15) is None
     )

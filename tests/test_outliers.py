@@ -26,7 +26,6 @@ from pfslam.refined.outliers import (
 from pfslam.refined.run import better_look
 from pfslam.refined.step import RefinedConfig, refined_step
 from pfslam.run import run_slam, slam_steps
-from pfslam.simulator import Hazards, simulate
 from pfslam.slam import SlamConfig
 
 CONFIG = OutlierConfig()
@@ -252,17 +251,6 @@ def test_where_ranges_are_noisy_the_robust_run_is_made_at_once(sigma, robust):
     assert run_slam(noisy, FEW, second_look=False).config == FEW
 
 
-def test_however_far_ranges_scatter_there_are_robust_settings():
-    """Twenty metres of margin are 400 cells, more than the setting itself takes."""
-    assert FEW.robust(5.0).outliers == replace(CONFIG, margin=100)
-
-
-def test_robust_settings_that_were_asked_for_are_no_second_look():
-    result = run_slam(drive([(3.0, 10, 0.1)]), FEW.robust())
-    assert result.config.outliers is not None
-    assert not result.second_look
-
-
 def look(doubted: int, score: float) -> SimpleNamespace:
     """A run of ten scans, of which the last are doubted, with one mean score; the scan that was not matched is none."""
     distrust = [{"from": 10.0 - doubted, "to": None, "reason": ""}]
@@ -278,17 +266,6 @@ def test_the_second_look_stands_without_doubt_or_where_neither_doubts_nor_fit_ar
     for stands, doubted, score in ((1, 3, 0.9), (1, 1, 0.95), (1, 0, 0.85), (0, 4, 0.95), (0, 1, 0.85)):
         second = look(doubted, score)
         assert better_look(first, second) is (second if stands else first)
-
-
-@pytest.mark.nightly
-def test_among_people_a_second_look_finds_the_way():
-    data = simulate("hall", hazards=Hazards(people=6)).recording
-    errors = [
-        trajectory_error(run_slam(data, FEW, second_look=look).trajectory, data.truth).ate_rmse_m
-        for look in (False, True)
-    ]
-    assert errors[0] > 0.2
-    assert errors[1] <= 0.06
 
 
 @pytest.mark.nightly

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rooms import CURVES, ENCODER_STEP, SCAN_STEP, bare_corridor, drive
+from rooms import CURVES, ENCODER_STEP, SCAN_STEP, bare_corridor, blinded, drive
 
 from pfslam.beyond.per_particle import family_step, per_particle_step, survivors
 from pfslam.evaluation.trajectory import trajectory_error
@@ -29,13 +29,7 @@ def owners(histories):
 
 def layers(map):
     """All that a map holds, as arrays of their own."""
-    held = (
-        map.grid.log_odds,
-        map.field,
-        map.moments.sums,
-        map.moments.slots.values,
-        np.array(map.drawn),
-    )
+    held = (map.grid.log_odds, map.field, map.moments.sums, map.moments.slots.values, np.array(map.drawn))
     return [part.copy() for part in held]
 
 
@@ -183,16 +177,9 @@ def test_without_lines_one_history_is_the_shared_filter_with_one_particle():
     np.testing.assert_array_equal(alone.grid.log_odds, shared.grid.log_odds)
 
 
-def blinded(recording, begin, end):
-    """The same drive, but the scans of these numbers see nothing."""
-    ranges = recording.lidar.ranges.copy()
-    ranges[begin:end] = np.inf
-    return replace(recording, lidar=replace(recording.lidar, ranges=ranges))
-
-
 def test_through_scans_that_see_nothing_hypotheses_spread_and_the_next_one_gathers_them():
     config = replace(CONFIG, particles=40, noise=MotionNoise(xy=0.03))
-    infos = run_slam(blinded(DRIVE, 40, 50), config).infos
+    infos = run_slam(blinded(DRIVE, slice(40, 50)), config).infos
     blind = np.array([info.particles.poses[:, :2].std(axis=0) for info in infos[40:50]])
     expected = 0.03 + 0.08 * 0.012 / ENCODER_STEP * SCAN_STEP
     # Chi-square again, for 80 numbers; turns carry a little of it from one axis to the other.

@@ -143,15 +143,10 @@ def test_the_scatter_does_not_depend_on_how_far_apart_beams_are(more):
 
 def test_beams_on_one_straight_wall_scatter_by_their_noise_alone_even_where_they_are_few():
     """The wall is 1 m to the left of a scanner of 9 beams, 20 degrees apart."""
-    lidar, rng = (
-        LidarModel(angle_min=np.deg2rad(10.0), angle_max=np.deg2rad(170.0), beams=9),
-        np.random.default_rng(0),
-    )
+    lidar = LidarModel(angle_min=np.deg2rad(10.0), angle_max=np.deg2rad(170.0), beams=9)
+    rng, t = np.random.default_rng(0), np.arange(400.0)
     for noise in (0.0, 0.02):
         ranges = 1.0 / np.sin(lidar.angles) + noise * rng.standard_normal((400, 9))
-        scans, odometry = (
-            LidarScans(np.arange(400.0), ranges),
-            Trajectory(np.arange(400.0), np.zeros((400, 3))),
-        )
+        scans, odometry = LidarScans(t, ranges), Trajectory(t, np.zeros((400, 3)))
         log = Recording("wall", RobotModel(lidar=lidar), odometry=odometry, lidar=scans)
         assert log.range_scatter() == pytest.approx(noise, rel=0.1, abs=1e-9)

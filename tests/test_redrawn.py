@@ -57,18 +57,19 @@ def assert_redrawn(which, config):
     return result
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("which", ["dense", "coarse", "masked", "blind"])
-def test_in_a_room(which, method):
-    result = assert_redrawn(which, METHODS[method])
+SOME = ("report", "refined", "robust", "matching")
+ELSEWHERE = ("coarse", "masked", "blind", "people", "tilted")
+CASES = [("dense", method) for method in METHODS] + [
+    (which, method) for which in ELSEWHERE for method in SOME
+]
+
+
+@pytest.mark.parametrize(("which", "method"), CASES)
+def test_with_every_method_in_a_room_and_with_some_elsewhere(which, method):
+    every = 10 if which in ("people", "tilted") else None
+    result = assert_redrawn(which, replace(METHODS[method], every=every))
     drawn = sum(info.drawn for info in result.infos)
     assert drawn == 1 if method == "once" else drawn > 3
-
-
-@pytest.mark.parametrize("method", ["report", "refined", "robust", "matching"])
-@pytest.mark.parametrize("which", ["people", "tilted"])
-def test_among_people_and_on_slopes(which, method):
-    assert_redrawn(which, replace(METHODS[method], every=10))
 
 
 def test_walls_between_coarse_beams_and_people_who_left_are_drawn_as_the_run_did():

@@ -42,14 +42,6 @@ def test_a_span_keeps_its_scans_and_images_and_the_motion_around_them():
     np.testing.assert_array_equal(camera.read_rgb(camera.rgb_index[0]), whole.read_rgb(first))
 
 
-def test_a_part_of_a_drive_is_mapped_as_it_is_by_itself():
-    """The motion in a span is that of the whole drive."""
-    part, t = select(BOX, start=1.0, until=2.5), np.linspace(1.0, 2.5, 9) + SCANS.t[0]
-    whole, alone = pfslam.dead_reckoning(BOX).at(t), pfslam.dead_reckoning(part).at(t)
-    steps = (pfslam.poses.between(path[:-1], path[1:]) for path in (whole, alone))
-    np.testing.assert_allclose(*steps, atol=1e-3)
-
-
 def test_limits_are_the_lidars():
     lidar = select(BOX, limits=(0.5, 3)).robot.lidar
     assert (lidar.range_min, lidar.range_max) == (0.5, 3)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drives import simulated
-from rooms import CURVES, SQUARE, distance_to_walls, drive, sensor_position
+from rooms import CURVES, SQUARE, blinded, distance_to_walls, drive, sensor_position
 
 from pfslam.correlation import Perturbations, map_correlation
 from pfslam.errors import DataError
@@ -219,14 +219,6 @@ def test_estimates_are_never_revised_and_come_at_the_used_scans():
     np.testing.assert_array_equal(run_slam(half, config).trajectory.poses, whole.trajectory.poses[:20])
 
 
-def test_every_nth_scan_follows_from_the_rate_unless_told_otherwise():
-    config = replace(REFINED, particles=5)
-    fast = replace(DRIVE, lidar=LidarScans(DRIVE.lidar.t[0] + 0.024 * np.arange(50), DRIVE.lidar.ranges[:50]))
-    np.testing.assert_array_equal(run_slam(fast, config).trajectory.t, fast.lidar.t[::5])
-    told = replace(config, every=4)
-    np.testing.assert_array_equal(run_slam(DRIVE, told).trajectory.t, DRIVE.lidar.t[::4])
-
-
 def test_scans_outside_the_odometrys_time_are_dropped_and_counted():
     late = replace(SHORT, lidar=LidarScans(SHORT.lidar.t + 0.25, SHORT.lidar.ranges))
     result = run_slam(late, replace(REFINED, particles=5))
@@ -236,12 +228,6 @@ def test_scans_outside_the_odometrys_time_are_dropped_and_counted():
     for recording, what in ((never, "lidar time_stamps"), (replace(SHORT, lidar=None), "LiDAR")):
         with pytest.raises(DataError, match=what):
             run_slam(recording, REFINED)
-
-
-def blinded(recording, which):
-    ranges = recording.lidar.ranges.copy()
-    ranges[which] = np.inf
-    return replace(recording, lidar=LidarScans(recording.lidar.t, ranges))
 
 
 @PRESETS

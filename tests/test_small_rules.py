@@ -11,7 +11,7 @@ from pfslam.beyond.localization import KnownMap, LocalizationConfig, Localizatio
 from pfslam.grid import GridSpec, MapConfig, OccupancyGrid
 from pfslam.particles import Particles
 from pfslam.refined.events import level_scan, levelled_event
-from pfslam.refined.map import OLD, RefinedMap
+from pfslam.refined.map import OLD
 from pfslam.refined.outliers import OutlierConfig, WaitingScan, settle_hits
 from pfslam.refined.step import RefinedConfig, refined_step
 from pfslam.refined.tilt import FLOOR_CLEARANCE
@@ -69,15 +69,8 @@ def test_a_hit_that_was_held_back_is_drawn_if_met_at_least_as_often_as_seen_thro
     others = WaitingScan(np.zeros((0, 2)), np.zeros(0, dtype=int), np.zeros(0, dtype=bool))
     oldest = WaitingScan(far, np.array([votes]), np.array([False]))
     now = np.array([[2.0, 1.0], [2.0, 1.1]])
-    hits, waiting = settle_hits(
-        (oldest, others, others, others, others),
-        spec,
-        now,
-        np.array([0, 1]),
-        np.array([1.0, 1.0]),
-        MapConfig(),
-        OutlierConfig(),
-    )
+    before, scan_now = (oldest, others, others, others, others), (now, np.array([0, 1]), np.ones(2))
+    hits, waiting = settle_hits(before, spec, *scan_now, MapConfig(), OutlierConfig())
     assert len(waiting) == 5
     assert np.count_nonzero((hits == far).all(axis=1)) == drawn
 
@@ -93,20 +86,6 @@ def test_particles_are_drawn_anew_from_the_first_scan_on_if_it_fits_badly():
     _, info = localization_step(state, event, known, np.random.default_rng(0))
     assert info.fit < 0.2
     assert info.injected > 0.5
-
-
-def test_a_map_that_is_copied_is_drawn_into_by_nobody_else():
-    drawn = RefinedConfig(outliers=OutlierConfig()).start().map
-    drawn.draw(event_at((0.0, 0.0, 0.0)), np.zeros(3), np.eye(3))
-    kept = drawn.copy()
-    before = kept.grid.log_odds.copy(), kept.field.copy(), kept.moments.sums.copy(), len(kept.drawn)
-    drawn.draw(event_at((0.3, 0.0, 0.0)), np.array([0.3, 0.0, 0.0]), np.eye(3))
-    assert isinstance(kept, RefinedMap)
-    assert not np.array_equal(drawn.grid.log_odds, before[0])
-    for found, expected in zip(
-        (kept.grid.log_odds, kept.field, kept.moments.sums, len(kept.drawn)), before, strict=True
-    ):
-        np.testing.assert_array_equal(found, expected)
 
 
 def test_an_odometer_keeps_what_the_first_beams_of_the_next_scan_ask_for():

@@ -29,11 +29,8 @@ def leaning(pitch=0.0, roll=0.0, speed=0.0, yaw_rate=0.0, bias=(0.0, 0.0, 0.0), 
     gravity = np.column_stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)])
     own = np.column_stack([np.gradient(speed, T), speed * yaw_rate, np.zeros_like(T)]) / STANDARD_GRAVITY
     rates = np.column_stack([np.gradient(roll, T), np.gradient(pitch, T), yaw_rate]) + bias
-    return Recording(
-        "lean",
-        encoders=Encoders(T, np.tile(counts[:, None], (1, 4))),
-        imu=Imu(T, rates, gravity + own + np.array(shown)),
-    )
+    encoders = Encoders(T, np.tile(counts[:, None], (1, 4)))
+    return Recording("lean", encoders=encoders, imu=Imu(T, rates, gravity + own + np.array(shown)))
 
 
 def slope(angle, begin=8.0, end=14.0, over=0.5):
@@ -83,12 +80,8 @@ def slow_tilt(recording):
         forward = (speed - before) / dt if dt > 1e-3 else 0.0
         sideways = speed * imu.angular_velocity[k, 2]
         gx, gy, gz = imu.acceleration_g[k] - [level[0], level[1], 0.0]
-        felt = np.array(
-            [
-                np.arctan2(forward / STANDARD_GRAVITY - gx, gz),
-                np.arctan2(gy - sideways / STANDARD_GRAVITY, gz),
-            ]
-        )
+        pushes = [forward / STANDARD_GRAVITY - gx, gy - sideways / STANDARD_GRAVITY]
+        felt = np.arctan2(pushes, gz)
         rates = (imu.angular_velocity[k] - bias)[[1, 0]]
         turned = turned + rates * dt
         if imu.t[k] < imu.t[0] + TIME_CONSTANT and not still:

@@ -80,15 +80,6 @@ def test_a_name_from_a_folded_cell_is_found_wherever_it_is_used():
     assert borrowed([setup, ("b", "x = 1", folded), ("c", "x = 2\nx", seen), ("d", "x", seen)]) == []
 
 
-def test_lines_that_draw_or_print_are_counted():
-    assert showing("x = 1\n\n# a comment\ny = x + 1") == (0, 2)
-    assert showing("x = 1\nprint(x,\n      x)") == (2, 3)
-    assert showing("figure, (left, right) = sheet(3)\nleft.plot(1)\nx = 1") == (2, 3)
-    assert showing(
-        "fig, row = sheet(3)\nfor axes in row:\n    axes.plot(1)\n    x = 1\nshow(fig, '''a\nb''')"
-    ) == (5, 6)
-
-
 @pytest.mark.parametrize(
     "path", [p for p in NOTEBOOKS if p.stem not in BEING_REWRITTEN], ids=lambda path: path.stem
 )

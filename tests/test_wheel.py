@@ -87,10 +87,6 @@ def test_the_wheel_holds_every_file_of_the_package(wheel):
     assert held == {name for name in files if not name.endswith(".pyc")}
 
 
-def test_the_wheel_tells_type_checkers_that_the_package_has_types(wheel):
-    assert {"pfslam/py.typed", "pfslam/__init__.pyi"} <= set(zipfile.ZipFile(wheel).namelist())
-
-
 def test_the_sources_build_the_same_wheel_and_are_whole(unpacked, tree, wheel, tmp_path):
     assert unpacked.name == f"pfslam-{pfslam.__version__}"
     files = {path.relative_to(tree).as_posix() for path in tree.rglob("*") if path.is_file()}

@@ -9,11 +9,7 @@ import weakref
 import cv2
 import numpy as np
 import pytest
-from pfslam_book.show.pictures import (
-    Picture,
-    quick_uri,
-    to_rgb,
-)
+from pfslam_book.show.pictures import Picture, quick_uri, to_rgb
 from pfslam_book.show.style import new_figure
 from pfslam_book.show.widgets import Explorer, Slider, live_view, page_fragment
 
@@ -89,10 +85,7 @@ def test_words_are_radio_buttons_on_the_page():
     assert "<legend>Way</legend>" in fragment
     assert re.findall(
         r'<input type="radio" name="[^"]+-0" value="(\d)" [^>]*?(checked)?> ([^<]+)', fragment
-    ) == [
-        ("0", "", "right"),
-        ("1", "checked", "no &lt;arm&gt;"),
-    ]
+    ) == [("0", "", "right"), ("1", "checked", "no &lt;arm&gt;")]
     assert fragment.count('<input type="range"') == 1
     assert page_data(fragment)["places"] == [[0, 1], [0, 250, 1000]]
 
