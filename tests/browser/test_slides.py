@@ -23,7 +23,7 @@ BEYOND = """() => {
   const parts = 'h2, p, li, img, mjx-container, figure.pfslam-lab, canvas, button, input';
   for (const part of slide.querySelectorAll(parts)) {
     const box = part.getBoundingClientRect();
-    if (!box.width || part.closest('.pfslam-status, mjx-assistive-mml')) continue;
+    if (!box.width || part.closest('.pfslam-status, mjx-assistive-mml, details:not([open])')) continue;
     if (box.left < inside.left - 1 || box.right > inside.right + 1 || box.top < inside.top - 1 || box.bottom > foot + 1)
       found.push(`${part.tagName} ${part.className} ${JSON.stringify(box)}`);
   }

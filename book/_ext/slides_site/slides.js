@@ -21,6 +21,7 @@
     const side = document.createElement("div");
     side.className = "pfslam-side";
     side.append(...figure.querySelectorAll(".pfslam-lab-body > :not(canvas, .pfslam-plan)"));
+    [...side.querySelectorAll("button")].find(button => button.textContent === "Link")?.remove();
     figure.append(side);
     return side;
   }
