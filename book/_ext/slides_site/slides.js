@@ -39,19 +39,20 @@
     const figure = box.querySelector(".pfslam-lab"), stage = figure.lab?.stage;
     if (!stage || !box.clientWidth) return;
     const side = figure.querySelector(".pfslam-side") || arrange(figure);
+    const pictures = stage.sheets.filter(sheet => !side.contains(sheet.canvas));
     const few = side.querySelectorAll(".pfslam-slider, .pfslam-legend").length <= 2 && !side.querySelector("fieldset");
     let best = {worth: 0};
     for (const share of [1, 0.9, 0.8, 0.7, 0.6]) {
       for (const below of few ? [false, true] : [false]) {
         const scale = (share * innerHeight) / VIRTUAL, wide = box.clientWidth / scale, high = box.clientHeight / scale;
-        const {width, area} = sized(stage.sheets, wide - (below ? 0 : BESIDE), high - (below ? BELOW : 0));
+        const {width, area} = sized(pictures, wide - (below ? 0 : BESIDE), high - (below ? BELOW : 0));
         const worth = area * scale ** 2 * share ** 0.5;
         if (worth > best.worth) best = {worth, scale, wide, high, width, below};
       }
     }
     figure.classList.toggle("pfslam-below", best.below);
     figure.style.cssText = `width: ${best.wide}px; height: ${best.high}px; transform: scale(${best.scale})`;
-    for (const sheet of stage.sheets) sheet.widest = () => best.width;
+    for (const sheet of stage.sheets) sheet.widest = () => (pictures.includes(sheet) ? best.width : BESIDE - 20);
     stage.fitted = 0;
     stage.fit();
   }
