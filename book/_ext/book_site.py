@@ -199,6 +199,8 @@ class Eval(EvalRoleAny):
     def run(self):
         found, messages = super().run()
         env = self.document.settings.env
+        if env.temp_data.get("slides"):  # the copies have no slides
+            return found, messages
         numbers = env.metadata[env.docname].setdefault("numbers", [])
         numbers.append("".join(node.astext() for node in found))
         return found, messages

@@ -64,9 +64,9 @@ def expressions(notebook: dict) -> list[str]:
 
 
 def full_copy(notebook: dict, numbers: Iterable[str], place: Place) -> dict:
-    """The chapter with its solutions, in plain Markdown, without outputs."""
-    values = iter(numbers)
-    return {**notebook, "cells": [_plain(cell, values, place) for cell in notebook["cells"]]}
+    """The chapter with its solutions, in plain Markdown, without outputs and without the marks for its slides."""
+    values, cells = iter(numbers), [cell for cell in notebook["cells"] if cell["cell_type"] != "raw"]
+    return {**notebook, "cells": [_plain(cell, values, place) for cell in cells]}
 
 
 def _plain(cell: dict, numbers, place: Place) -> dict:

@@ -17,6 +17,7 @@ FOLDED = {  # what JupyterLab folds, by the tag that folds it on the site
     "hide-input": {"jupyter": {"source_hidden": True}},
     "remove-input": {"jupyter": {"source_hidden": True}},
     "hide-cell": {"jupyter": {"outputs_hidden": True, "source_hidden": True}},
+    "slides": {"jupyter": {"source_hidden": True}},
 }
 
 

@@ -13,8 +13,10 @@ SITE = Path(__file__).resolve().parents[2] / "_build" / "html"
 ALL_PAGES = sorted(p.relative_to(SITE).as_posix() for p in SITE.rglob("*.html") if "_static" not in p.parts)
 # The pages of source code hold no widgets and no equations: one test looks at each.
 SOURCES = [name for name in ALL_PAGES if name.startswith("_modules/pfslam/")]
-# The page for lost visitors has two links and no menu: one test is its own.
-PAGES = [name for name in ALL_PAGES if name not in SOURCES and name != "404.html"]
+# The page for lost visitors has two links and no menu: one test is its own. Slides have tests of their own.
+PAGES = [
+    name for name in ALL_PAGES if not (name in SOURCES or name == "404.html" or name.startswith("slides/"))
+]
 # Of each kind the one at which every change is looked at; the others have their turn at night.
 KINDS = {"book/index.html", "book/notation.html", "notebooks/03_prediction_only.html"}
 
