@@ -50,13 +50,14 @@
       this.show(calm ? 3 : 0);
     }
 
-    /** A beat from its beginning. Scans that choose go on choosing; everything else begins the drive anew. */
+    /** A beat from its beginning: the same drive comes three times, so that they can be compared. Scans that choose go on choosing; everything else begins the drive anew. */
     show(beat) {
       const goesOn = this.beat >= CHOOSING && beat > this.beat;
       this.beat = beat;
       if (!goesOn) this.begin(this.start);
     }
 
+    /** A drive from one of the starts, as the beat wants it, and nothing done to it yet. */
     begin(start) {
       const settings = {...SETTINGS, ...BEATS[this.beat].settings, ...STARTS[start]};
       Object.assign(this, {start, drive: new this.Drive(settings), log: [], coming: [], until: 0, rest: null, touched: false,
@@ -64,6 +65,7 @@
       this.leg = this.drive.leg;
     }
 
+    /** The next start: who goes on watching sees another drive. */
     elsewhere() {
       this.beat = DRIVING;
       this.begin((this.start + 1) % STARTS.length);
@@ -131,6 +133,7 @@
       if (this.calm) for (let k = 0; k < 60 * this.HERTZ && this.drive.way.length; k++) this.tick();
     }
 
+    /** An arrow key goes down or up; a browser repeats itself, and a link should not. */
     hold(name, down) {
       if (Boolean(this.drive.keys[name]) === down) return;
       this.byHand(name[0].toUpperCase() + (down ? "1" : "0"));
@@ -158,7 +161,8 @@
     }
   }
 
-  const isLink = text => /^\d-[0-9a-z]{1,6}-([0-9a-z]+(G[0-9a-z]{4}|[AKB]|[UDLR][01]))*$/.test(text) && Number(text[0]) < STARTS.length;
+  const WHOLE_LINK = new RegExp(`^\\d-[0-9a-z]{1,6}-(${MOVE.source})*$`);
+  const isLink = text => WHOLE_LINK.test(text) && Number(text[0]) < STARTS.length;
 
   /** The place to which a way leads that is nearest to a place, on rings around it; the place itself where there is none. */
   function floorNear(drive, [x, y]) {
@@ -189,6 +193,7 @@
     if (rest && !refused) return until ? "This is the floor that was shared. Now you drive." : "The lap is over: this is the floor that the robot painted.";
     if (!drive.looks) return "The robot sets off.";
     if (beat === 0) return `Wheels and gyro are ${cm(drive.offAlone)} off.`;
+    if (beat === DRIVING && drive.off > LOST) return `Lost: the dots are ${cm(drive.off)} off, and the map is spoilt. "Elsewhere" begins anew.`;
     if (beat > 1) return news(drive).join(" ");
     let nearest = Infinity;
     for (let k = 0; k < poses.length; k += 3) nearest = Math.min(nearest, Math.hypot(poses[k] - truth[0], poses[k + 1] - truth[1]));
@@ -203,7 +208,7 @@
     draw.grid(sheet, drive.grid, colours, CLAMP);
     paintFloor(sheet, drive.floor);
     draw.robot(sheet, drive.estimate, colours.estimate, {radius: 0.2});
-    draw.text(sheet, "My floor, found by a particle filter. Particle-filter SLAM, line by line", 16, height - 16, colours.ink, {size: 26, halo: colours.paper});
+    draw.text(sheet, "My floor, painted by a particle filter. Particle-filter SLAM, line by line", 16, height - 16, colours.ink, {size: 26, halo: colours.paper});
     return new Promise(done => canvas.toBlob(done, "image/png"));
   }
 
@@ -231,7 +236,7 @@
     stage.controls.before(side);
     plan.widest = () => {  // beside its words, if they have room there, and all of it in the window
       const {clientWidth} = stage.body, wide = clientWidth >= 620;
-      return Math.min(wide ? 0.6 * clientWidth : clientWidth, (wide ? root.innerHeight - 130 : 0.5 * root.innerHeight) / plan.aspect(1));
+      return Math.min(wide ? 0.57 * clientWidth : clientWidth, (wide ? root.innerHeight - 130 : 0.5 * root.innerHeight) / plan.aspect(1));
     };
     stage.setting("drive", () => story.link, isLink, text => story.replay(text));
 
