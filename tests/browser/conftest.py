@@ -129,8 +129,8 @@ def visit(chromium, addresses):
     """Open a page of the site: `visit("book/index.html", scheme="file", width=390)`."""
     contexts = []
 
-    def go(name: str, scheme: str = "http", width: int = 1280, **options) -> Visit:
-        context = chromium.new_context(viewport={"width": width, "height": 900}, **options)
+    def go(name: str, scheme: str = "http", width: int = 1280, height: int = 900, **options) -> Visit:
+        context = chromium.new_context(viewport={"width": width, "height": height}, **options)
         contexts.append(context)
         return open_page(context, addresses[scheme] + name, addresses[scheme])
 

@@ -304,8 +304,9 @@ def test_a_tapped_place_is_reached_or_refused_in_words(lab):
 
 def test_who_was_carried_away_is_told_and_put_back(lab):
     hand = lab("drive", options={"small": True})
+    hand.press("Now you drive", "5")
     hand.wait("state.looks > 20")
-    hand.press("Pause", " ")
+    hand.press("Hold", " ")
     before = hand.see("truth", "poses", "grid")
     hand.press("Kidnap", "k")
     hand.hears("the robot was carried away")
@@ -316,6 +317,7 @@ def test_who_was_carried_away_is_told_and_put_back(lab):
 
 def test_the_floor_is_painted_where_the_robot_was(lab):
     page = lab("drive", options={"small": True}).page
+    page.get_by_role("button", name="Now you drive").click()
     count = f"() => {LAB}.state.floor.data.filter((value, k) => k % 4 === 3 && value).length"
     page.evaluate(f"() => {{ for (let k = 0; k < 120; k++) {LAB}.state.tick(); }}")
     few = page.evaluate(count)

@@ -285,15 +285,20 @@
       if (chance.seed !== undefined) this.setting("seed", () => `${chance.seed}`, isSeed, () => {});  // before it is built
       settings.forEach(one => { one.usual = asked && one.key === "seed" ? "" : one.read(); });
       if (asked) this.set(asked);
-      if (this.small) return;
+      this.label = label;
+      if (this.small) return;  // it has a button of its own
       if (!this.controls.closest("details")) this.fold("More");
       this.button({name: "Link", press: () => {
-        const changed = settings.filter(one => one.read() !== one.usual).map(one => [one.key, one.read()]);
-        root.history.replaceState(null, "", `#${new URLSearchParams([["lab", label], ...changed])}`);
-        const copied = root.navigator.clipboard ? root.navigator.clipboard.writeText(root.location.href) : Promise.reject();
-        copied.then(() => this.tell("Copied: a link to this page with these settings."),
-                    () => this.tell("The address of this page is now a link to these settings."));
+        this.copyLink().then(() => this.tell("Copied: a link to this page with these settings."),
+                             () => this.tell("The address of this page is now a link to these settings."));
       }});
+    }
+
+    /** Make the page's address a link to the laboratory as it is, and copy it. The promise fails where nothing can be copied. */
+    copyLink() {
+      const changed = this.settings.filter(one => one.read() !== one.usual).map(one => [one.key, one.read()]);
+      root.history.replaceState(null, "", `#${new URLSearchParams([["lab", this.label], ...changed])}`);
+      return root.navigator.clipboard ? root.navigator.clipboard.writeText(root.location.href) : Promise.reject();
     }
 
     /** Set every control as a link asks, or as usual, and say what cannot be. One control may set another back: after three
@@ -311,9 +316,9 @@
       if (refused.length) this.tell(`The link asks for what cannot be here, so it is as usual: ${refused.join(", ")}.`);
     }
 
-    /** Start and Pause of a clock that ticks `hertz` times a second, and Step; in small one of the two. Who asked for less
-     * motion steps. */
-    clock({hertz, tick, step}) {
+    /** Start and Pause, or other `names`, of a clock that ticks `hertz` times a second, and Step; in small one of the two.
+     * Who asked for less motion steps. */
+    clock({hertz, tick, step, names: [go, stop] = ["Start", "Pause"]}) {
       const clock = {running: false, hertz, tick, due: 0, last: 0, speed: 1};
       const stepped = () => { clock.pause(); step(); this.redraw(); };
       const toggle = () => (calm() ? stepped() : clock.running ? clock.pause() : clock.start());
@@ -321,8 +326,8 @@
       clock.wake = () => { if (!clock.running && !calm()) clock.start(); };  // for who drives without pressing Start
       clock.fold = () => { if (button && one) this.buttons.prepend(one); };
       clock.pause = () => { clock.running = false; write(); this.redraw(); };
-      const button = calm() ? null : this.button({name: "Start", press: toggle});
-      const write = () => { if (button) button.textContent = clock.running ? "Pause" : "Start"; };
+      const button = calm() ? null : this.button({name: go, press: toggle});
+      const write = () => { if (button) button.textContent = clock.running ? stop : go; };
       const one = button && this.small ? null : this.button({name: "Step", key: ".", press: stepped});
       (button || one).classList.add("pfslam-main");
       this.shortcuts[" "] = toggle;
@@ -397,6 +402,13 @@
       action();
     }
 
+    /** Taps and arrow keys on a plan drive: a place goes to `goTo(x, y)`, an arrow to `hold(name, down)`. */
+    steered(plan, {goTo, hold}) {
+      this.drag(plan, {start: goTo, move: goTo});
+      const key = name => down => hold(name, down);
+      this.keys(plan, {ArrowUp: key("up"), ArrowDown: key("down"), ArrowLeft: key("left"), ArrowRight: key("right")});
+    }
+
     /** Let the reader drive a `Driver` by taps, arrow keys and the autopilot's box, which is returned. */
     driven(plan, driver, clock) {
       const auto = this.check({name: "Autopilot", key: "a", value: true, change: value => {
@@ -404,13 +416,13 @@
         if (value) clock.wake();
       }});
       const byHand = () => { driver.setAuto(false); auto.checked = false; clock.wake(); };
-      const goTo = (x, y) => { byHand(); driver.goTo(x, y); };
-      this.drag(plan, {start: goTo, move: goTo});
-      const key = name => down => {
-        driver.keys[name] = down;
-        if (down) byHand();
-      };
-      this.keys(plan, {ArrowUp: key("up"), ArrowDown: key("down"), ArrowLeft: key("left"), ArrowRight: key("right")});
+      this.steered(plan, {
+        goTo(x, y) { byHand(); driver.goTo(x, y); },
+        hold(name, down) {
+          driver.keys[name] = down;
+          if (down) byHand();
+        },
+      });
       return auto;
     }
 

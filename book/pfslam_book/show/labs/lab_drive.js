@@ -1,4 +1,5 @@
-/* Drive (chapter 05, and in small on the first page): a robot in a building of walls, and the filter that follows it. */
+/* Drive (chapter 05, and in small on the first page, where `story.js` tells it): a robot in a building of walls, and the
+ * filter that follows it. */
 (function (root) {
   "use strict";
   const {core, draw, lab, Driver} = root.pfslam;
@@ -7,6 +8,7 @@
   const SPEED = 0.7, TURN = 1.6, RADIUS = 0.2;  // m/s, rad/s, m
   const SPEC = {origin: [-0.4, -0.4], resolution: 0.1, shape: [68, 98]};
   const LIDAR = {angleMin: -2.4, angleMax: 2.4, beams: 145, rangeMin: 0.1, rangeMax: 6, position: [0.1, 0]};
+  const TRAIL = 60 * HERTZ, VALUES = 80;  // ticks of odometry, and values of N_eff, that are kept: a drive may go on for hours
   const EVERY = 3;  // of so many beams one is scored; all are drawn
   const HIT = Math.log(4), CLAMP = 2 * Math.log(4);
   const START = [0.7, 3, 0];
@@ -40,15 +42,16 @@
 
     /** Back to the start: an empty map, all particles where the robot is. */
     reset() {
-      const {seed = 1} = this.settings;
+      const {seed = 1, start = START, leg = 0} = this.settings;
       Object.assign(this, {
         worldDice: core.generator(seed), filterDice: core.generator(seed + 1), ticks: 0, looks: 0, resamplings: 0,
-        reckoned: [START.slice()], kidnaps: 0, before: null, floor: {data: new Uint8ClampedArray(4 * FLOOR.width * FLOOR.height)},
+        reckoned: [start.slice()], kidnaps: 0, before: null, floor: {data: new Uint8ClampedArray(4 * FLOOR.width * FLOOR.height)},
         points_b: new Float64Array(0), history: [], trace: [], moved: true, waiting: false, said: "",
         grid: {spec: SPEC, logOdds: new Float32Array(SPEC.shape[0] * SPEC.shape[1])},
       });
-      this.park(BUILDING, START);
-      this.gather(START);
+      this.park(BUILDING, start);
+      this.leg = leg;
+      this.gather(start);
     }
 
     /** All particles at one pose, with equal weights. */
@@ -112,6 +115,7 @@
       const sigmas = {sigmaV: 0.13 * noise, sigmaOmega: 0.25 * noise, perRootSecond: true};
       this.poses = core.predict(this.poses, v, omega, dt, sigmas, normals);
       this.reckoned.push(Array.from(core.motionModel(this.reckoned[this.reckoned.length - 1], v, omega, dt)));
+      if (this.reckoned.length > 2 * TRAIL) this.reckoned.splice(0, TRAIL);
       this.moved = true;
       this.note({v, omega, dt, sigmas, normals});
     }
@@ -125,9 +129,11 @@
       this.note({ranges});
     }
 
-    /** A scan as the filter takes it: score, resample if few particles carry the weight. */
+    /** A scan as the filter takes it: score, resample if few particles carry the weight. A `blind` one does not compare: it
+     * only draws. */
     look() {
       this.scan();
+      if (this.settings.blind) { this.moved = false; this.looks += 1; this.draw(); return; }
       this.score(() => { if (this.nEff <= this.settings.threshold * this.settings.particles) this.resample(); });
     }
 
@@ -143,7 +149,7 @@
       this.fit = Math.max(...gain) / sharpness;
       this.after(this.parts.update && this.parts.update(this.weights, gain.map(Math.exp)), weights => {
         this.logWeights = weights ? weights[0].map(Math.log) : core.reweight(this.logWeights, gain).logWeights;
-          this.history.push(this.nEff);
+        this.remember();
         this.note({scored: true, sharpness});
         this.draw();
         next();
@@ -184,9 +190,14 @@
         this.poses = drawn ? drawn[0] : core.chosen(this.poses, core.systematicResample(this.weights, u));
         this.logWeights = drawn ? drawn[1].map(Math.log) : this.logWeights.map(() => -Math.log(this.logWeights.length));
         this.resamplings += 1;
-        this.history.push(this.nEff);
+        this.remember();
         this.note({u});
       });
+    }
+
+    remember() {
+      this.history.push(this.nEff);
+      if (this.history.length > VALUES) this.history.shift();
     }
 
     /** Go on with a value; if somebody else is still working it out, nothing moves until it is there. */
@@ -260,56 +271,55 @@
   })();
 
   lab("drive", stage => {
-    const wide = stage.small ? {particles: 100, noise: 1.8, sharpness: 4} : {};  // a cloud of which single dots are seen in a small picture
-    const drive = new Drive({...wide, ...stage.options}, stage.host), shown = {truth: false, near: false, floor: stage.small};
     const plan = stage.plan({
       name: "Plan of the building with the map so far, the robot, its beams and the particles",
       help: "Drive: tap a place, and the robot goes there; or use the arrow keys.",
       window: WHOLE,
     });
-    const dot = (colour, words) => `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-${colour})">●</span>\u00a0${words}`;
+    const constants = {SPEC, LIDAR, EVERY, HIT, CLAMP, START};
+    if (stage.small) return Object.assign(root.pfslam.story(stage, plan, {Drive, HERTZ, ROUTE, FLOOR, CLAMP, paint, paintFloor, news}), {constants});
+    const drive = new Drive(stage.options, stage.host), shown = {truth: false, near: false, floor: false};
     stage.words([
       dot("particles", "<b>Each blue dot is a guess</b> of where the robot is; the larger the dot, the better its view fits the walls."),
       dot("hits", "where a beam ended."), dot("wall", "walls of the map so far."), dot("odometry", "wheels and gyro alone."),
     ].join(" "));
-    const strip = stage.small ? null : stage.chart({name: "The last values of N_eff, the number of particles that count", height: 64});
+    const strip = stage.chart({name: "The last values of N_eff, the number of particles that count", height: 64});
 
     const clock = stage.clock({hertz: HERTZ, tick: () => drive.tick(), step: () => move(HERTZ)});
     function move(ticks, look = true) { for (let k = 0; k < ticks; k++) drive.tick(look); }
 
-    if (!stage.small) {
-      const byHand = action => () => { clock.pause(); action(); };
-      stage.button({name: "Predict", key: "p", press: byHand(() => move(LOOK, false))});
-      stage.button({name: "Score", key: "s", press: byHand(() => { drive.scan(); drive.score(); })});
-      stage.button({name: "Resample", key: "r", press: byHand(() => drive.resample())});
-    }
+    const byHand = action => () => { clock.pause(); action(); };
+    stage.button({name: "Predict", key: "p", press: byHand(() => move(LOOK, false))});
+    stage.button({name: "Score", key: "s", press: byHand(() => { drive.scan(); drive.score(); })});
+    stage.button({name: "Resample", key: "r", press: byHand(() => drive.resample())});
     const thief = stage.button({name: "Kidnap", key: "k", press: () => (drive.before ? drive.putBack() : drive.kidnap())});
     stage.button({name: "Start again", key: "n", press: () => { drive.reset(); auto.checked = true; }});
-    if (!stage.small) {
-      stage.fold("More settings");
-      clock.fold();
-    }
+    stage.fold("More settings");
+    clock.fold();
     const auto = stage.driven(plan, drive, clock);
-    if (!stage.small) {
-      stage.check({name: "Show the truth", key: "t", change: value => { shown.truth = value; }});
-      stage.check({name: "Look closely", key: "z", change: value => { shown.near = value; }});
-      stage.check({name: "Floor", key: "f", change: value => { shown.floor = value; }});
-      controls(stage, drive);
-    }
-
-    if (stage.small) clock.wake();  // on the first page the robot is on its way
+    stage.check({name: "Show the truth", key: "t", change: value => { shown.truth = value; }});
+    stage.check({name: "Look closely", key: "z", change: value => { shown.near = value; }});
+    stage.check({name: "Floor", key: "f", change: value => { shown.floor = value; }});
+    controls(stage, drive);
 
     return {
       state: drive,
-      constants: {SPEC, LIDAR, EVERY, HIT, CLAMP, START},
+      constants,
       draw() {
         thief.firstChild.data = drive.before ? "Put it back " : "Kidnap ";
-        paint(plan, stage, drive, shown);
-        if (strip) paintStrip(strip, stage.colours, drive);
+        plan.window = shown.near ? closeTo(drive.estimate) : WHOLE;
+        paint(plan, stage.colours, drive, shown);
+        headlines(plan, stage, drive);
+        paintStrip(strip, stage.colours, drive);
       },
       describe: () => sentence(drive, shown),
     };
   });
+
+  /** A dot in a colour of the laboratory, and the words that it explains. */
+  function dot(colour, words) {
+    return `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-${colour})">●</span>\u00a0${words}`;
+  }
 
   function controls(stage, drive) {
     const {settings} = drive;
@@ -329,25 +339,33 @@
     stage.check({name: "People", change: value => { settings.people = value; }});
   }
 
-  function paint(plan, stage, drive, shown) {
-    const {colours} = stage, {estimate, settings} = drive, half = [4.9 / NEAR, 3.4 / NEAR], [cx, cy] = estimate;
-    plan.window = shown.near ? [cx - half[0], cx + half[0], cy - half[1], cy + half[1]] : WHOLE;
+  function closeTo([x, y]) {
+    const half = [4.9 / NEAR, 3.4 / NEAR];
+    return [x - half[0], x + half[0], y - half[1], y + half[1]];
+  }
+
+  /** The plan: the map, what the robot sees, and the particles. `shown` says what else, or less: the truth, the last ticks that
+   * wheels and gyro drove `alone`, the floor. */
+  function paint(plan, colours, drive, shown) {
+    const {estimate, settings} = drive, {map = true, scan = true, truth = false, alone = truth ? TRAIL : 0} = shown;
     plan.clear(colours.paper);
-    draw.grid(plan, drive.grid, colours, CLAMP);
+    if (map) draw.grid(plan, drive.grid, colours, CLAMP);
     if (shown.floor) paintFloor(plan, drive.floor);
     if (settings.slip) hatch(plan, SLIPPERY, colours.odometry);
     const points_w = core.transformPoints(estimate, drive.points_b), sensor = core.transformPoints(estimate, LIDAR.position);
-    if (drive.looks) draw.rays(plan, sensor, points_w, colours.clear);
-    if (shown.truth || stage.small) {
-      draw.line(plan, drive.reckoned.filter((_, k) => k % 6 === 0).flatMap(([x, y]) => [x, y]), colours.odometry, {dash: [7, 4]});
+    if (scan && drive.looks) draw.rays(plan, sensor, points_w, colours.clear);
+    if (alone) {
+      const {reckoned} = drive, line = [];
+      for (let k = 6 * Math.ceil(Math.max(0, reckoned.length - alone) / 6); k < reckoned.length; k += 6) line.push(reckoned[k][0], reckoned[k][1]);
+      draw.line(plan, line, colours.odometry, {dash: [7, 4]});
     }
-    if (shown.truth) {
+    if (truth) {
       draw.line(plan, WALLS, colours.truth, {width: 1, gaps: true});
       const {discs} = drive;
       for (let k = 0; k < discs.length; k += 3) draw.robot(plan, [discs[k], discs[k + 1], 0], colours.muted, {radius: 0.18});
     }
-    if (shown.truth || drive.before) draw.robot(plan, drive.truth, colours.truth, {radius: RADIUS, fill: colours.muted});
-    draw.dots(plan, points_w, colours.hits, 1.8);
+    if (truth || drive.before) draw.robot(plan, drive.truth, colours.truth, {radius: RADIUS, fill: colours.muted});
+    if (scan) draw.dots(plan, points_w, colours.hits, 1.8);
     draw.robot(plan, estimate, colours.estimate, {radius: RADIUS});
     const few = settings.particles <= 500, single = settings.particles <= 100;
     draw.particles(plan, drive.poses, drive.weights, colours, {
@@ -358,18 +376,21 @@
       Object.assign(plan.context, {strokeStyle: colours.highlight, lineWidth: 3});
       plan.context.strokeRect(x - 7, y - 7, 14, 14);
     }
-    const size = plan.width < 500 ? 13 : 16;
-    news(drive, stage).forEach((line, k) => draw.text(plan, line, 8, (1.4 * k + 1.3) * size, colours.ink, {size, halo: colours.paper}));
-    const yours = Object.keys(drive.parts);
+  }
+
+  /** What happens, and what is the reader's own, in words on the picture. */
+  function headlines(plan, {colours, calm}, drive) {
+    const size = plan.width < 500 ? 13 : 16, yours = Object.keys(drive.parts);
+    news(drive, calm).forEach((line, k) => draw.text(plan, line, 8, (1.4 * k + 1.3) * size, colours.ink, {size, halo: colours.paper}));
     if (yours.length) draw.text(plan, `yours: ${yours.join(", ")}`, plan.width - 8, plan.height - 8, colours.ink, {size, align: "right", halo: colours.paper});
   }
 
   /** What happens, in a line or two: nobody leaves the map in ruins without being told why. */
-  function news(drive, stage) {
+  function news(drive, calm) {
     const {off, offAlone} = drive, metres = value => (value < 1 ? `${(100 * value).toFixed(0)} cm` : `${value.toFixed(1)} m`);
     if (drive.said) return [drive.said];
     if (drive.refused) return [drive.refused];
-    if (!drive.looks) return [`An empty map. Press ${stage.calm ? "Step" : "Start"}.`];
+    if (!drive.looks) return [`An empty map. Press ${calm ? "Step" : "Start"}.`];
     if (drive.before) return ["Carried away: the dots cannot know it.", "Put it back, or watch the map being spoilt."];
     if (off > 0.6) return [`Lost: the dots are ${metres(off)} off, and the map is spoilt.`, "Start again."];
     return [`Dots ${metres(off)} off, wheels and gyro alone ${metres(offAlone)}.`];
@@ -390,7 +411,7 @@
   function paintStrip(strip, colours, drive) {
     const {particles, threshold} = drive.settings, level = threshold * particles;
     strip.clear(colours.paper);
-    draw.strip(strip, drive.history, {room: 80, top: particles, level, colour: colours.estimate, levelColour: colours.ink});
+    draw.strip(strip, drive.history, {room: VALUES, top: particles, level, colour: colours.estimate, levelColour: colours.ink});
     draw.text(strip, `N_eff ${drive.nEff.toFixed(0)} of ${particles}`, 8, 18, colours.ink, {halo: colours.paper});
   }
 
