@@ -1,6 +1,8 @@
 /* What a search finds, and in which order: a section, chapter or word of the glossary that is called so, then sections
-   that speak of it, then functions. What is for teachers and maintainers comes last. Sphinx reads the query and knows the
-   functions; search_sections.js knows the sections. */
+   that speak of it, exercises after explanations, then functions. A place with some of the words is found as well, behind those
+   with all of them; the rarer the words, the better. What is for teachers and maintainers comes last. Sphinx reads the query and
+   knows the functions; search_sections.js knows the sections. */
+const ASKING = new Set("how what why when where which who do does did can should i me my we you need much many get use work".split(" "));
 const stem = new Stemmer();
 const stems = (text) =>
   (text.toLowerCase().match(/[\p{L}\p{N}]+/gu) ?? [])
@@ -23,8 +25,16 @@ const shelf = (page) => {
   return page.startsWith("book/api") ? -20 : 0;
 };
 
+/* The words of a query that tell one place from another, if there are any: "why does my map drift" is about a map that drifts. */
+const telling = (query) => {
+  const rest = stems(query.replace(/\p{L}+/gu, (word) => (ASKING.has(word.toLowerCase()) ? " " : word)));
+  return [...new Set(rest.length ? rest : stems(query))];
+};
+
+const ASKED = /^(exercises|test yourself)$/i; // what a chapter asks comes after what it says
+
 const findSections = (query) => {
-  const wanted = [...new Set(stems(query))];
+  const wanted = telling(query), asked = [...new Set(stems(query))];
   if (!wanted.length) return [];
   const counts = wanted.map((word) => {
     const found = new Map();
@@ -33,16 +43,19 @@ const findSections = (query) => {
         for (let i = 0; i < places.length; i += 2) found.set(places[i], (found.get(places[i]) ?? 0) + places[i + 1]);
     return found;
   });
+  const rarity = counts.map((found) => Math.log(1 + SECTIONS.places.length / (1 + found.size)));
+  const sum = (values) => values.reduce((total, value) => total + value, 0);
   const hits = SECTIONS.places.map(([page, anchor, titles, text], number) => {
-    const named = Math.max(...titles.map((title) => titleScore(wanted, stems(title))));
+    const names = titles.map((title) => stems(title)), best = (some) => Math.max(...names.map((name) => titleScore(some, name)));
+    const named = Math.max(best(asked), 0.9 * best(wanted)); // "how to run" is about more than "run"
     const all = stems(titles.join(" "));
     const spoken = counts.map((found, i) => found.get(number) ?? (all.includes(wanted[i]) ? 1 : 0));
-    const whole = spoken.every((count) => count > 0);
-    const often = spoken.reduce((sum, count) => sum + count / (count + 3), 0) / wanted.length;
-    return { page, anchor, title: titles[0], text, whole, score: named + 20 * often + shelf(page), named };
+    const share = sum(rarity.filter((_, i) => spoken[i] > 0)) / sum(rarity);
+    const often = sum(spoken.map((count, i) => (rarity[i] * count) / (count + 3))) / sum(rarity);
+    const score = named + 30 * share ** 2 + 20 * often + shelf(page) - (ASKED.test(titles[0]) ? 15 : 0);
+    return { page, anchor, title: titles[0], text, share, score, named };
   });
-  const whole = hits.filter((hit) => hit.whole || hit.named);
-  const some = whole.length ? whole : hits.filter((hit) => hit.score - shelf(hit.page) > 0);
+  const some = hits.filter((hit) => hit.named || hit.share > 0.5);
   return some.sort((a, b) => b.score - a.score).slice(0, 60);
 };
 

@@ -1,7 +1,8 @@
-/* "Predict first": the page takes the prediction, keeps it on the reader's machine, and shows it beside the next output. */
+/* "Predict first": the page takes the prediction, keeps it on the reader's machine, and shows it beside the next output.
+ * Until then, or until the reader skips, that output and the words about it are folded away. A laboratory tells nothing by itself. */
 (function () {
   "use strict";
-  const ASKS = "Predict first";
+  const ASKS = "Predict first", LIVE = ".pfslam-lab, .pfslam-explorer";
 
   /* The reader's machine, or nothing where it keeps nothing for us. */
   function memory() {
@@ -42,6 +43,17 @@
       place.compareDocumentPosition(output) & Node.DOCUMENT_POSITION_FOLLOWING && !output.closest("details"));
   }
 
+  /* An output and what is said about it, up to the next cell, heading or prediction. */
+  function resultAt(output) {
+    if (!output || output.querySelector(LIVE)) return [];
+    const parts = [output], asks = part => [...part.querySelectorAll("strong")].some(bold => bold.textContent.startsWith(ASKS));
+    for (let next = output.closest(".cell").nextElementSibling; next; next = next.nextElementSibling) {
+      if (next.matches(".cell, section") || asks(next)) break;
+      parts.push(next);
+    }
+    return parts;
+  }
+
   function ask(bold, number, store) {
     const place = bold.closest("p"), key = `pfslam:${location.pathname.split("/").pop()}:prediction-${number}`;
     const question = questionOf(bold), options = choices(question), id = `pfslam-prediction-${number}`;
@@ -58,7 +70,15 @@
                   element("input", {type: "text", id, name: id, maxlength: "200", required: "", ...kind}));
     }
     const told = element("p", {role: "status", class: "pfslam-kept"}), output = outputAfter(place);
-    form.append(element("button", {type: "submit"}, "Keep it"), told);
+    const skip = element("button", {type: "button"}, "Skip"), result = store.getItem(key) ? [] : resultAt(output);
+    const unfold = () => { result.forEach(part => part.classList.remove("pfslam-waits")); skip.remove(); };
+    result.forEach(part => part.classList.add("pfslam-waits"));
+    skip.addEventListener("click", () => {
+      unfold();
+      told.textContent = "The result is below.";
+    });
+    form.append(element("button", {type: "submit"}, "Keep it"), ...(result.length ? [skip] : []), told);
+    if (result.length) told.textContent = "The result waits for your prediction.";
     place.after(form);
     const said = element("p", {class: "pfslam-said"});
     const show = answer => {
@@ -74,6 +94,7 @@
       } catch {
         return;
       }
+      unfold();
       show(answer);
       told.textContent = output ? "Kept: it stands beside the next output." : "Kept.";
     });

@@ -341,6 +341,45 @@ def test_a_swipe_up_scrolls_the_page_and_changes_nothing(open_lab, name):
     assert page.evaluate(f"!{LAB}.stage.beat?.running")
 
 
+@pytest.mark.parametrize("name", ["calibrate", "drive"])
+def test_a_swipe_across_a_slider_scrolls_the_page_and_leaves_it_where_it_was(open_lab, name):
+    page = open_lab(name, **PHONE, below="<div style='height: 3000px'></div>")
+    slider = page.get_by_role("slider").first
+    slider.scroll_into_view_if_needed()
+    page.evaluate("scrollBy(0, 60)")
+    box, before, top = slider.bounding_box(), slider.input_value(), page.evaluate("scrollY")
+    x, y = box["x"] + 0.25 * box["width"], box["y"] + box["height"] / 2
+    list(touching(page, [(x + 2 * k, y - 12 * k) for k in range(16)]))
+    page.wait_for_function(f"scrollY > {top} + 50")
+    assert slider.input_value() == before
+
+
+def test_a_second_finger_cancels_what_the_first_has_begun(open_lab):
+    page = open_lab("slide", **PHONE)
+    pose = f"[...{LAB}.state.shift, {LAB}.state.turn]"
+    before, canvas = page.evaluate(pose), page.locator(".pfslam-plan canvas").first
+    canvas.scroll_into_view_if_needed()
+    box = canvas.bounding_box()
+    x, y = page.evaluate(f"{LAB}.stage.sheets[0].at(...{LAB}.state.pose)")
+    first, second = (box["x"] + x, box["y"] + y), (box["x"] + x + 60, box["y"] + y + 60)
+    session = page.context.new_cdp_session(page)
+
+    def touch(kind, *points):
+        session.send(
+            "Input.dispatchTouchEvent",
+            {"type": kind, "touchPoints": [{"x": px, "y": py, "id": k} for k, (px, py) in enumerate(points)]},
+        )
+
+    touch("touchStart", first)
+    touch("touchMove", (first[0] - 8, first[1]))
+    assert page.evaluate(pose) != before
+    touch("touchStart", (first[0] - 8, first[1]), second)
+    for k in range(2, 10):
+        touch("touchMove", (first[0] - 8 * k, first[1]), (second[0] + 8 * k, second[1]))
+    touch("touchEnd")
+    assert page.evaluate(pose) == before
+
+
 def test_a_laboratory_that_is_built_before_its_style_sheet_is_not_black(open_lab):
     page = open_lab("grow")
     dark = """() => { const {canvas} = document.querySelector('figure.pfslam-lab').lab.stage.sheets[0];
@@ -397,14 +436,15 @@ def the_corridor_agrees(hand: Hand, actions: str) -> dict:
     """Belief, cells and weights after looks (l), moves (m) and resamplings (r) are those of the package."""
     found = hand.see("belief", "cells", "weights", "doors", "settings", "trace")
     belief, truth, dice = np.full(CELLS, 1 / CELLS), TRUE_START, iter(found["trace"])
-    cells, weights, steps = np.arange(30) % CELLS, np.full(30, 1 / 30), np.cumsum(list(STEP.values()))
+    cells, weights, steps = np.arange(30) // 2, np.full(30, 1 / 30), np.cumsum(list(STEP.values()))
     at_door, at_wall = found["settings"]["atDoor"], found["settings"]["atWall"]
     for action in actions:
         if action == "m":
             truth, belief = (truth + 1) % CELLS, predict_belief(belief, STEP)
             cells = (cells + np.searchsorted(steps, next(dice), "right")) % CELLS
         elif action == "r":
-            cells, weights = cells[systematic_resample(weights, Handed(next(dice)))], np.full(30, 1 / 30)
+            drawn = np.searchsorted(np.cumsum(weights), next(dice), "right")
+            cells, weights = cells[drawn], np.full(30, 1 / 30)
         else:
             likelihood = np.where(np.isin(np.arange(CELLS), found["doors"]), at_door, at_wall)
             likelihood = likelihood if truth in found["doors"] else 1 - likelihood
@@ -637,10 +677,20 @@ def test_the_scan_slides(lab, by):
 # ---- A map grows: what each scan says about each cell
 
 
+def standing(spec: GridSpec, walls: list[float]) -> np.ndarray:
+    """Cells of a map in which a wall of the building stands, or on whose border."""
+    cells = np.zeros(spec.shape, dtype=bool)
+    for ends in np.reshape(walls, (-1, 2, 2)):
+        (left, low), (right, high) = (np.array([ends.min(0), ends.max(0)]) - spec.origin) / spec.resolution
+        rows, columns = (slice(int(a - 1e-6), int(b + 1e-6) + 1) for a, b in ((low, high), (left, right)))
+        cells[rows, columns] = True
+    return cells
+
+
 def the_map_agrees(hand: Hand) -> dict:
     """Map, worn walls and diary are those of the package for the scans that the browser has cast."""
     found = hand.see(
-        "trace", "settings", "cell", "diary", "pose", "level", "worn", "area", "grid", "constants"
+        "trace", "settings", "cell", "diary", "pose", "level", "worn", "area", "grid", "walls", "constants"
     )
     spec, lidar = spec_of(found["constants"]), lidar_of(found["constants"])
     amounts = {name: value * LOG_4 for name, value in found["settings"].items()}
@@ -660,7 +710,7 @@ def the_map_agrees(hand: Hand) -> dict:
             diary.append({"scan": number, "hit": bool(alone.occupied[iy, ix]), "level": level})
     np.testing.assert_array_equal(found["grid"]["logOdds"], grid.log_odds.ravel())
     assert found["diary"] == diary
-    wall = hits >= found["constants"]["SEEN"]
+    wall = (hits >= found["constants"]["SEEN"]) & standing(spec, found["walls"])
     assert found["worn"] == pytest.approx(np.mean(~grid.occupied[wall]) if wall.any() else 0.0)
     assert found["area"] == pytest.approx(np.count_nonzero(grid.free) * spec.resolution**2)
     hand.hears(f": {found['area']:.1f} square metres free")
@@ -693,11 +743,11 @@ def test_a_map_grows(lab, by):
     assert rewritten["worn"] < 0.5 * found["worn"], "weak clearing leaves the walls, in all scans"
     if by == "key":
         hand.keys("d", "d", "w", "a", "s", *9 * ["ArrowDown"])
-        found, cell = the_map_agrees(hand), [20, 17]
+        found, cell = the_map_agrees(hand), [33, 35]
         assert found["pose"][1] > 0.44, "the wall is in the way"
     else:
         hand.tap(2.55, 0.95)
-        found, cell = the_map_agrees(hand), [25, 9]
+        found, cell = the_map_agrees(hand), [51, 19]
         assert {entry["hit"] for entry in found["diary"]} == {False}
     assert found["cell"] == cell
     hand.press("New map", "n")
@@ -1033,7 +1083,10 @@ def test_the_picture_and_what_turns_it_are_seen_together(open_lab, name, width, 
 # What a reader sets, and what the link then says; a choice that sets a slider back is set before it.
 SET = {
     "calibrate": ({"Robot": "recorded", "Gyro scale": 1.02}, "&gyro-scale=1.02&robot=recorded"),
-    "cells": ({"Right at a door": 0.6, "The robot slips and errs": True, "Particles": 50}, ""),
+    "cells": (
+        {"Right at a door": 0.6, "The robot slips and errs": True, "Particles": 50, "New dice": None},
+        "",
+    ),
     "cloud": ({"Driven": 50, "Particles": 40, "New dice": None}, "&driven=50&particles=40&seed=2"),
     "drive": ({"Autopilot": False, "Particles": 500, "Show the truth": True}, ""),
     "grow": ({"Door open": True, "Panel away": True}, "&door-open=1&panel-away=1"),

@@ -131,6 +131,23 @@ FIRST_HITS = {
     "bag": "notebooks/13_your_own_robot.html#a-ros-bag",
     "slam_step": "book/api/pfslam.slam.html#pfslam.slam.slam_step",
 }
+# Questions of students by the chapter that has to be among the first three places.
+CHAPTERS_FOR = {
+    "00": "time synchronization, coordinate frames",
+    "01": "motion model, dead reckoning, gyro drift, wheel slip",
+    "02": "occupancy grid update equation, inverse sensor model, log odds, ray casting",
+    "03": "particle deprivation, what is a particle filter, Bayes rule",
+    "04": "measurement model, beam model, scan matching",
+    "05": "how does resampling work, particle filter SLAM, systematic resampling",
+    "06": "depth camera calibration, floor texture",
+    "07": "how many particles do I need",
+    "08": "why is my map blurry, double walls",
+    "09": "why does my map drift, GMapping, iterative closest point",
+    "10": "kidnapped robot, global localization, Monte Carlo localization",
+    "11": "Kalman filter, EKF SLAM, FastSLAM, landmarks",
+    "12": "loop closure, graph SLAM, data association, robust kernel, covariance of the pose",
+    "13": "how do I use my own data, ROS bag",
+}
 HITS = "#search-results li > a"
 HREFS = "links => links.map(link => link.getAttribute('href'))"
 
@@ -155,6 +172,15 @@ def test_search_leads_first_to_the_place_itself(visit, scheme):
         seen.page.wait_for_load_state("networkidle")  # leaving before that breaks off what is being fetched
     assert found == FIRST_HITS
     assert seen.complaints + seen.strangers == []
+
+
+def test_search_leads_from_a_students_question_to_the_chapter(visit):
+    page = visit("search.html", "file").page
+    ask = "query => findSections(query).slice(0, 3).map(hit => hit.page)"
+    for number, queries in CHAPTERS_FOR.items():
+        for query in queries.split(", "):
+            pages = page.evaluate(ask, query)
+            assert any(one.startswith(f"notebooks/{number}") for one in pages), (query, pages)
 
 
 def test_search_finds_what_a_chapter_says_in_a_formula(visit):

@@ -41,7 +41,7 @@ def search_explorer(place: Place, result: LocalizationResult) -> Explorer:
     def alt(seconds: float) -> str:
         return f"{at(seconds)[2]}."
 
-    slider = Slider("seconds", [s for s in STOPS if s <= t[-1]], 5, "Time", "s")
+    slider = Slider("seconds", [s for s in STOPS if s <= t[-1]], 0, "Time", "s")
     title = "Lost in a building with two like halves"
     return Explorer(draw, [slider], title=title, alt=alt, play="seconds", pause=700)
 

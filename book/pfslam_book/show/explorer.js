@@ -24,6 +24,9 @@
       return best;
     }
     input.addEventListener("input", function () { moved(k, nearest()); });
+    var before = 0;  // a finger that scrolls the page across a slider leaves it where it was
+    input.addEventListener("pointerdown", function () { before = self.at; });
+    input.addEventListener("pointercancel", function () { if (self.at !== before) moved(k, before); });
     input.addEventListener("keydown", function (event) {
       var step = {ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 1, PageDown: -1,
                   Home: -self.last, End: self.last}[event.key];

@@ -238,6 +238,7 @@
       };
       input.value = value;
       input.addEventListener("input", () => { write(); change(Number(input.value)); this.redraw(); });
+      this.scrolledOver(input);
       write();
       this.setting(name, () => input.value, text => text.trim() !== "" && Number(text) >= min && Number(text) <= max, text => {
         input.value = text;
@@ -245,6 +246,17 @@
       });
       this.controls.append(make("div", {class: "pfslam-slider"}, make("label", {for: id, text: name}), output, input));
       return input;
+    }
+
+    /** A finger that scrolls the page across a slider leaves it where it was. */
+    scrolledOver(input) {
+      let before = input.value;
+      input.addEventListener("pointerdown", () => { before = input.value; });
+      input.addEventListener("pointercancel", () => {
+        if (input.value === before) return;
+        input.value = before;
+        input.dispatchEvent(new Event("input"));
+      });
     }
 
     choice({name, options, value, change}) {
@@ -336,7 +348,8 @@
     }
 
     /** Mouse, pen and finger on a plan; the handlers get metres. A finger that moves up or down scrolls the page and
-     * changes nothing. One that taps, moves sideways, or begins where `grab(x, y)` is true, acts. */
+     * changes nothing. One that taps, moves sideways, or begins where `grab(x, y)` is true, acts, until a second finger comes:
+     * two of them want to see something from nearer. */
     drag(plan, {start, move = () => {}, end = () => {}, grab = () => false}) {
       const {canvas} = plan, place = event => plan.world(event.offsetX, event.offsetY);
       let held = null, from = null, begun = false;
@@ -345,12 +358,19 @@
         plan.holder.focus({preventScroll: true});
         start(...from);
       };
+      const drop = cancelled => {
+        held = null;
+        if (!begun && !cancelled) begin();
+        if (begun) end(cancelled);
+        this.redraw();
+      };
       canvas.addEventListener("touchstart", event => {
         const {left, top} = canvas.getBoundingClientRect(), [touch, other] = event.touches;
         if (!other && grab(...plan.world(touch.clientX - left, touch.clientY - top))) event.preventDefault();
       }, {passive: false});
       canvas.addEventListener("pointerdown", event => {
-        if (event.button !== 0 || held !== null) return;
+        if (held !== null) { drop(true); return; }
+        if (event.button !== 0) return;
         Object.assign(this, {touched: event.pointerType === "touch"});
         [held, from, begun] = [event.pointerId, place(event), false];
         canvas.setPointerCapture(held);
@@ -365,11 +385,7 @@
       });
       for (const kind of ["pointerup", "pointercancel"]) {
         canvas.addEventListener(kind, event => {
-          if (event.pointerId !== held) return;
-          held = null;
-          if (!begun && kind === "pointerup") begin();
-          if (begun) end(kind === "pointercancel");
-          this.redraw();
+          if (event.pointerId === held) drop(kind === "pointercancel");
         });
       }
     }

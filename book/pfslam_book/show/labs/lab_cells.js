@@ -23,18 +23,18 @@
 
   class Corridor {
     constructor(options) {
-      this.settings = {particles: 30, atDoor: 0.8, atWall: 0.1, chance: false, dots: true, ...options};
+      this.settings = {particles: 30, atDoor: 0.8, atWall: 0.1, chance: false, dots: true, seed: 1, ...options};
       this.doors = new Set(DOORS);
       this.reset();
     }
 
-    /** The robot wakes up and knows nothing. */
+    /** The robot wakes up and knows nothing; the particles stand as evenly in the corridor as they can, from a place of chance on. */
     reset() {
-      const n = this.settings.particles, {seed = 1} = this.settings;
+      const {particles: n, seed} = this.settings, filterDice = core.generator(seed + 1), first = filterDice.uniform();
       Object.assign(this, {
-        worldDice: core.generator(seed), filterDice: core.generator(seed + 1), truth: START, looks: 0, moves: 0,
+        worldDice: core.generator(seed), filterDice, truth: START, looks: 0, moves: 0,
         belief: new Float64Array(CELLS).fill(1 / CELLS), likelihood: null, what: "start", trace: [],
-        cells: Int32Array.from({length: n}, (_, k) => k % CELLS), weights: new Float64Array(n).fill(1 / n), parents: null,
+        cells: Int32Array.from({length: n}, (_, k) => Math.floor(((k + first) * CELLS) / n)), weights: new Float64Array(n).fill(1 / n), parents: null,
       });
       this.prior = this.belief;
     }
@@ -64,12 +64,13 @@
       this.looks += 1;
     }
 
-    /** Draw the particles anew by their weights; then all weigh the same. */
+    /** Draw the particles anew by their weights, each draw for itself, as the chapter's function does; then all weigh the same. */
     resample() {
-      const u = this.filterDice.uniform(), ancestors = core.systematicResample(this.weights, u);
-      this.trace.push(u);
-      this.parents = ancestors;
-      this.cells = ancestors.map(from => this.cells[from]);
+      const numbers = Array.from(this.cells, () => this.filterDice.uniform()), {weights} = this, last = weights.length - 1;
+      const drawn = u => { let k = 0; for (let sum = weights[0]; sum <= u && k < last; sum += weights[k]) k += 1; return k; };
+      this.trace.push(numbers);
+      this.parents = numbers.map(drawn);
+      this.cells = Int32Array.from(this.parents, from => this.cells[from]);
       this.weights = this.weights.map(() => 1 / this.weights.length);
     }
 
@@ -115,6 +116,7 @@
     stage.slider({name: "Right at a wall", min: 0, max: 1, step: 0.01, value: 1 - settings.atWall,
                   change: value => { settings.atWall = 1 - value; }});
     stage.fold("More settings");
+    stage.button({name: "New dice", key: "d", press: () => { settings.seed += 1; forget(); }});
     stage.check({name: "The robot slips and errs", key: "c", change: value => { settings.chance = value; }});
     if (settings.dots) stage.slider({name: "Particles", min: 5, max: 200, step: 1, value: settings.particles, digits: 0,
                   change: value => { settings.particles = value; forget(); }});

@@ -4,19 +4,20 @@
   const {core, draw, lab} = root.pfslam;
 
   const LOG_4 = Math.log(4), DEGREES = Math.PI / 180;
-  const WINDOW = [0, 7.5, 0, 5.5], SPEC = {origin: [0, 0], resolution: 0.1, shape: [50, 75]};
-  // The building: x1, y1, x2, y2 of each wall (m). Two pieces can be taken away.
+  const WINDOW = [0, 7.5, 0, 5.5], SPEC = {origin: [-0.025, -0.025], resolution: 0.05, shape: [101, 151]};
+  // The building: x1, y1, x2, y2 of each wall (m). Two pieces can be taken away. All walls stand in the middle of their cells
+  // but the lowest: on the border of two rows, it gets holes, as beams that end in the outer row pass through the inner one.
   const WALLS = [
-    0.25, 0.25, 7.25, 0.25, 7.25, 0.25, 7.25, 4.75, 7.25, 4.75, 0.25, 4.75, 0.25, 4.75, 0.25, 0.25,
+    0.25, 0.225, 7.25, 0.225, 7.25, 0.225, 7.25, 4.75, 7.25, 4.75, 0.25, 4.75, 0.25, 4.75, 0.25, 0.225,
     0.25, 1.75, 1.45, 1.75, 2.35, 1.75, 5.05, 1.75, 5.95, 1.75, 7.25, 1.75,
     3.75, 1.75, 3.75, 2.45, 3.75, 3.65, 3.75, 4.75,
     5.95, 3.35, 6.55, 3.35, 6.55, 3.35, 6.55, 3.95, 6.55, 3.95, 5.95, 3.95, 5.95, 3.95, 5.95, 3.35,
   ];
   const PIECES = {door: [1.45, 1.75, 2.35, 1.75], panel: [3.75, 2.45, 3.75, 3.65]};
   const LIDAR = {angleMin: -135 * DEGREES, angleMax: 135 * DEGREES, beams: 181, rangeMin: 0.1, rangeMax: 30, position: [0, 0]};
-  const START = [0.95, 1.0, 0], CELL = [19, 17];  // the robot in the corridor, and a cell of the door
-  const STEP = 0.1, RADIUS = 0.2, NOISE = 0.02;  // m from one scan to the next while it drives; m; m of the ranges
-  const SEEN = 3;  // so many scans must hit a cell for it to be well-seen wall
+  const START = [0.95, 1.0, 0], CELL = [32, 35];  // the robot in the corridor, and a cell of the door
+  const STEP = 0.1, RADIUS = 0.2, NOISE = 0.01;  // m from one scan to the next while it drives; m; m of the ranges
+  const SEEN = 3;  // so many scans must hit a cell of a wall for it to be seen wall
   const LINES = 5;  // of the diary, in words
 
   /** A robot in a building, all that its scans have said, and the map of it. */
@@ -30,7 +31,7 @@
 
     /** An empty map; the robot stays where it is. */
     reset() {
-      Object.assign(this, {dice: core.generator(this.seed), said: [], hits: new Float64Array(50 * 75)});
+      Object.assign(this, {dice: core.generator(this.seed), said: [], hits: new Float64Array(SPEC.shape[0] * SPEC.shape[1])});
       if (this.trace) this.trace.length = 0;
       this.write();
     }
@@ -110,11 +111,24 @@
     /** Square metres that are free in the map. */
     get area() { return SPEC.resolution ** 2 * this.grid.logOdds.reduce((sum, value) => sum + (value < 0), 0); }
 
-    /** The share of the well-seen wall cells that the map no longer shows. */
+    /** For each cell whether a wall of the building runs through it, or along its border. All walls run along an axis. */
+    get standing() {
+      const {walls} = this, {shape: [, wide], origin, resolution} = SPEC, cells = new Uint8Array(this.hits.length);
+      const reach = (w, axis) => [Math.min, Math.max].map((one, k) =>
+        Math.floor((one(walls[w + axis], walls[w + 2 + axis]) - origin[axis]) / resolution + (2 * k - 1) * 1e-6));
+      for (let w = 0; w < walls.length; w += 4) {
+        const [[left, right], [low, high]] = [reach(w, 0), reach(w, 1)];
+        for (let iy = low; iy <= high; iy++) cells.fill(1, iy * wide + left, iy * wide + right + 1);
+      }
+      return cells;
+    }
+
+    /** The share of the walls' cells which three scans or more have hit that the map no longer shows. */
     get worn() {
+      const {standing} = this;
       let wall = 0, lost = 0;
       this.hits.forEach((hits, k) => {
-        if (hits < SEEN) return;
+        if (hits < SEEN || !standing[k]) return;
         wall += 1;
         if (!(this.grid.logOdds[k] > 0)) lost += 1;
       });
@@ -126,7 +140,7 @@
     const survey = new Survey(stage.options), shown = {building: false, held: false, drawn: "", knot: 0, from: 0, to: 0, share: () => 1};
     const plan = stage.plan({
       name: "The map, the robot, and the chosen cell",
-      help: "Drag the robot; click any cell for its diary. Keys: arrows drive, the letters A, D, W and S choose the next cell.",
+      help: "Drag the robot; point at any cell for its diary. Keys: arrows drive, the letters A, D, W and S choose the next cell.",
       window: WINDOW,
     });
     const rope = stage.chart({name: "A rope at the chosen cell: hits pull to the right, passing beams to the left, up to the clamp", height: 46});
@@ -151,6 +165,7 @@
       },
       move: (x, y) => {
         if (shown.held) survey.drive(x, y);
+        else survey.choose(...core.worldToCell(SPEC, [x, y]));
       },
       grab: (x, y) => plan.near(x, y, survey.pose),
     });

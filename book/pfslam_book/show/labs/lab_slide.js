@@ -101,14 +101,23 @@
     stage.choice({name: "Score by", options: {occupied: "count of points on walls", distance: "likelihood field"}, value: guess.kind,
                   change: kind => { guess.kind = kind; }});
     stage.button({name: "Start again", key: "n", press: () => { guess.stand(guess.place); go(); }});
-    let held = null;
+    let held = null, before = null;
     const onHandle = (x, y) => plan.near(x, y, handle(guess.pose));
     stage.drag(plan, {
-      start: (x, y) => { held = onHandle(x, y) ? "handle" : [x - guess.shift[0], y - guess.shift[1]]; },
+      start: (x, y) => {
+        before = [...guess.shift, turn.value];
+        held = onHandle(x, y) ? "handle" : [x - guess.shift[0], y - guess.shift[1]];
+      },
       move: (x, y) => {
         if (held !== "handle") { guess.slide(x - held[0], y - held[1]); return; }
         const [px, py] = guess.pose, turned = core.wrapAngle(Math.atan2(y - py, x - px) - guess.start[2]) / RADIANS;
         turn.value = Math.max(-TURN, Math.min(TURN, turned));
+        turn.dispatchEvent(new Event("input"));
+      },
+      end: cancelled => {
+        if (!cancelled) return;
+        guess.slide(before[0], before[1]);
+        turn.value = before[2];
         turn.dispatchEvent(new Event("input"));
       },
       grab: (x, y) => onHandle(x, y) || plan.near(x, y, guess.pose),
