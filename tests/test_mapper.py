@@ -14,7 +14,7 @@ import pfslam
 from pfslam.errors import DataError
 from pfslam.poses import Trajectory, between, compose
 from pfslam.recording import LidarScans, Recording
-from pfslam.refined.beliefs import LAYERS, STEPS
+from pfslam.refined.mapper import LAYERS, STEPS
 from pfslam.refined.step import RefinedConfig
 from pfslam.slam import SlamConfig
 

@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from copy import copy
+from hashlib import blake2b
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.grid import OccupancyGrid
-from pfslam.refined.beliefs import read_belief, write_belief
-from pfslam.refined.health import Steps, distrust
+from pfslam.grid import Canvas, GridSpec, OccupancyGrid
+from pfslam.io.files import read_npz, write_npz
+from pfslam.particles import Particles
+from pfslam.refined.health import COLUMNS, Steps, distrust
+from pfslam.refined.map import RefinedMap
 from pfslam.refined.odometer import Odometer
+from pfslam.refined.outliers import WaitingScan
 from pfslam.refined.record import RefinedStep
 from pfslam.refined.step import RefinedBelief, RefinedConfig, refined_step
 from pfslam.sensors import LidarModel, RobotModel
+from pfslam.settings import changed, plain, written
 from pfslam.slam import SlamConfig
+
+FORMAT = b"pfslam belief 6"
+"""Changes with the layout of the file, and the seal with it."""
+LAYERS = ("log_odds", "scores", "slots", "sums", "first", "drawn")
+STEPS = {f"step_{name}": name for name in COLUMNS}
 
 
 class Mapper:
@@ -132,15 +144,82 @@ class Mapper:
         return reasons[0] if reasons else None
 
     def save(self, path: str | Path) -> None:
-        """Write all that the next scan needs into one ``.npz`` file of plain numbers, whole or not at all."""
-        write_belief(path, self.config, self.rng, self.odometer, self.belief, self._steps)
+        """Write all that the next scan needs into one ``.npz`` file of plain numbers, whole or not at all.
+
+        The layers of the map and the columns of the steps are arrays; all that is small is JSON, kept as its UTF-8
+        bytes in the array ``told``. The array ``seal`` is a check sum over them, so that a file is the one that was
+        written, or refused.
+        """
+        state, map, odometer = self.rng.bit_generator.state, self.belief.map, vars(self.odometer)
+        if state["bit_generator"] != "PCG64":
+            raise DataError(path, "rng", state["bit_generator"], "NumPy's default generator, PCG64")
+        belief = self.belief
+        told = {
+            "config": plain(self.config),
+            "lidar": plain(self.odometer.robot.lidar),
+            "rng": state,
+            "odometer": {name: value for name, value in odometer.items() if name != "robot"},
+            "particles": vars(belief.particles),
+            "belief": [belief.estimate, belief.variance, belief.covariance, belief.corrected],
+            "map": [map.spec.origin, map.drawn_at, [vars(scan) for scan in map.waiting]],
+        }
+        text = json.dumps(told, default=_as_list)
+        moments, drawn = map.moments, np.reshape(map.drawn, (-1, 3, 3))
+        layers = map.grid.log_odds, map.field, moments.slots.values, moments.sums, moments.first, drawn
+        arrays = {"told": np.frombuffer(text.encode(), dtype=np.uint8)}
+        arrays |= dict(zip(LAYERS, layers, strict=True))
+        arrays |= {key: self._steps.columns[name] for key, name in STEPS.items()}
+        write_npz(path, **arrays, seal=_seal(arrays))
 
     @classmethod
     def load(cls, path: str | Path) -> Mapper:
         """Read what ``save`` wrote, and go on as if nothing had been; ``DataError`` for any other file."""
-        mapper = cls.__new__(cls)
-        mapper.config, mapper.rng, mapper.odometer, mapper.belief, mapper._steps = read_belief(path)
+        data = read_npz(path, ("told", *LAYERS, *STEPS, "seal"))
+        if not np.array_equal(data.pop("seal"), _seal(data)):
+            expected = "what Mapper.save of this version wrote"
+            raise DataError(path, "seal", "one of other numbers than the file's", expected)
+        told = json.loads(data["told"].tobytes(), object_hook=_as_array)
+        config = changed(RefinedConfig(), written(RefinedConfig, told["config"]))
+        mapper = cls(changed(LidarModel(), written(LidarModel, told["lidar"])), config)
+        mapper.rng.bit_generator.state = told["rng"]
+        vars(mapper.odometer).update(told["odometer"])
+        particles = Particles(**told["particles"])
+        vars(particles).update(
+            told["particles"]
+        )  # normalised a second time, weights may differ in the last bit
+        map = _map_of(data, config, *told["map"])
+        estimate, variance, covariance, corrected = told["belief"]
+        mapper.belief = RefinedBelief(particles, estimate, map, variance, covariance, corrected)
+        mapper._steps = Steps.of_columns({name: data[key] for key, name in STEPS.items()})
         return mapper
+
+
+def _map_of(data: dict[str, np.ndarray], config: RefinedConfig, origin, drawn_at, waiting) -> RefinedMap:
+    """Put a map together again, of its layers and of what JSON held."""
+    spec = GridSpec(origin, config.map.resolution, data["log_odds"].shape)
+    map = RefinedMap(config.map, spec, config.lines, config.outliers)
+    map._log_odds, map._scores, slots = (Canvas(spec, data[n].dtype, data[n]) for n in LAYERS[:3])
+    map.moments.slots, map.moments.used = slots, len(data["first"])
+    map.moments._sums, map.moments._first = data["sums"], data["first"]
+    map.drawn, map.drawn_at, map.is_empty = list(data["drawn"]), drawn_at, drawn_at is None
+    map.waiting = tuple(WaitingScan(**scan) for scan in waiting)
+    return map
+
+
+def _as_list(value: Any) -> Any:
+    return {"array": value.tolist()} if isinstance(value, np.ndarray) else value.item()
+
+
+def _as_array(told: dict[str, Any]) -> Any:
+    return np.array(told["array"]) if "array" in told else told
+
+
+def _seal(arrays: dict[str, np.ndarray]) -> np.ndarray:
+    """Compute a check sum over names, types, shapes and numbers."""
+    seal = blake2b(FORMAT)
+    for name, values in arrays.items():
+        seal.update(f"{name} {values.dtype} {values.shape}".encode() + values.tobytes())
+    return np.frombuffer(seal.digest(), dtype=np.uint8)
 
 
 def _numbers(t, values) -> tuple[float, np.ndarray]:
