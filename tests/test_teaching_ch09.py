@@ -9,7 +9,7 @@ from pfslam_book.ch09.tables import HARD_LADDER, LADDER, changed_fields, median_
 from pfslam_book.show.tables import select, study_file
 
 from pfslam.evaluation.trajectory import trajectory_error
-from pfslam.poses import Trajectory
+from pfslam.poses import Trajectory, transform_points
 from pfslam.slam import SlamConfig
 from pfslam.study import read_study
 
@@ -111,7 +111,37 @@ def test_the_stored_drive_has_the_errors_of_its_row_in_the_study_and_its_lines_a
     moved = np.linalg.norm(np.diff(drive.truth[:, :2], axis=0), axis=1)[:, None]
     assert (np.abs(np.linalg.norm((cloud[1:] - begin)[..., :2], axis=2) - moved) < 0.5).all()
     assert (drive.parents[~drive.resampled] == np.arange(10)).all()
-    for grid in (drive.own_map, drive.shared_map):
-        long, wide = (np.ptp(where) * grid.spec.resolution for where in np.nonzero(grid.log_odds > 0)[::-1])
-        assert 60.0 < long < 80.0
-        assert 1.5 < wide < 6.0
+
+
+def ends_of_the_corridor(drive, poses):
+    """Where along the corridor its near end stands (m), by the last two scans from these poses."""
+    walls = [
+        transform_points(pose, points) for pose, points in zip(poses[-2:], drive.points[-2:], strict=True)
+    ]
+    x, y = np.concatenate(walls).T
+    return x[np.abs(y - 0.2) < 0.8]
+
+
+def test_the_shared_map_tears_and_the_private_one_closes():
+    """The corridor begins 2 m behind the start, and its walls stand 1 m to the left and the right of its middle."""
+    drive = ch09.parted()
+    for points, pose in zip(drive.points, drive.truth, strict=True):
+        if len(points):
+            x, y = transform_points(pose, points).T
+            on_a_side, at_the_end = np.abs(np.abs(y - 0.2) - 1.0) < 0.25, np.abs(x + 2.0) < 0.15
+            assert (on_a_side | at_the_end).all()
+            assert x.max() < 9.1
+    heaviest = np.argmax(drive.log_weights[-1])
+    own = [drive.hypotheses[-2, drive.parents[-2, heaviest]], drive.hypotheses[-1, heaviest]]
+    np.testing.assert_allclose(ends_of_the_corridor(drive, drive.truth), -2.0, atol=0.1)
+    np.testing.assert_allclose(ends_of_the_corridor(drive, own), -2.0, atol=0.5)
+    assert (ends_of_the_corridor(drive, drive.shared) > -1.0).all()
+
+
+def test_all_that_live_at_the_return_share_one_history_to_the_far_end():
+    """The answer to question 3: their maps of it are the same."""
+    drive = ch09.parted()
+    far, heirs = int(np.argmax(drive.truth[:, 0])), set(range(10))
+    for parents in drive.parents[far:-1][::-1]:
+        heirs = set(parents[list(heirs)].tolist())
+    assert len(heirs) == 1

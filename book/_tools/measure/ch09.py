@@ -19,10 +19,11 @@ from pfslam.evaluation.trajectory import aligned_at_first, rms, trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.io.datasets import load
 from pfslam.particles import Particles
-from pfslam.poses import Trajectory
+from pfslam.poses import Trajectory, transform_points
 from pfslam.recording import Recording
 from pfslam.run import run_slam, slam_steps
 from pfslam.search.lattice import Lattice
+from pfslam.sensors import scan_points
 from pfslam.simulator import simulate
 from pfslam.simulator.config import RING
 from pfslam.slam import SlamConfig
@@ -88,8 +89,8 @@ def drive(place: str, percent: float, seed: int) -> Recording:
     return on_floors(driven(world, seed), percent)
 
 
-def histories(recording: Recording, config: Any, seed: int) -> tuple[dict[str, np.ndarray], OccupancyGrid]:
-    """Run private maps and keep, for K scans, all N hypotheses; return that, and the last map of the heaviest.
+def histories(recording: Recording, config: Any, seed: int) -> dict[str, np.ndarray]:
+    """Run private maps and keep, for K scans, all N hypotheses.
 
     ``hypotheses (K, N, 3)`` and ``log_weights (K, N)`` are those before resampling, ``parents (K, N)`` says from which
     of them each of those after it comes, and ``told (K, 3)`` is the estimate.
@@ -101,12 +102,12 @@ def histories(recording: Recording, config: Any, seed: int) -> tuple[dict[str, n
         parents = same.argmax(axis=1) if step.resampled else np.arange(len(before))
         scans.append((step.t, step.estimate, before, step.particles.log_weights, parents, step.resampled))
     names = ("t", "told", "hypotheses", "log_weights", "parents", "resampled")
-    return dict(zip(names, map(np.array, zip(*scans, strict=True)), strict=True)), belief.map.grid
+    return dict(zip(names, map(np.array, zip(*scans, strict=True)), strict=True))
 
 
 def as_driven_and_as_told(recording: Recording, config: Any, seed: int) -> tuple[Trajectory, Trajectory]:
     """The path as it was told scan by scan, and the path of the particle that is heaviest at the end."""
-    run, _ = histories(recording, config, seed)
+    run = histories(recording, config, seed)
     heaviest = int(np.argmax(run["log_weights"][-1]))
     path = [run["hypotheses"][-1][heaviest]]
     for parent, cloud in zip(run["parents"][-2::-1], run["hypotheses"][-2::-1], strict=True):
@@ -193,28 +194,31 @@ STUDIES = [
 
 
 def parted(building: int = 2) -> dict[str, np.ndarray]:
-    """Both filters in one corridor at 6 %: every hypothesis, the shared map's path, the truth, and both maps.
+    """Both filters in one corridor at 6 %: every hypothesis, the shared map's path, the truth, and the scans.
 
-    Doors are given by their way from the start (m).
+    Doors are given by their way from the start (m). ``points`` are the end points on the first 9 m of the corridor,
+    in the robot's axes, one scan after another, and ``counts (K,)`` says how many each scan has.
     """
     recording, every = drive("corridor", 6.0, building), 2 * SCANS_PER_SECOND
-    run, own = histories(recording, compared("private", 10, every), 0)
+    run = histories(recording, compared("private", 10, every), 0)
     shared = run_slam(
         recording, compared("shared", 30, every), rng=np.random.default_rng(0), keep_particles=False
     )
-    paths = {"truth": recording.true_path().at(run["t"]), "shared": shared.trajectory.poses}
+    truth = recording.true_path().at(run["t"])
+    used = recording.lidar.ranges[np.searchsorted(recording.lidar.t, run["t"])]
+    scans = [scan_points(ranges, recording.robot.lidar) for ranges in used]
+    scans = [some[transform_points(pose, some)[:, 0] < 9.0] for pose, some in zip(truth, scans, strict=True)]
     found = {
         "doors": doors_at(building) - LAP[0][0],
         "resampled": run["resampled"],
         "t": run["t"] - run["t"][0],
+        "parents": run["parents"].astype(np.int8),
+        "points": np.concatenate(scans).astype(np.float16),
+        "counts": np.array([len(points) for points in scans], dtype=np.int16),
     }
-    found |= {"parents": run["parents"].astype(np.int8)}
+    paths = {"truth": truth, "shared": shared.trajectory.poses}
     paths |= {name: run[name] for name in ("hypotheses", "log_weights", "told")}
-    found |= {name: values.astype(np.float32) for name, values in paths.items()}
-    for name, grid in (("own", own), ("shared", shared.grid)):
-        found[f"{name}_map"] = np.sign(grid.log_odds).astype(np.int8)
-        found[f"{name}_corner"] = np.array([*grid.spec.origin, grid.spec.resolution])
-    return found
+    return found | {name: values.astype(np.float32) for name, values in paths.items()}
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise, product
+from itertools import pairwise
 from math import comb
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.study import read_study
 from pfslam.study.run import OFF
 from pfslam_book.show.tables import ERROR, Shown, errors_by_label, labels_of, read_table, select, study_file
@@ -191,40 +190,26 @@ def elimination_table() -> Shown:
 # ---- kinds, and where the world moves
 
 
+def on_floors(place: str, percent: int, column: str = "return_m") -> dict[str, np.ndarray]:
+    """Return how far off (m) each method is in six buildings of a place, where floors are so many percent off."""
+    return errors_by_label(select(read_table("ch09_private"), place=place, percent=percent), column)
+
+
 def nearer(method: str, place: str, percent: int, column: str = "return_m") -> int:
     """Count in how many of six buildings a method is nearer the truth than the shared map, on floors of one kind."""
-    errors = errors_by_label(select(read_table("ch09_private"), place=place, percent=percent), column)
+    errors = on_floors(place, percent, column)
     return int((errors[method] < errors["shared map, 30"]).sum())
 
 
-def private_table() -> Shown:
-    """Return how far off each method is along the drive and back at the start, and how often it beats a shared map."""
-    rows: list[tuple[str, ...]] = []
-    for percent, place in product((3, 6), ("corridor", "ring")):
-        table = select(read_table("ch09_private"), place=place, percent=percent)
-        drive, end = (errors_by_label(table, column) for column in (ERROR, "return_m"))
-        for label in drive:
-            better = (str(nearer(label, place, percent, column)) for column in (ERROR, "return_m"))
-            of_drive, of_end = better if label != "shared map, 30" else ("", "")
-            rows.append(
-                (f"{place}, {percent}\u00a0%", label, cm(drive[label]), of_drive, cm(end[label]), of_end)
-            )
-    head = ("floors", "method", "drive [cm]", "better [of 6]", "return [cm]", "better [of 6]")
-    return Shown(head, rows, left=(1,))
-
-
 def parted() -> SimpleNamespace:
-    """Return one stored drive along a corridor: every hypothesis of private maps, a shared map's path, and both maps.
+    """Return one stored drive along a corridor: every hypothesis of private maps, a shared map's path, and the scans.
 
-    The arrays are those of ``measure.ch09.parted``; ``own_map`` and ``shared_map`` hold only the signs of the cells.
+    The arrays are those of ``measure.ch09.parted``; ``points`` has one array ``(M, 2)`` for each scan.
     """
     with np.load(PARTED, allow_pickle=False) as file:
         of = dict(file)
-    for name in ("own", "shared"):
-        signs, (x, y, resolution) = of[f"{name}_map"], of.pop(f"{name}_corner")
-        spec = GridSpec((float(x), float(y)), float(resolution), signs.shape)
-        of[f"{name}_map"] = OccupancyGrid(spec, signs.astype(float))
-    return SimpleNamespace(**of)
+    points = np.split(of.pop("points"), np.cumsum(of.pop("counts"))[:-1])
+    return SimpleNamespace(**of, points=points)
 
 
 def kinds(study: str, alignment: bool) -> dict[str, np.ndarray]:
