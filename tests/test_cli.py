@@ -138,6 +138,8 @@ def misled(tmp_path, mishap):
         ranges[t > 2.0, 200:-200] = 0.8
     elif mishap == "noise":
         ranges += rng.normal(0.0, 0.06, ranges.shape).astype(ranges.dtype)
+    elif mishap == "glass":
+        ranges[:, ::3] += rng.random(ranges[:, ::3].shape) < 0.5
     save(replace(drive, lidar=replace(drive.lidar, ranges=ranges)), tmp_path / "drive.npz")
     return str(tmp_path / "drive.npz")
 
@@ -152,7 +154,7 @@ REPEATED = {
 }
 
 
-@pytest.mark.parametrize("mishap", ["none", "people", "noise"])
+@pytest.mark.parametrize("mishap", ["none", "people", "noise", "glass"])
 @pytest.mark.parametrize("options", REPEATED)
 def test_a_run_is_repeated_from_its_own_summary(tmp_path, options, mishap):
     line, name = ["run", misled(tmp_path, mishap), "--anyway", "--quiet"], options
@@ -171,6 +173,20 @@ def test_a_run_is_repeated_from_its_own_summary(tmp_path, options, mishap):
     for name in {*first["files"]} - {"summary.json", "index.html"}:
         one, other = (tmp_path / which / name for which in ("first", "again"))
         assert one.read_bytes() == other.read_bytes()
+
+
+def test_a_summary_says_whether_the_run_took_robust_settings_of_its_own(tmp_path):
+    line = ["run", misled(tmp_path, "noise"), "--particles", "4", "--every", "9", "--anyway", "--quiet"]
+    expected = {"": (True, True, True), "--no-second-look": (False, False, False)}
+    expected["--set outliers=true --no-second-look"] = (False, False, True)
+    for options, wanted in expected.items():
+        main([*line, *options.split(), "--out", str(tmp_path / "o")])
+        found = summary_in(tmp_path / "o")
+        robust = found["config"]["outliers"] is not None
+        assert (found["second_look"], found["second_look_allowed"], robust) == wanted, options
+    (tmp_path / "once.toml").write_text("second_look = false\n")
+    main([*line, "--config", str(tmp_path / "once.toml"), "--out", str(tmp_path / "o")])
+    assert summary_in(tmp_path / "o")["config"]["outliers"] is None
 
 
 def test_settings_come_from_a_file_and_options_win(data, tmp_path, capsys):
