@@ -8,8 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 from notebook_cells import NOTEBOOKS, run, source
+from pfslam_book.ch06.your_floor import few_pairs
 from pfslam_book.show.exercise import Exercise
 from right_styles import OTHERS, styles
+from test_your_floor import names_of_the_page
+from test_your_localiser import PARTS
 
 import pfslam
 
@@ -29,7 +32,18 @@ def robots():
     return ch08.mystery(pfslam.load("hall"), seed=1)
 
 
-EARLIER = {("08", 3): lambda: {"robots": robots()}}
+def localiser():
+    names = {}
+    for tag in ("setup", *(f"localiser-{part}" for part in PARTS)):
+        run(source("10", tag), names)
+    return names
+
+
+EARLIER = {
+    ("06", 6): lambda: names_of_the_page(few_pairs()),
+    ("08", 3): lambda: {"robots": robots()},
+    ("10", 4): localiser,
+}
 """What an exercise takes from an earlier cell of its chapter, besides the set-up."""
 
 
