@@ -12,6 +12,7 @@ CUT_OFF = """() => [...document.querySelectorAll(
   .filter(e => e.getBoundingClientRect().right > document.documentElement.clientWidth)
   .concat([...document.querySelectorAll('.pfslam-sentences pre')].filter(e => e.scrollWidth > e.clientWidth))
   .map(e => e.tagName + ': ' + e.textContent.trim().slice(0, 60))"""
+BACK_TO_TOP = "() => getComputedStyle(document.querySelector('#pst-back-to-top')).display"
 # A while after the page has changed its width, what scrolls can be reached by the tabulator key.
 REACHED = """() => [...document.querySelectorAll('article pre')].every(
   e => e.scrollWidth <= e.clientWidth || e.tabIndex >= 0)"""
@@ -44,6 +45,7 @@ def test_axe_finds_nothing_and_nothing_is_cut_off(shared, shared_visit, width, t
     assert shared.evaluate(WIDTH_BEYOND_SCREEN) <= 0
     assert shared.evaluate(CUT_OFF) + shared.evaluate(FORMULAS_WITH_SCROLL_BARS) == []
     assert shared.evaluate(GLIDING) == [], "who asked for less motion gets none"
+    assert shared.evaluate(BACK_TO_TOP) == "none", "it lies over sliders on a phone"
     assert shared_visit.strangers + shared_visit.complaints == []
 
 
