@@ -117,7 +117,9 @@ def difference(theirs: Callable, drive: Drive, path: Trajectory, spec: GridSpec)
 
     likeness = {words: agrees(way) for words, way in {"": BOOK, **OTHER_WAYS}.items()}
     words = max(likeness, key=lambda words: likeness[words])
-    return f" Your picture looks most like the one that comes out if {words}." if words else ""
+    if not words or likeness[words] <= 0.5:  # it looks like none of them
+        return ""
+    return f" Your picture looks most like the one that comes out if {words}."
 
 
 def as_picture(answer, spec: GridSpec) -> np.ndarray | Check:
