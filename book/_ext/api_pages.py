@@ -5,7 +5,9 @@ Nothing stands on such a page but what the module says of itself, so the pages a
 
 import ast
 import re
+from importlib import import_module
 from importlib.util import find_spec
+from operator import attrgetter
 from pathlib import Path
 
 from sphinx.util.docutils import SphinxDirective
@@ -54,7 +56,14 @@ class Modules(SphinxDirective):
         return self.parse_text_to_nodes("\n".join(lines))
 
 
+def module_of_owner(app, module: str, name: str) -> str | None:
+    """The module in which an attribute is written: that of its class, even if its value is a class of another one."""
+    owner = name.rpartition(".")[0]
+    return attrgetter(owner)(import_module(module)).__module__ if owner else None
+
+
 def setup(app):
     write_pages(Path(app.srcdir) / "book")  # the table of contents looks for them as soon as all is set up
     app.add_directive("modules", Modules)
+    app.connect("viewcode-follow-imported", module_of_owner)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
