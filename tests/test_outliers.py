@@ -279,6 +279,8 @@ def test_the_robust_settings_cost_little_where_nothing_moves():
 @pytest.mark.nightly
 @pytest.mark.parametrize(("name", "metres"), [("people20", 0.06), ("glass20", 0.06), ("everything20", 0.3)])
 def test_real_wheels_among_people_and_glass(real_data, name, metres):
+    """In the median of three seeds, as the studies tell it: glass moves one seed alone by two centimetres."""
     data = pfslam.load(20, real_data / "hard" / name)
-    found = trajectory_error(run_slam(data, keep_particles=False).trajectory, data.truth)
-    assert found.ate_rmse_m <= metres
+    runs = [run_slam(data, rng=np.random.default_rng(seed), keep_particles=False) for seed in range(3)]
+    errors = [trajectory_error(run.trajectory, data.truth).ate_rmse_m for run in runs]
+    assert np.median(errors) <= metres
