@@ -42,5 +42,6 @@ def need(package: str, extra: str) -> None:
 
 def _short(found: object) -> str:
     """Cut what was found where it gets long, because damaged input can have any length."""
-    text = str(found)
+    # The parts of a tuple as one would write them: NumPy's numbers name their type.
+    text = f"({', '.join(map(str, found))})" if isinstance(found, tuple) else str(found)
     return text if len(text) <= 160 else text[:157] + "..."

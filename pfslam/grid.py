@@ -16,6 +16,8 @@ from pfslam.errors import DataError
 from pfslam.settings import Range, Settings
 
 LOG_4 = float(np.log(4.0))
+CELL_SIZES = Range(0.001, 10.0)
+"""Metres: the least and the largest cell of a map."""
 MAX_CELLS = 400_000_000
 """Most cells of a map, and of any piece of one that is cut out: a kilometre by a kilometre of 5 cm."""
 
@@ -222,7 +224,7 @@ def log_odds(probability):
 class MapConfig(Settings):
     """How a scan is written into the map (Eq. 15). ``hit`` and ``free`` are positive amounts of log-odds."""
 
-    resolution: Annotated[float, Range(0.001, 10.0)] = 0.05
+    resolution: Annotated[float, CELL_SIZES] = 0.05
     hit: Annotated[float, Range(0.0, 100.0)] = LOG_4
     free: Annotated[float, Range(0.0, 100.0)] = LOG_4
     clamp: Annotated[float, Range(0.0, np.inf)] = 2.0 * LOG_4

@@ -202,13 +202,17 @@ def check_stamps(t: np.ndarray, source: str, field_name: str = "time_stamps") ->
         )
 
 
+def check_shape(values: np.ndarray, source: str, field_name: str, shape: tuple[int, ...]) -> None:
+    """Raise ``DataError`` unless ``values`` are numbers of the given shape."""
+    if values.shape != shape or values.dtype.kind not in "fiu":
+        found = f"{values.dtype} of shape {values.shape}"
+        raise DataError(source, field_name, found, f"numbers of shape {shape}")
+
+
 def check_rows(values: np.ndarray, source: str, field_name: str, shape: tuple[int, ...]) -> None:
     """Raise ``DataError`` unless ``values`` are finite numbers of the given shape."""
     values = np.asarray(values)
-    if values.shape != shape or values.dtype.kind not in "fiu":
-        raise DataError(
-            source, field_name, f"{values.dtype} of shape {values.shape}", f"numbers of shape {shape}"
-        )
+    check_shape(values, source, field_name, shape)
     if not np.isfinite(values).all():
         at = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
         raise DataError(source, f"{field_name}{list(at)}", values[at], "a finite number")

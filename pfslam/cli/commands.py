@@ -10,7 +10,7 @@ import warnings
 from argparse import Namespace
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,17 +25,18 @@ from pfslam.cli import words
 from pfslam.cli.figures import picture_of_search, report_figures
 from pfslam.cli.lab import lab_command as lab_command
 from pfslam.cli.page import Clouds, Outcome, write_pictures
-from pfslam.cli.parser import DOUBTED, FAULT, HAZARDS, SPOILED, TOPICS
-from pfslam.cli.requested import given, requested_run, requested_search
+from pfslam.cli.parser import DOUBTED, FAULT, HAZARDS, SPOILED, TOPICS, build_parser
+from pfslam.cli.requested import given, requested_run, requested_search, selection
 from pfslam.errors import DataError, need
 from pfslam.evaluation.checkup import Finding, check_up
 from pfslam.io.bags import BagOptions, choose_topics
 from pfslam.io.course import save_course
 from pfslam.io.datasets import dataset_name, is_bag, load
-from pfslam.io.files import atomic_write, check_writable, write_png, write_text
+from pfslam.io.files import atomic_write, check_writable, write_png
 from pfslam.io.formats import read_known_map, write_covariances, write_map, write_texture, write_tum
 from pfslam.io.loading import Log
 from pfslam.io.recordings import save
+from pfslam.io.results import SUMMARY, check_free, results_in, write_summary
 from pfslam.io.selection import select
 from pfslam.io.topics import list_topics
 from pfslam.motion import dead_reckoning
@@ -49,8 +50,6 @@ from pfslam.settings import changed, plain
 
 MOSTLY = 0.5
 """Share of a drive in doubt from which its result is not to be trusted as a whole."""
-RESULTS = (".html", ".pgm", ".png", ".tum", ".txt", ".yaml")
-"""What a run writes beside its summary, by the ends of the names."""
 
 
 def progress_bar(what: str, quiet: bool = False) -> Callable:
@@ -88,20 +87,6 @@ def out_folder(arguments: Namespace, suffix: str = "") -> Path:
     return arguments.out or Path("out") / f"{dataset_name(arguments.dataset)}{suffix}"
 
 
-def write_summary(out: Path, summary: dict[str, Any]) -> str:
-    """Write ``summary.json``, and return it; what is not finite becomes null.
-
-    What an earlier run into the same folder wrote, and this one did not, is removed: two runs must not pass for one.
-    """
-    with suppress(OSError, ValueError, LookupError, TypeError):  # no summary, or one of somebody else
-        for name in json.loads((out / "summary.json").read_bytes())["files"]:
-            if name not in summary["files"] and name == Path(name).name and Path(name).suffix in RESULTS:
-                (out / name).unlink(missing_ok=True)
-    text = json.dumps(plain(summary), indent=2, allow_nan=False) + "\n"
-    write_text(out / "summary.json", text)
-    return text
-
-
 def simulate_command(arguments: Namespace) -> None:
     """Write ``hall`` as set 20, ``ramp`` as 21 or ``ring`` as 95, with truth and, if asked for, images."""
     from pfslam.simulator import Hazards, simulate  # which other commands can do without
@@ -116,7 +101,8 @@ def simulate_command(arguments: Namespace) -> None:
         simulation = simulate(arguments.name, arguments.seed, progress=bar, hazards=hazards)
     number, recording = simulation.config.number, simulation.recording
     extras, bar = {name: getattr(simulation, name) for name in ("z", "pitch", "roll")}, progress_bar("images")
-    save_course(recording, number, arguments.out, arguments.images, truth_extras=extras, progress=bar)
+    with results_in(arguments.out, arguments.force) as folder:
+        save_course(recording, number, folder, arguments.images, truth_extras=extras, progress=bar)
     print(f"set {number} ({arguments.name}) is in {arguments.out}")
 
 
@@ -130,6 +116,7 @@ def run_command(arguments: Namespace) -> int:
     wants_texture = has_images(recording) if arguments.texture is None else arguments.texture
     check_possible(recording, wants_texture, arguments.loops)
     check_writable(out)
+    check_free(out, files_of_run(recording, wants_texture, arguments.loops), arguments.force)
     findings = check_up(recording)
     if words.remedies(findings) and not arguments.anyway:
         return stopped(findings)
@@ -156,7 +143,7 @@ def run_command(arguments: Namespace) -> int:
         odometry = Trajectory(result.trajectory.t, odometry.at(result.trajectory.t))
     kept = config if result is None else result.config
     about = {"command": arguments.line, "dataset": recording.name, "method": method, "seed": seed}
-    about |= {"second_look_allowed": again}
+    about |= {"second_look_allowed": again, "selection": selection(arguments)}
     about |= {"config": replace(kept, every=kept.every or recording.default_every).as_dict()}
     outcome = Outcome(recording, odometry, result, texture, revision)
     return finished(arguments, out, about, seconds, outcome, findings, clouds)
@@ -167,9 +154,11 @@ def finished(
 ) -> int:
     """Write and tell what came out of a run, and return the exit code."""
     summary = words.summarise(*outcome, findings)
-    with timed(seconds, "write"):
-        files = write_results(out, *outcome[1:]) + write_pictures(out, about | summary, outcome, clouds)
-    text = write_summary(out, about | {"seconds": seconds, "files": [*files, "summary.json"]} | summary)
+    with results_in(out, arguments.force) as folder:
+        with timed(seconds, "write"):
+            files = write_results(folder, *outcome[1:])
+            files += write_pictures(folder, about | summary, outcome, clouds)
+        text = write_summary(folder, about | {"seconds": seconds, "files": [*files, SUMMARY]} | summary)
     if arguments.json:
         print(text, end="")
     elif not arguments.quiet:
@@ -198,6 +187,15 @@ def check_possible(recording: Recording, texture: bool, loops: bool) -> None:
         raise DataError(recording.name, "--loops", "no LiDAR", "a data set with scans")
 
 
+def files_of_run(recording: Recording, texture: bool, loops: bool) -> list[str]:
+    """List the names of the files that a run may write."""
+    names = ["odometry.tum", "index.html", SUMMARY]
+    for suffix in () if recording.lidar is None else ("", "_revised") if loops else ("",):
+        names += [f"trajectory{suffix}.tum", *(f"map{suffix}.{kind}" for kind in ("pgm", "yaml", "png"))]
+    names += [] if recording.lidar is None else ["trajectory_covariance.txt"]
+    return names + (["texture.png", "texture.yaml"] if texture else [])
+
+
 def write_results(out: Path, odometry: Trajectory, result, texture, revision) -> list[str]:
     """Write what there is of a run, and return the names of the files."""
     write_tum(out / "odometry.tum", odometry)
@@ -223,33 +221,48 @@ def locate_command(arguments: Namespace) -> int:
     """
     seed, config = requested_search(arguments)
     grid, seconds = read_known_map(arguments.map), dict[str, float]()
-    out = out_folder(arguments, "-located")
+    out, files = out_folder(arguments, "-located"), ["trajectory.tum", "located.png", SUMMARY]
+    check_writable(out)
     with timed(seconds, "load"):
         recording = load_dataset(arguments)
-    check_writable(out)
+    check_free(out, files, arguments.force)
     with timed(seconds, "locate"):
         rng, bar = np.random.default_rng(seed), progress_bar("locating")
         result = locate(grid, recording, config, rng=rng, progress=bar, keep_particles=False)
-    write_tum(out / "trajectory.tum", result.trajectory)
-    write_png(out / "located.png", picture_of_search(grid, result))
     about = {"map": str(arguments.map), "dataset": recording.name, "seed": seed}
+    about |= {"selection": selection(arguments)}
     about |= {"config": replace(config, every=config.every or recording.default_every)}
-    about |= {"seconds": seconds, "files": ["trajectory.tum", "located.png", "summary.json"]}
-    write_summary(out, about | words.summarise_search(recording, result))
-    print(words.closing_words_of_search(recording, result, out))
+    about |= {"seconds": seconds, "files": files} | words.summarise_search(recording, result)
+    with results_in(out, arguments.force) as folder:
+        write_tum(folder / "trajectory.tum", result.trajectory)
+        write_png(folder / "located.png", picture_of_search(grid, result))
+        text = write_summary(folder, about)
+    print(text.rstrip() if arguments.json else words.closing_words_of_search(recording, result, out))
     return 0 if result.found else FAULT
 
 
 def info_command(arguments: Namespace) -> None:
     """Print what a data set holds and what a run would use."""
-    path = Path(arguments.dataset)
+    path, listed, used = Path(arguments.dataset), dict[str, tuple[str, int]](), list[str]()
     if path.exists() and is_bag(path):
         listed = list_topics(path)
-        used: list[str] = []
         with suppress(DataError):  # which is said when the bag is loaded
             used += choose_topics(Log(path), listed, bag_options(arguments)).values()
-        print(words.topic_table(listed, used), end="\n\n", flush=True)
-    print(words.describe(load_dataset(arguments)))
+        if not arguments.json:
+            print(words.topic_table(listed, used), end="\n\n", flush=True)
+    recording = load_dataset(arguments)
+    if arguments.json:
+        topics = {
+            name: {"type": kind, "messages": n, "used": name in used} for name, (kind, n) in listed.items()
+        }
+        print_json(words.described(recording) | ({"topics": topics} if topics else {}))
+    else:
+        print(words.describe(recording))
+
+
+def print_json(content: dict[str, Any]) -> None:
+    """Print an answer as JSON; what is not finite becomes null."""
+    print(json.dumps(plain(content), indent=2, allow_nan=False))
 
 
 def check_command(arguments: Namespace) -> int:
@@ -257,6 +270,9 @@ def check_command(arguments: Namespace) -> int:
     recording = load_dataset(arguments)
     findings = check_up(recording)
     failed = sum(finding.ok is False for finding in findings)
+    if arguments.json:
+        print_json({"dataset": recording.name, "failed": failed, "checks": list(map(asdict, findings))})
+        return 1 if failed else 0
     said = [*words.remedies(findings), *words.said_by_the_loader(recording)]
     print(words.check_table(findings), *said, sep="\n")
     print(f"{failed} of {len(findings)} checks failed" if failed else "no check failed")
@@ -265,6 +281,8 @@ def check_command(arguments: Namespace) -> int:
 
 def convert_command(arguments: Namespace) -> None:
     """Write a data set into one file that loads without ROS."""
+    if not arguments.force and os.path.lexists(arguments.out):
+        raise DataError(arguments.out, "OUT", "a file that is there already", "another name, or --force")
     recording = load_dataset(arguments)
     save(recording, arguments.out, images=arguments.images, progress=progress_bar("writing"))
     print(*words.said_by_the_loader(recording), f"the recording is in {arguments.out}", sep="\n")
@@ -275,10 +293,11 @@ def report_command(arguments: Namespace) -> None:
     need("matplotlib", "plots")
     out, recording, count = out_folder(arguments), load_dataset(arguments), 0
     check_writable(out)
-    for name, figure in report_figures(recording, progress=progress_bar("figures")):
-        with atomic_write(out / f"{name}.png") as file:
-            figure.savefig(file, format="png", dpi=150)
-        count += 1
+    with results_in(out, arguments.force) as folder:
+        for name, figure in report_figures(recording, progress=progress_bar("figures")):
+            with atomic_write(folder / f"{name}.png") as file:
+                figure.savefig(file, format="png", dpi=150)
+            count += 1
     print("the figures show the report's filter; `pfslam run` makes the map of the refined filter")
     print(f"{count} figures are in {out}")
 
@@ -300,3 +319,11 @@ def study_command(arguments: Namespace) -> int:
     complaint = f"{failed} of {len(errors)} runs failed, see the column error; " if failed else ""
     print(f"{complaint}{len(errors)} runs are in {path}")
     return FAULT if failed == len(errors) else 0
+
+
+def completion_command(arguments: Namespace) -> None:
+    """Print the script with which a shell completes this command line."""
+    need("shtab", "completion")
+    import shtab
+
+    print(shtab.complete(build_parser(), shell=arguments.shell))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from contextlib import suppress
+from difflib import get_close_matches
 from pathlib import Path
 
 from pfslam import __version__
@@ -28,15 +30,54 @@ HAZARDS = {
 """Options of ``simulate`` without a value: the amount that each stands for, and its help."""
 
 
+FILES = {
+    "bash": "_shtab_compgen_files",
+    "zsh": "_files",
+    "fish": "(__fish_complete_path (commandline -ct))",
+}
+"""What completes the name of a file in each shell that ``completion`` knows, as shtab calls it."""
+
+
 class UsageError(Exception):
     """Arguments that the command line does not know."""
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose complaints are one line."""
+    """A parser whose complaints are one line, with the word that was probably meant."""
 
     def error(self, message: str):
         raise UsageError(f"{message} (see {self.prog} --help)")
+
+    def parse_known_args(self, args=None, namespace=None):
+        """Parse what is known, and complain of an option that is not: the commands know their own options best."""
+        found, rest = super().parse_known_args(args, namespace)
+        if unknown := [word for word in rest if word.startswith("-")]:
+            options = list(self._option_string_actions)
+            self.error(
+                f"unrecognized arguments: {' '.join(rest)}{_meant(unknown[0].partition('=')[0], options)}"
+            )
+        return found, rest
+
+    def add_argument(self, *names, **options):
+        """Add an argument; where it takes a path, a shell completes that."""
+        action = super().add_argument(*names, **options)
+        if action.type is Path or action.dest == "dataset":
+            vars(action)["complete"] = FILES
+        return action
+
+    def _check_value(self, action: argparse.Action, value) -> None:
+        if action.choices is not None and value not in action.choices:
+            choices = list(map(str, action.choices))
+            said = (
+                f"invalid choice: {value!r}{_meant(str(value), choices)} (choose from {', '.join(choices)})"
+            )
+            raise argparse.ArgumentError(action, said)
+
+
+def _meant(word: str, words: Sequence[str]) -> str:
+    """Ask whether the most similar of some words was meant; empty if none is similar."""
+    close = get_close_matches(word, words, n=1)
+    return f", did you mean {close[0]}?" if close else ""
 
 
 def whole(lowest: int, highest: int):
@@ -67,10 +108,13 @@ def build_parser() -> Parser:
     """Build the parser of all commands and their options."""
     about = "Particle-filter SLAM and floor texture mapping."
     parser = Parser(prog="pfslam", description=about, epilog=CODES, allow_abbrev=False)
-    parser.add_argument("--version", action="version", version=f"pfslam {__version__}")
+    parser.add_argument("-V", "--version", action="version", version=f"pfslam {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    dataset, out = _dataset(), Parser(add_help=False)
+    dataset, out, force, as_json = _dataset(), *(Parser(add_help=False) for _ in range(3))
     out.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default out/DATASET)")
+    replaces = "replace files that are there already and were not written by the last run"
+    force.add_argument("--force", action="store_true", help=replaces)
+    as_json.add_argument("--json", action="store_true", help="print the answer as JSON, and nothing else")
 
     def command(name: str, what: str, *parents: Parser, epilog: str | None = None):
         about = what[0].upper() + what[1:] + "."
@@ -78,33 +122,47 @@ def build_parser() -> Parser:
             name, help=what, description=about, parents=parents, epilog=epilog, allow_abbrev=False
         ).add_argument
 
-    _add_simulate(command("simulate", "write a simulated data set in the course format, with its truth"))
-    command("info", "what a data set holds, and what a run would use", dataset)
-    command("check", "thirteen questions to ask of a data set before a run", dataset, epilog=CHECK_CODES)
-    _add_run(command("run", "trajectory, map and floor texture of a data set", dataset, out))
+    _add_simulate(
+        command("simulate", "write a simulated data set in the course format, with its truth", force)
+    )
+    command("info", "what a data set holds, and what a run would use", dataset, as_json)
+    command(
+        "check", "thirteen questions to ask of a data set before a run", dataset, as_json, epilog=CHECK_CODES
+    )
+    _add_run(command("run", "trajectory, map and floor texture of a data set", dataset, out, force))
     known, what = Parser(add_help=False), "a ROS map: the .yaml file beside its image"
     known.add_argument("map", type=Path, metavar="MAP.yaml", help=what)
-    _add_locate(command("locate", "where a robot is in a known map, from its drive", known, dataset))
-    command("report", "the report's figures for a data set", dataset, out)
-    add = command("convert", "write a data set into one .npz file, which loads without ROS", dataset)
+    _add_locate(
+        command("locate", "where a robot is in a known map, from its drive", known, dataset, force, as_json)
+    )
+    command("report", "the report's figures for a data set", dataset, out, force)
+    add = command("convert", "write a data set into one .npz file, which loads without ROS", dataset, force)
     add("out", type=Path, metavar="OUT", help="the file to write, NAME.npz")
     add("--images", action=YES_OR_NO, default=True, help="keep the images (default: all that there are)")
-    add = command("study", "many runs over parameters, seeds and data sets")
+    add = command("study", "many runs over parameters, seeds and data sets", force)
     add("file", type=Path, metavar="FILE", help="what to run, in TOML")
     add("--out", type=Path, metavar="DIR", help="folder to write to (default out/NAME)")
     jobs = "processes (default: one on each core)"
     add("--jobs", type=whole(1, 10_000), default=-1, metavar="N", help=jobs)
     _add_lab(command("lab", "the book's chapters as notebooks, in JupyterLab"))
+    add = command("completion", "a script with which a shell completes commands and options")
+    add("shell", choices=tuple(FILES), help='`eval "$(pfslam completion bash)"` in ~/.bashrc')
     return parser
 
 
 def _dataset() -> Parser:
     """Describe how a data set is named."""
-    parser = Parser(add_help=False)
+    parser = selection_parser()
     what = "hall, ramp, ring, a set's number, or the path of a ROS bag, an .npz recording, or a CARMEN log"
     parser.add_argument("dataset", metavar="DATASET", help=what)
     folder = "folder of numbered sets (default $PFSLAM_DATA or data)"
     parser.add_argument("--data", type=Path, metavar="DIR", help=folder)
+    return parser
+
+
+def selection_parser() -> Parser:
+    """Build the parser of what is used of a data set, and how."""
+    parser = Parser(prog="pfslam", add_help=False, allow_abbrev=False)
     parts = parser.add_argument_group("for a part of the drive")
     parts.add_argument("--from", dest="start", type=number, metavar="S", help="from S s after the first scan")
     parts.add_argument("--until", type=number, metavar="S", help="until S s after the first scan")

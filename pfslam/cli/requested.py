@@ -1,4 +1,4 @@
-"""What a run or a search is asked for: settings from the command line, a file, or an earlier summary."""
+"""What a run or a search is asked for: settings and a part of a drive, from the command line, a file, or a summary."""
 
 from __future__ import annotations
 
@@ -11,11 +11,22 @@ from pathlib import Path
 from typing import Any
 
 from pfslam.beyond.localization import LocalizationConfig
+from pfslam.cli.parser import TOPICS, UsageError, selection_parser
 from pfslam.errors import DataError
 from pfslam.io.files import read_text
 from pfslam.methods import METHODS, preset
 from pfslam.refined.step import RefinedConfig, with_changes
 from pfslam.settings import changed, flat, written
+
+SELECTION = {
+    "start": "--from",
+    "until": "--until",
+    "range": "--range",
+    "mask": "--mask",
+    "lidar_at": "--lidar-at",
+}
+SELECTION |= {"odom_frame": "--odom-frame"} | {name: f"--{name}" for name in TOPICS}
+"""The options that say what is used of a data set, by the names of their values."""
 
 
 def requested_run(arguments: Namespace) -> tuple[str, int, bool, Any]:
@@ -24,6 +35,7 @@ def requested_run(arguments: Namespace) -> tuple[str, int, bool, Any]:
     ``--config`` comes first, then all ``--set``, then the options with names of their own.
     """
     source, content = arguments.config, read_settings(arguments.config, RefinedConfig)
+    take_selection(arguments, content.pop("selection", []))
     method = content.pop("method", "refined") if arguments.method is None else arguments.method
     if not isinstance(method, str) or method not in METHODS:
         raise DataError(source, "method", repr(method), f"one of {', '.join(METHODS)}")
@@ -44,6 +56,7 @@ def requested_search(arguments: Namespace) -> tuple[int, LocalizationConfig]:
     ``--particles`` also sets how many there are at the first scan, ten times as many, and lowers the fewest.
     """
     content = read_settings(arguments.config, LocalizationConfig)
+    take_selection(arguments, content.pop("selection", []))
     seed = _seed(arguments, content)
     config = changed(LocalizationConfig(), content, arguments.config)
     if (most := arguments.particles) is not None:
@@ -72,6 +85,27 @@ def _set_values(arguments: Namespace, command: str) -> dict[str, Any]:
     return values
 
 
+def selection(arguments: Namespace) -> list[str]:
+    """Return the words of a command line that say what is used of its data set."""
+    words: list[Any] = []
+    for name, option in SELECTION.items():
+        value = getattr(arguments, name)
+        for each in value if name == "mask" else [value]:
+            words += [] if each is None else [option, *(each if isinstance(each, list) else [each])]
+    return list(map(str, words))
+
+
+def take_selection(arguments: Namespace, words: Any) -> None:
+    """Use the same part of a data set as an earlier run, where the command line does not ask for another."""
+    try:
+        before = vars(selection_parser().parse_args(words))
+    except (UsageError, TypeError, AttributeError) as error:
+        expected = "words of a command line, such as --from 20"
+        raise DataError(arguments.config, "selection", error, expected) from None
+    for name in (name for name in SELECTION if getattr(arguments, name) in (None, [])):
+        setattr(arguments, name, before[name])
+
+
 def given(arguments: Namespace, *names: str) -> dict[str, Any]:
     """Return the options that were given, by name."""
     return {name: value for name in names if (value := getattr(arguments, name)) is not None}
@@ -80,7 +114,8 @@ def given(arguments: Namespace, *names: str) -> dict[str, Any]:
 def read_settings(path: Path | None, kind: type) -> dict[str, Any]:
     """Read settings of a ``kind`` by dotted name from a TOML file, or from the ``summary.json`` of an earlier run.
 
-    ``method``, ``seed`` and ``second_look`` are among them where the file has them. No file has no settings.
+    ``method``, ``seed``, ``second_look`` and ``selection`` are among them where the file has them. No file has no
+    settings.
     """
     if path is None:
         return {}
@@ -93,7 +128,12 @@ def read_settings(path: Path | None, kind: type) -> dict[str, Any]:
         return dict(flat(content))
     if not isinstance(content, Mapping) or not isinstance(content.get("config"), Mapping):
         raise DataError(path, "config", "nothing", "the settings of a run")
-    names = {"method": "method", "seed": "seed", "second_look_allowed": "second_look"}
+    names = {
+        "method": "method",
+        "seed": "seed",
+        "second_look_allowed": "second_look",
+        "selection": "selection",
+    }
     beside = {name: content[key] for key, name in names.items() if key in content}
     return written(kind, content["config"]) | beside
 

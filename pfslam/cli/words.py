@@ -72,9 +72,7 @@ def _rates(t: np.ndarray) -> tuple[str, str, str, str]:
 
 def describe(recording: Recording) -> str:
     """Say what a recording holds: its streams, its LiDAR, what was left out and what its loader had to say."""
-    stamps = {name: part.t for name, part in recording.streams().items()}
-    if recording.camera is not None:
-        stamps |= {"depth images": recording.camera.disparity_t, "colour images": recording.camera.rgb_t}
+    stamps = _stamps(recording)
     begin, end = min(t[0] for t in stamps.values()), max(t[-1] for t in stamps.values())
     source = "encoders and gyro" if recording.odometry is None else "the odometry's poses"
     lines = [
@@ -84,6 +82,29 @@ def describe(recording: Recording) -> str:
         *_lidar(recording),
     ]
     return "\n".join(lines + said_by_the_loader(recording))
+
+
+def described(recording: Recording) -> dict[str, Any]:
+    """Say what a recording holds, as ``describe`` does, for programs."""
+    stamps = _stamps(recording)
+    streams = {
+        name: {"readings": len(t), "from": float(t[0]), "to": float(t[-1])}
+        | ({"longest_gap": float(np.diff(t).max())} if len(t) > 1 else {})
+        for name, t in stamps.items()
+    }
+    content: dict[str, Any] = {"dataset": recording.name, "streams": streams}
+    content["motion"] = "encoders and gyro" if recording.odometry is None else "odometry"
+    if recording.lidar is not None:
+        content |= {"lidar": recording.robot.lidar, "every": recording.default_every}
+    return content | {"notes": list(recording.notes), "dropped": recording.dropped}
+
+
+def _stamps(recording: Recording) -> dict[str, np.ndarray]:
+    """Return the stamps of every stream, those of images too, by what it holds."""
+    stamps = {name: part.t for name, part in recording.streams().items()}
+    if recording.camera is not None:
+        stamps |= {"depth images": recording.camera.disparity_t, "colour images": recording.camera.rgb_t}
+    return stamps
 
 
 def _lidar(recording: Recording) -> list[str]:

@@ -24,7 +24,15 @@ from pfslam.io.topics import IMAGE, IMU, ODOMETRY, SCAN, TF, Beams, Topic, frame
 from pfslam.io.upright import upright
 from pfslam.poses import Trajectory, chain_transforms, quaternion_to_rotation, rotation_matrix, transform
 from pfslam.recording import Imu, LidarScans, Recording, RgbdStream
-from pfslam.sensors import MAX_BEAMS, STANDARD_GRAVITY, LidarModel, RgbdModel, RobotModel, nearest_ranges
+from pfslam.sensors import (
+    MAX_BEAMS,
+    MAX_RANGE,
+    STANDARD_GRAVITY,
+    LidarModel,
+    RgbdModel,
+    RobotModel,
+    nearest_ranges,
+)
 from pfslam.texture import disparity_from_depth_image
 
 LATE = 1.0
@@ -264,11 +272,26 @@ def _scans(log: Log, topic: Topic, T: np.ndarray) -> tuple[LidarModel, LidarScan
         sweep = 0.0
     if T[2, 2] < 0:
         log.notes.append(f"{frame} hangs upside down: the beams of {topic.name} are put in the other order")
-    limits = usual.range_min, usual.range_max
+    limits = _limits(log, topic.name, usual, ranges)
     with naming_source(log.path, f"{topic.name}, "):
         model, step = LidarModel.mounted(T, _ends(usual), ranges.shape[1], limits, sweep)
     # ROS stamps the first beam, this package the middle one.
     return model, LidarScans(topic.t + 0.5 * sweep, np.ascontiguousarray(ranges[:, ::step]))
+
+
+def _limits(log: Log, name: str, beams: Beams, ranges: np.ndarray) -> tuple[float, float]:
+    """Return the least and the largest range (m) as stated; some drivers state none, such as 0 or infinity."""
+    least, most = beams.range_min, beams.range_max
+    if not 0.0 <= least < MAX_RANGE:
+        log.notes.append(f"a least range of {least:g} m on {name} is none: 0 is used")
+        least = 0.0
+    if not least < most <= MAX_RANGE:
+        farthest = float(ranges.max(initial=least, where=(ranges > least) & (ranges < MAX_RANGE)))
+        log.notes.append(
+            f"a largest range of {most:g} m on {name} is none: {farthest:g} m, the farthest, is used"
+        )
+        most = farthest
+    return least, most
 
 
 def _has_angles(beams: Beams) -> bool:

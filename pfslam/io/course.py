@@ -20,7 +20,7 @@ import numpy as np
 from pfslam.errors import DataError, naming_source
 from pfslam.io.files import MAX_PNG_BYTES, decode_png, read_bytes, read_npz, write_npz, write_png
 from pfslam.io.loading import LONGEST_SWEEP, Log, readings, stamps
-from pfslam.poses import Trajectory
+from pfslam.poses import Trajectory, check_shape
 from pfslam.recording import Encoders, Imu, LidarScans, Recording, RgbdStream, image_pairs
 from pfslam.sensors import MAX_BEAMS, LidarModel, RgbdModel, RobotModel
 
@@ -88,25 +88,39 @@ def _require(folder: Path, name: str) -> Path:
 
 def _rows(path: Path, **columns: int) -> tuple[np.ndarray, ...]:
     """Read the stamps ``(K,)`` of a file, then readings ``(K, n)`` from arrays ``(n, K)``, given by name and n."""
-    data = read_npz(path, ("time_stamps", *columns))
+
+    def check(name: str, stated: np.ndarray, before: Mapping[str, np.ndarray]) -> None:
+        if name in columns:
+            t = stamps(path, before["time_stamps"], "time_stamps")
+            check_shape(stated, str(path), name, (columns[name], len(t)))
+
+    data = read_npz(path, ("time_stamps", *columns), check=check)
     t = stamps(path, data["time_stamps"], "time_stamps")
     values = (readings(path, data[key], key, (n, len(t))) for key, n in columns.items())
     return t, *(np.ascontiguousarray(rows.T) for rows in values)
 
 
 def _load_lidar(path: Path, log: Log) -> tuple[LidarModel, LidarScans]:
-    data = read_npz(path, (*LIMITS, "ranges", "time_stamps"), optional=("sweep",))
+    data = read_npz(path, (*LIMITS, "time_stamps", "ranges"), ("sweep",), partial(_check_ranges, path))
     t, raw = stamps(path, data["time_stamps"], "time_stamps"), data["ranges"]
-    shape_fits = raw.ndim == 2 and raw.shape[1] == len(t) and 1 <= raw.shape[0] <= MAX_BEAMS
-    if not shape_fits or raw.dtype.kind not in "fiu":
-        expected = f"numbers of shape (beams, {len(t)}), at most {MAX_BEAMS} beams"
-        raise DataError(path, "ranges", f"{raw.dtype} of shape {raw.shape}", expected)
     with np.errstate(over="ignore"):
         ranges = np.ascontiguousarray(raw.T, dtype=np.float32)
     log.leave_out("ranges that are not a number", np.isnan(ranges))
     # The angle between beams follows from the limits; the file's own may be [0, 0], and is not used.
     numbers = {key: _scalar(path, data, key) for key in (*LIMITS, "sweep") if key in data}
     return _lidar_model(path, numbers, raw.shape[0]), LidarScans(t, ranges)
+
+
+def _check_ranges(path: Path, name: str, raw: np.ndarray, before: Mapping[str, np.ndarray]) -> None:
+    """Raise ``DataError`` unless limits are one number, and ranges have a row for each beam, a column for each stamp."""
+    if name in (*LIMITS, "sweep") and raw.size != 1:
+        raise DataError(path, name, f"{raw.dtype} of shape {raw.shape}", "one finite number")
+    if name == "ranges":
+        count = len(stamps(path, before["time_stamps"], "time_stamps"))
+        fits = raw.ndim == 2 and raw.shape[1] == count and 1 <= raw.shape[0] <= MAX_BEAMS
+        if not fits or raw.dtype.kind not in "fiu":
+            expected = f"numbers of shape (beams, {count}), at most {MAX_BEAMS} beams"
+            raise DataError(path, "ranges", f"{raw.dtype} of shape {raw.shape}", expected)
 
 
 def _lidar_model(path: Path, numbers: dict[str, float], beams: int) -> LidarModel:
@@ -123,14 +137,18 @@ def _lidar_model(path: Path, numbers: dict[str, float], beams: int) -> LidarMode
 
 def _scalar(path: Path, data: Mapping[str, np.ndarray], key: str) -> float:
     value = np.asarray(data[key])
-    if value.size != 1 or value.dtype.kind not in "fiu" or not np.isfinite(value).all():
-        found = f"{value.ravel()[:3]} of shape {value.shape}"
-        raise DataError(path, key, found, "one finite number")
+    if value.dtype.kind not in "fiu" or not np.isfinite(value).all():
+        raise DataError(path, key, value.reshape(()), "one finite number")
     return float(value.reshape(()))
 
 
 def _load_truth(path: Path) -> Trajectory:
-    data = read_npz(path, ("time_stamps", "pose"))
+    def check(name: str, stated: np.ndarray, before: Mapping[str, np.ndarray]) -> None:
+        if name == "pose":
+            t = stamps(path, before["time_stamps"], "time_stamps")
+            check_shape(stated, str(path), name, (len(t), 3))
+
+    data = read_npz(path, ("time_stamps", "pose"), check=check)
     t = stamps(path, data["time_stamps"], "time_stamps")
     return Trajectory(t, readings(path, data["pose"], "pose", (len(t), 3)))
 

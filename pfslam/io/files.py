@@ -11,7 +11,7 @@ import os
 import secrets
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -19,7 +19,7 @@ from zipfile import ZipFile
 
 import cv2
 import numpy as np
-from numpy.lib.format import write_array
+from numpy.lib.format import read_array_header_1_0, read_array_header_2_0, read_magic, write_array
 from numpy.lib.npyio import NpzFile
 
 from pfslam.errors import DataError
@@ -129,20 +129,30 @@ def read_bytes(path: str | Path, limit: int) -> bytes:
 
 
 def read_npz(
-    path: str | Path, required: tuple[str, ...], optional: tuple[str, ...] = ()
+    path: str | Path,
+    required: tuple[str, ...],
+    optional: tuple[str, ...] = (),
+    check: Callable[[str, np.ndarray, Mapping[str, np.ndarray]], None] | None = None,
 ) -> dict[str, np.ndarray]:
     """Read the named arrays of an ``.npz`` archive, the optional ones if they are there; others are not looked at.
 
-    Raises ``DataError`` for a file that is not such an archive, a missing key, an array of objects or text, a
-    damaged member, or a size beyond ``MAX_FIELD_BYTES``.
+    A few bytes of an archive can unpack to gigabytes, so ``check(name, stated, before)`` may refuse an array before it
+    is read: ``stated`` has its type and its shape, but takes no memory, and ``before`` are the arrays named earlier.
+    Raises ``DataError`` for a file that is not such an archive, a missing key, an array of objects or text, a damaged
+    member, or a size beyond ``MAX_FIELD_BYTES``.
     """
+    data: dict[str, np.ndarray] = {}
     try:
         with open_file(path) as file, np.load(file, allow_pickle=False) as archive:
             if missing := [name for name in required if name not in archive.files]:
                 held = ", ".join(sorted(archive.files)[:8]) or "nothing"
                 raise DataError(path, "keys", held[:200], f"a key named {missing[0]}")
-            names = [*required, *(name for name in optional if name in archive.files)]
-            return {name: _read_member(path, archive, name) for name in names}
+            for name in [*required, *(name for name in optional if name in archive.files)]:
+                stated = _stated(path, archive, name)
+                if check:
+                    check(name, stated, data)
+                data[name] = _read_member(path, archive, name)
+            return data
     except DataError:
         raise
     except OSError as error:
@@ -151,22 +161,34 @@ def read_npz(
         raise DataError(path, "file", f"an unreadable archive ({error})", "a whole .npz archive") from error
 
 
-def _read_member(path: str | Path, archive: NpzFile, name: str) -> np.ndarray:
+PLAIN = "plain numbers, never objects or text"
+
+
+def _stated(path: str | Path, archive: NpzFile, name: str) -> np.ndarray:
+    """Return an array of the type and the shape that a member states, all of whose numbers are one zero."""
     size = archive.zip.getinfo(f"{name}.npy").file_size  # type: ignore[union-attr]  # None once it is closed
     if size > MAX_FIELD_BYTES:
         found = f"a stated size of {size} bytes"
         raise DataError(path, name, found, f"at most {MAX_FIELD_BYTES} bytes")
     try:
-        try:
-            values = archive[name]
-        except SystemError:  # Python 3.11 can lose count while it parses a sound header (gh-106905)
-            values = archive[name]
+        with archive.zip.open(f"{name}.npy") as member:  # type: ignore[union-attr]
+            is_first = read_magic(member) == (1, 0)
+            shape, _, dtype = (read_array_header_1_0 if is_first else read_array_header_2_0)(member)
     except Exception as error:  # whatever a damaged header makes NumPy stumble over
-        expected = "plain numbers, never objects or text"
-        raise DataError(path, name, f"a damaged array ({error})", expected) from error
-    if values.dtype.kind not in "biuf":
-        raise DataError(path, name, f"an array of {values.dtype}", "plain numbers, never objects or text")
-    return values
+        raise DataError(path, name, f"a damaged array ({error})", PLAIN) from error
+    if dtype.kind not in "biuf":
+        raise DataError(path, name, f"an array of {dtype}", PLAIN)
+    return np.broadcast_to(np.zeros((), dtype), shape)
+
+
+def _read_member(path: str | Path, archive: NpzFile, name: str) -> np.ndarray:
+    try:
+        try:
+            return archive[name]
+        except SystemError:  # Python 3.11 can lose count while it parses a sound header (gh-106905)
+            return archive[name]
+    except Exception as error:
+        raise DataError(path, name, f"a damaged array ({error})", PLAIN) from error
 
 
 def decode_png(path: str | Path, data: bytes, shape: tuple[int, int, int], dtype: type) -> np.ndarray:
@@ -189,12 +211,14 @@ def decode_png(path: str | Path, data: bytes, shape: tuple[int, int, int], dtype
     return pixels if shape[2] == 1 else np.ascontiguousarray(pixels[..., ::-1])
 
 
-def decode_grey_png(path: str | Path, data: bytes, most: int) -> np.ndarray:
-    """Decode the bytes of a PNG file with one channel of 8 bits and at most ``most`` pixels, ``(H, W)`` uint8."""
-    height, width, *_ = _png_shape(path, data)
+def decode_map_png(path: str | Path, data: bytes, most: int) -> np.ndarray:
+    """Decode the bytes of a PNG file of 8 bits and at most ``most`` pixels, ``(H, W)`` or ``(H, W, 3)`` RGB uint8."""
+    height, width, channels, _ = _png_shape(path, data)
     if height * width > most:
         raise DataError(path, "image", f"{width} x {height} pixels", f"at most {most} pixels")
-    return decode_png(path, data, (height, width, 1), np.uint8)
+    if channels not in (1, 3):
+        raise DataError(path, "image", f"{channels} channels", "one of grey, or three of colours")
+    return decode_png(path, data, (height, width, channels), np.uint8)
 
 
 def write_png(path: str | Path, pixels: np.ndarray) -> None:

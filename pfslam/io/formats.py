@@ -14,11 +14,11 @@ import numpy as np
 import yaml
 
 from pfslam.errors import DataError, naming_source
-from pfslam.grid import MAX_CELLS, GridSpec, OccupancyGrid
+from pfslam.grid import CELL_SIZES, MAX_CELLS, GridSpec, OccupancyGrid
 from pfslam.io.files import (
     PNG_MAGIC,
     atomic_write,
-    decode_grey_png,
+    decode_map_png,
     read_bytes,
     read_text,
     write_png,
@@ -30,8 +30,10 @@ from pfslam.recording import nearest_stamp
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
 GAP = rb"(?:\s|#.*\n)+"
-PGM_HEADER = re.compile(rb"P5" + GAP + rb"(\d{1,9})" + GAP + rb"(\d{1,9})" + GAP + rb"255[^\S\n]*(?:#.*)?\n")
-"""Width and height of a binary PGM image with 255 grey values; there may be comments between the words."""
+PNM_HEADER = re.compile(
+    rb"P([56])" + GAP + rb"(\d{1,9})" + GAP + rb"(\d{1,9})" + GAP + rb"255[^\S\n]*(?:#.*)?\n"
+)
+"""Kind, width and height of a binary PGM or PPM image with 255 values; there may be comments between the words."""
 
 
 def write_tum(path: str | Path, trajectory: Trajectory) -> None:
@@ -168,6 +170,9 @@ def read_map(path: str | Path) -> tuple[GridSpec, np.ndarray]:
     if not 0.0 <= free < occupied <= 1.0:
         found = f"{keys['free_thresh']}, {keys['occupied_thresh']}"
         raise DataError(path, "free_thresh, occupied_thresh", found, "probabilities, the lesser first")
+    if not CELL_SIZES.low <= resolution <= CELL_SIZES.high:
+        expected = f"metres a cell, from {CELL_SIZES.low:g} to {CELL_SIZES.high:g}"
+        raise DataError(path, "resolution", keys["resolution"], expected)
     if yaw != 0.0:
         raise DataError(path, "origin", f"a map rotated by {yaw:g} rad", "a third value of 0")
     if (mode := keys.get("mode", "trinary")) != "trinary":
@@ -193,21 +198,26 @@ def read_known_map(path: str | Path) -> OccupancyGrid:
 
 
 def _read_pixels(path: Path) -> np.ndarray:
-    """Read the pixels ``(H, W)`` uint8 of a binary PGM image, or of a grey PNG image."""
-    data = read_bytes(path, MAX_CELLS + 4096)
-    return decode_grey_png(path, data, MAX_CELLS) if data.startswith(PNG_MAGIC) else _pgm_pixels(path, data)
+    """Read the pixels ``(H, W)`` uint8 of a binary PGM or PPM image, or of a PNG image; of colours, the mean."""
+    data = read_bytes(path, 3 * MAX_CELLS + 4096)
+    pixels = decode_map_png(path, data, MAX_CELLS) if data.startswith(PNG_MAGIC) else _pnm_pixels(path, data)
+    return pixels if pixels.ndim == 2 else (pixels.sum(axis=2, dtype=np.uint16) // 3).astype(np.uint8)
 
 
-def _pgm_pixels(path: Path, data: bytes) -> np.ndarray:
-    """Take the pixels ``(H, W)`` uint8 out of the bytes of a binary PGM image."""
-    header = PGM_HEADER.match(data[:4096])
+def _pnm_pixels(path: Path, data: bytes) -> np.ndarray:
+    """Take the pixels ``(H, W)`` or ``(H, W, 3)`` uint8 out of the bytes of a binary PGM or PPM image."""
+    header = PNM_HEADER.match(data[:4096])
     if header is None:
-        expected = "a binary PGM image (P5) with 255 grey values, or a PNG image"
+        expected = "a binary PGM or PPM image (P5, P6) with 255 values, or a PNG image"
         raise DataError(path, "header", repr(data[:20]), expected)
-    (width, height), at = map(int, header.groups()), header.end()
-    if len(data) - at != width * height or width * height == 0:
-        raise DataError(path, "pixels", f"{len(data) - at} bytes", f"{width} x {height}, at least one")
-    return np.frombuffer(data, dtype=np.uint8, offset=at).reshape(height, width)
+    (kind, width, height), at = map(int, header.groups()), header.end()
+    channels = 3 if kind == 6 else 1
+    if len(data) - at != width * height * channels or width * height == 0:
+        raise DataError(
+            path, "pixels", f"{len(data) - at} bytes", f"{width} x {height} of {channels}, at least one"
+        )
+    shape = (height, width, channels) if channels == 3 else (height, width)
+    return np.frombuffer(data, dtype=np.uint8, offset=at).reshape(shape)
 
 
 def write_texture(path: str | Path, spec: GridSpec, rgb: np.ndarray, seen: np.ndarray) -> None:

@@ -89,9 +89,7 @@ def load_recording(path: str | Path) -> Recording:
     path = Path(path)
     layout = [f"{stream}.{name}" for stream in STREAMS for name in _names(stream)]
     settings = [f"robot.{key}" for key, _ in _robot_values(RobotModel())]
-    data = read_npz(path, ("format",), (*TEXTS, *layout, *settings))
-    if data["format"].shape != () or data["format"] != FORMAT:
-        raise DataError(path, "format", data["format"], f"the number {FORMAT}")
+    data = read_npz(path, ("format",), (*TEXTS, *layout, *settings), partial(_check, path))
     given = {key.removeprefix("robot."): data[key].tolist() for key in settings if key in data}
     robot = changed(RobotModel(), given, path, "robot.")
     size = robot.camera.height, robot.camera.width
@@ -105,6 +103,18 @@ def load_recording(path: str | Path) -> Recording:
     dropped = _counts(path, texts["dropped"])
     with naming_source(path):
         return Recording(texts["name"] or path.stem, robot, dropped=dropped, notes=notes, **parts)
+
+
+def _check(path: Path, name: str, stated: np.ndarray, before: Mapping[str, np.ndarray]) -> None:
+    """Raise ``DataError`` for another format, and for readings of which there are not as many as stamps."""
+    if name == "format":
+        return
+    if before["format"].shape != () or before["format"] != FORMAT:
+        raise DataError(path, "format", before["format"], f"the number {FORMAT}")
+    t = before.get(f"{name.partition('.')[0]}.t")
+    if t is not None and (stated.ndim == 0 or len(stated) != t.size):
+        found = f"{stated.dtype} of shape {stated.shape}"
+        raise DataError(path, name, found, f"one reading for each of {t.size} stamps")
 
 
 def _text(path: Path, data: Mapping[str, np.ndarray], key: str) -> str:

@@ -25,6 +25,14 @@ from pfslam.io.packed import limit_unpacking
 SCAN, IMAGE, IMU = (f"sensor_msgs/msg/{kind}" for kind in ("LaserScan", "Image", "Imu"))
 ODOMETRY, TF, OLD_TF = "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 INDEX = "metadata.yaml"
+MENDED = dict.fromkeys((".bag", ".active"), "`rosbag reindex` mends one that was cut off")
+MENDED |= {
+    ".mcap": "`mcap recover` mends a file that was cut off, `ros2 bag reindex` writes the folder's index"
+}
+MENDED |= {
+    ".db3": "`sqlite3 FILE .recover` mends a file that was cut off, `ros2 bag reindex` writes the folder's index"
+}
+"""What mends a bag, by the kind of its files."""
 NEAR = 1e-6
 """Seconds: what double precision leaves of a time since 1970, and more."""
 
@@ -140,23 +148,32 @@ def read_topics(
 def _opened(path: Path, place: list[str]) -> Iterator[tuple[Any, dict[str, str], Callable]]:
     """Open a bag: its reader, the types by topic and what decodes a message; ``place`` is where an error is."""
     need("rosbags", "ros")
-    for part in [path, *(path.iterdir() if path.is_dir() else ())]:
+    inside = sorted(path.iterdir()) if path.is_dir() else []
+    for part in (path, *inside):
         check_ends(part)
-    from rosbags import rosbag1, rosbag2
+    from rosbags import rosbag2
+    from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     limit_unpacking()
-    is_old = path.suffix.lower() == ".bag"
+    # ROS 1 splits a long recording into files that each are a whole bag.
+    old = [part for part in inside or [path] if part.suffix.lower() == ".bag"]
+    is_old = bool(old) and not (path / INDEX).exists()
+    expected = f"a whole ROS bag, closed by its recorder: a file, or a folder with its {INDEX}"
+    expected += next(
+        (f" ({hint})" for part in (*inside, path) if (hint := MENDED.get(part.suffix.lower()))), ""
+    )
+    if inside and not is_old and not (path / INDEX).exists():
+        raise DataError(path, place[0], f"no {INDEX}", expected)
     store = get_typestore(Stores.ROS1_NOETIC if is_old else Stores.LATEST)
     store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
     decode: Any = store.deserialize_ros1 if is_old else store.deserialize_cdr
     try:
-        with rosbag1.Reader(path) if is_old else rosbag2.Reader(path) as reader:
+        with AnyReader(old) if is_old else rosbag2.Reader(path) as reader:
             kinds = {c.topic: TF if c.msgtype == OLD_TF else c.msgtype for c in reader.connections}
             yield reader, kinds, decode
     except Exception as error:  # the library raises many kinds for a damaged bag
         what = ": ".join(filter(None, (type(error).__name__, str(error))))
-        expected = f"a whole ROS bag, closed by its recorder: a file, or a folder with its {INDEX}"
         raise DataError(path, place[0], what, expected) from error
 
 

@@ -1,0 +1,118 @@
+"""What a command leaves in a folder: all of its files or none, and nothing that is not its own replaced or deleted.
+
+``summary.json`` holds the check sum of every file of a run, and of itself. A file with that check sum was written by
+the last run, and nobody has changed it since: the next run may replace it. Any other file is somebody's work.
+"""
+
+from __future__ import annotations
+
+import filecmp
+import json
+import os
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from pfslam.errors import DataError
+from pfslam.io.files import check_writable, reason, write_text
+from pfslam.settings import plain
+
+SUMMARY = "summary.json"
+SUMS = "sha256"
+"""The key of the check sums in a summary."""
+
+
+@contextmanager
+def results_in(folder: str | Path, force: bool = False) -> Iterator[Path]:
+    """Yield an empty folder, whose files move into ``folder`` when the block ends well, and not at all otherwise.
+
+    A file that is there already is replaced if it would stay the same, or if the last run wrote it. What else that run
+    wrote is removed: two runs must not pass for one. Raises ``DataError``, before anything moves, for a file that is
+    somebody else's, unless ``force`` is true.
+    """
+    folder = Path(folder)
+    check_writable(folder)
+    try:
+        with tempfile.TemporaryDirectory(prefix=".pfslam-", dir=folder) as hidden:
+            yield Path(hidden)
+            _move(Path(hidden), folder, force)
+    except OSError as error:
+        raise DataError(folder, "writing", reason(error), "a folder that can be written") from error
+    except DataError as error:
+        place = error.source.replace(f"{hidden}{os.sep}", f"{folder}{os.sep}")
+        raise DataError(place, error.field, error.found, error.expected) from error
+
+
+def check_free(folder: str | Path, names: Iterable[str], force: bool = False) -> None:
+    """Raise ``DataError`` if a file of one of these names is in ``folder`` and the last run there did not write it.
+
+    A command asks before its work begins; whether a file would stay the same is known only afterwards.
+    """
+    if not force:
+        own = _own_files(Path(folder))
+        for path in (Path(folder, name) for name in names):
+            if os.path.lexists(path) and not _is(path, own.get(path.name)):
+                raise _foreign(path)
+
+
+def write_summary(folder: Path, summary: Mapping[str, Any]) -> str:
+    """Write ``summary.json`` with the check sums of its ``files``, and return it; what is not finite becomes null."""
+    sums = {name: _sum((folder / name).read_bytes()) for name in summary["files"] if name != SUMMARY}
+    content = plain(dict(summary)) | {SUMS: sums}
+    sums[SUMMARY] = _sum(_text(content).encode())
+    write_text(folder / SUMMARY, text := _text(content))
+    return text
+
+
+def _text(summary: Mapping[str, Any]) -> str:
+    return json.dumps(summary, indent=2, allow_nan=False) + "\n"
+
+
+def _own_files(folder: Path) -> dict[str, str]:
+    """Return the check sums of the files of the last run into a folder, by name; none if its summary was changed."""
+    with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        text = (folder / SUMMARY).read_bytes()
+        content = json.loads(text)
+        sums = dict(content[SUMS])
+        if content[SUMS].pop(SUMMARY) == _sum(_text(content).encode()):
+            return {name: sums[name] for name in sums if name == Path(name).name} | {SUMMARY: _sum(text)}
+    return {}
+
+
+def _move(hidden: Path, folder: Path, force: bool) -> None:
+    """Move all files of one folder into another; the summary last, because it says that all of them are there."""
+    own, files = (
+        _own_files(folder),
+        [path.relative_to(hidden) for path in hidden.rglob("*") if path.is_file()],
+    )
+    for name in files:
+        there = folder / name
+        if os.path.lexists(there) and not (
+            force or _is(there, own.get(str(name))) or filecmp.cmp(hidden / name, there, shallow=False)
+        ):
+            raise _foreign(there)
+    for old in sorted(
+        own, key=lambda name: name != SUMMARY
+    ):  # first: without it the folder is no finished run
+        if _is(folder / old, own[old]):
+            (folder / old).unlink()
+    for name in sorted(files, key=lambda name: (name.name == SUMMARY, name)):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(hidden / name, folder / name)
+
+
+def _is(path: Path, digest: str | None) -> bool:
+    """Whether a path is a file, and no link, with this check sum."""
+    return bool(digest) and path.is_file() and not path.is_symlink() and _sum(path.read_bytes()) == digest
+
+
+def _sum(data: bytes) -> str:
+    return sha256(data).hexdigest()
+
+
+def _foreign(path: Path) -> DataError:
+    found = "a file that was not written by the last run there, or was changed since"
+    return DataError(path, "file", found, "another folder, or --force to replace it")
