@@ -670,6 +670,50 @@ def test_a_name_in_capitals_as_a_memory_stick_gives_it(tmp_path):
     assert len(pfslam.load(path).lidar.t) == 55
 
 
+def test_a_recording_in_several_files_of_ros_1_is_one(tmp_path):
+    rows = rows_of(BOX, True)
+    half = rows[len(rows) // 2][1]
+    (tmp_path / "drive").mkdir()
+    for name, part in (
+        ("drive_0", [r for r in rows if r[1] <= half]),
+        ("drive_1", [r for r in rows if r[1] > half]),
+    ):
+        write_bag(tmp_path / "drive" / name, "ros1", part)
+    assert_equal_to_what_messages_carry(pfslam.load(tmp_path / "drive"), WHEELS)
+
+
+@pytest.mark.parametrize("form", ["sqlite3", "mcap"])
+def test_a_folder_without_its_index_says_what_writes_one(tmp_path, form):
+    path = write_bag(tmp_path / "drive", form, rows_of(BOX))
+    (path / "metadata.yaml").unlink()
+    with pytest.raises(DataError, match=r"drive: bag: found no metadata.yaml, .* `ros2 bag reindex` writes"):
+        pfslam.load(path)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (0.1, np.inf, "a largest range of inf m on /scan is none"),
+        (0.1, 0.0, "a largest range of 0 m on /scan is none"),
+        (0.0, 3.4e38, "a largest range of 3.4e\\+38 m on /scan is none"),
+        (np.inf, 30.0, "a least range of inf m on /scan is none: 0 is used"),
+    ],
+)
+def test_a_driver_that_states_no_limits_of_range(tmp_path, low, high, said):
+    rows = rows_of(BOX)
+    for scan in of(rows):
+        scan.range_min, scan.range_max = low, high
+    found = loaded(tmp_path, rows)
+    (note,) = found.notes
+    assert re.match(said, note)
+    lidar = found.robot.lidar
+    ranges = found.lidar.ranges
+    farthest = ranges[np.isfinite(ranges)].max()
+    assert lidar.range_max == pytest.approx(30.0 if high == 30.0 else farthest)
+    # What is left unused is the farthest range alone, which may be what a scanner writes where nothing came back.
+    assert np.count_nonzero(lidar.valid(ranges)) >= np.count_nonzero(ranges < min(farthest, lidar.range_max))
+
+
 # ---- the commands ------------------------------------------------------------------------------
 
 

@@ -168,11 +168,21 @@ def test_a_map_with_a_png_image(tmp_path, grid):
         spec, cells = read_map(tmp_path / name)
         assert spec == grid.spec
         np.testing.assert_array_equal(cells, np.sign(grid.log_odds))
-    cv2.imwrite(str(tmp_path / "map.png"), cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR))
-    with pytest.raises(
-        DataError, match=r"map\.png: image: found .* 3 channels of 8 bits, expected .* 1 channels"
-    ):
+    cv2.imwrite(str(tmp_path / "map.png"), np.dstack([pixels] * 4))
+    with pytest.raises(DataError, match=r"map\.png: image: found 4 channels, expected one of grey, or three"):
         read_map(tmp_path / "png.yaml")
+
+
+@pytest.mark.parametrize("kind", ["pgm", "png"])
+def test_a_map_in_colour_is_read_by_the_mean_of_its_colours(tmp_path, grid, kind):
+    write_map(tmp_path / "map.yaml", grid)
+    pixels = cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_UNCHANGED).astype(int)
+    bgr = np.dstack([np.clip(pixels + 2, 0, 255), pixels, np.clip(pixels - 2, 0, 255)]).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "map.ppm"), bgr)  # P6, under the name of a PGM image
+    (tmp_path / "map.ppm").replace(tmp_path / "map.pgm")
+    cv2.imwrite(str(tmp_path / "map.png"), bgr)
+    (tmp_path / "map.yaml").write_text((tmp_path / "map.yaml").read_text().replace(".pgm", f".{kind}"))
+    np.testing.assert_array_equal(read_map(tmp_path / "map.yaml")[1], np.sign(grid.log_odds))
 
 
 ORIGIN = "origin: [-10.25, 3.5, 0.0]"
@@ -190,6 +200,8 @@ ORIGIN = "origin: [-10.25, 3.5, 0.0]"
         (ORIGIN, "a: &a [1]\norigin: *a", "file: found an alias, expected YAML"),
         ("resolution: 0.5", "resolution: big", "resolution: found 'big'"),
         ("resolution: 0.5", "resolution: -1", "resolution"),
+        ("resolution: 0.5", "resolution: 1.0e-9", "found 1e-09, expected metres a cell, from 0.001 to 10"),
+        ("resolution: 0.5", "resolution: 1.0e+12", "resolution: found .*, expected metres a cell"),
         ("free_thresh: 0.196", "free_thresh: 0.7", "probabilities, the lesser first"),
         ("map.pgm", "none.pgm", r"none\.pgm: reading"),
         ("negate: 0", "negate: 0\nmode: raw", "mode: found raw, expected trinary"),

@@ -305,10 +305,13 @@ def report_command(arguments: Namespace) -> None:
 def study_command(arguments: Namespace) -> int:
     """Make the runs of a study that are missing, and its table."""
     from pfslam.study import read_study, run_study  # which other commands can do without
+    from pfslam.study.runner import check_table
     from pfslam.study.table import read_table
 
     study = read_study(arguments.file)
     out = arguments.out or Path("out") / study.name
+    if not arguments.force:
+        check_table(study, out)
     # Ctrl-C may meet joblib while it frees a semaphore; its tracker then warns of one that is already free. Or it meets
     # tasks under way, and joblib counts them.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")

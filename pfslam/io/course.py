@@ -112,7 +112,7 @@ def _load_lidar(path: Path, log: Log) -> tuple[LidarModel, LidarScans]:
 
 
 def _check_ranges(path: Path, name: str, raw: np.ndarray, before: Mapping[str, np.ndarray]) -> None:
-    """Raise ``DataError`` unless limits are one number, and ranges have a row for each beam, a column for each stamp."""
+    """Raise ``DataError`` unless limits are numbers, and ranges have a row for each beam, a column for each stamp."""
     if name in (*LIMITS, "sweep") and raw.size != 1:
         raise DataError(path, name, f"{raw.dtype} of shape {raw.shape}", "one finite number")
     if name == "ranges":

@@ -55,12 +55,12 @@ def check_free(folder: str | Path, names: Iterable[str], force: bool = False) ->
         own = _own_files(Path(folder))
         for path in (Path(folder, name) for name in names):
             if os.path.lexists(path) and not _is(path, own.get(path.name)):
-                raise _foreign(path)
+                raise foreign(path)
 
 
 def write_summary(folder: Path, summary: Mapping[str, Any]) -> str:
     """Write ``summary.json`` with the check sums of its ``files``, and return it; what is not finite becomes null."""
-    sums = {name: _sum((folder / name).read_bytes()) for name in summary["files"] if name != SUMMARY}
+    sums = {name: check_sum(folder / name) for name in summary["files"] if name != SUMMARY}
     content = plain(dict(summary)) | {SUMS: sums}
     sums[SUMMARY] = _sum(_text(content).encode())
     write_text(folder / SUMMARY, text := _text(content))
@@ -84,19 +84,16 @@ def _own_files(folder: Path) -> dict[str, str]:
 
 def _move(hidden: Path, folder: Path, force: bool) -> None:
     """Move all files of one folder into another; the summary last, because it says that all of them are there."""
-    own, files = (
-        _own_files(folder),
-        [path.relative_to(hidden) for path in hidden.rglob("*") if path.is_file()],
-    )
-    for name in files:
-        there = folder / name
-        if os.path.lexists(there) and not (
-            force or _is(there, own.get(str(name))) or filecmp.cmp(hidden / name, there, shallow=False)
+    own = _own_files(folder)
+    files = sorted(path.relative_to(hidden) for path in hidden.rglob("*") if path.is_file())
+    for there, name in ((folder / name, name) for name in files):
+        may = force or _is(there, own.get(str(name)))
+        if there.is_dir() or (
+            os.path.lexists(there) and not (may or filecmp.cmp(hidden / name, there, shallow=False))
         ):
-            raise _foreign(there)
-    for old in sorted(
-        own, key=lambda name: name != SUMMARY
-    ):  # first: without it the folder is no finished run
+            raise foreign(there)
+    # The summary goes first and comes last: a folder without one is not taken for a finished run.
+    for old in sorted(own, key=lambda name: name != SUMMARY):
         if _is(folder / old, own[old]):
             (folder / old).unlink()
     for name in sorted(files, key=lambda name: (name.name == SUMMARY, name)):
@@ -106,13 +103,19 @@ def _move(hidden: Path, folder: Path, force: bool) -> None:
 
 def _is(path: Path, digest: str | None) -> bool:
     """Whether a path is a file, and no link, with this check sum."""
-    return bool(digest) and path.is_file() and not path.is_symlink() and _sum(path.read_bytes()) == digest
+    return bool(digest) and path.is_file() and not path.is_symlink() and check_sum(path) == digest
+
+
+def check_sum(path: Path) -> str:
+    """Return the check sum of a file."""
+    return _sum(path.read_bytes())
 
 
 def _sum(data: bytes) -> str:
     return sha256(data).hexdigest()
 
 
-def _foreign(path: Path) -> DataError:
-    found = "a file that was not written by the last run there, or was changed since"
+def foreign(path: Path) -> DataError:
+    """Return the error for a file that is not to be replaced."""
+    found = "a file that was not written there by pfslam, or was changed since"
     return DataError(path, "file", found, "another folder, or --force to replace it")

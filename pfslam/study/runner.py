@@ -18,6 +18,7 @@ from typing import Any
 
 from pfslam.errors import DataError, need
 from pfslam.io.files import check_writable, write_text
+from pfslam.io.results import SUMS, check_sum, foreign
 from pfslam.study.definition import Case, Study, read_study
 from pfslam.study.provenance import machine, version_key, versions
 from pfslam.study.run import recording_key, run_case
@@ -54,9 +55,20 @@ def run_study(
             write_text(path, json.dumps(row) + "\n")
     table = [rows[path] | {"label": case.label} for path, case in zip(paths, study.cases, strict=True)]
     settings = (key for case in study.cases for key, _ in case.settings)
-    write_table(folder / f"{study.name}.csv", table, settings)
-    write_text(folder / f"{study.name}.json", json.dumps(provenance(study, table), indent=2) + "\n")
-    return folder / f"{study.name}.csv"
+    write_table(path := folder / f"{study.name}.csv", table, settings)
+    about = provenance(study, table) | {SUMS: {path.name: check_sum(path)}}
+    write_text(path.with_suffix(".json"), json.dumps(about, indent=2) + "\n")
+    return path
+
+
+def check_table(study: Study, folder: Path) -> None:
+    """Raise ``DataError`` if a table of this name is in a folder and this program did not write it as it is."""
+    path = folder / f"{study.name}.csv"
+    if path.exists():
+        with suppress(OSError, ValueError, LookupError, TypeError):
+            if json.loads(path.with_suffix(".json").read_bytes())[SUMS][path.name] == check_sum(path):
+                return
+        raise foreign(path)
 
 
 def run_path(folder: Path, study: Study, case: Case) -> Path:
