@@ -108,7 +108,7 @@ def test_numpy_alone_reads_it(tmp_path):
         ({"format": None}, "a key named format"),
         ({"format": np.array(2)}, "format: found 2, expected the number 1"),
         ({"lidar__t": None}, "an array named lidar.t as well"),
-        ({"lidar__ranges": np.zeros((3, 2))}, r"lidar.ranges: found shape \(3, 2\)"),
+        ({"lidar__ranges": np.zeros((3, 2))}, r"lidar.ranges: found float64 of shape \(3, 2\)"),
         ({"lidar__ranges": np.zeros((55, 2))}, "lidar ranges: found 2 beams, expected 1081"),
         ({"encoders__counts": np.zeros((241, 3))}, "encoders.counts: found float64 of shape"),
         ({"encoders__counts": np.full((241, 4), 1e9)}, "encoders.counts: found 1e.09, expected counts"),

@@ -48,7 +48,9 @@ def available_chapters() -> list[Path]:
     for shelf in (book / "chapters", book.parents[1] / "notebooks"):
         if chapters := sorted(shelf.glob("[0-9][0-9]_*.ipynb")):
             return chapters
-    expected = f"notebooks in {book / 'chapters'}, as a wheel of `make release` has them (in a clone: `make lab`)"
+    expected = (
+        f"notebooks in {book / 'chapters'}, as a wheel of `make release` has them (in a clone: `make lab`)"
+    )
     raise DataError("pfslam lab", "chapters", "none", expected)
 
 

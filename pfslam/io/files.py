@@ -174,11 +174,12 @@ def _stated(path: str | Path, archive: NpzFile, name: str) -> np.ndarray:
         with archive.zip.open(f"{name}.npy") as member:  # type: ignore[union-attr]
             is_first = read_magic(member) == (1, 0)
             shape, _, dtype = (read_array_header_1_0 if is_first else read_array_header_2_0)(member)
+        stated = np.broadcast_to(np.zeros((), dtype), shape)
     except Exception as error:  # whatever a damaged header makes NumPy stumble over
         raise DataError(path, name, f"a damaged array ({error})", PLAIN) from error
     if dtype.kind not in "biuf":
         raise DataError(path, name, f"an array of {dtype}", PLAIN)
-    return np.broadcast_to(np.zeros((), dtype), shape)
+    return stated
 
 
 def _read_member(path: str | Path, archive: NpzFile, name: str) -> np.ndarray:
