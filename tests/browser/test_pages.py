@@ -15,7 +15,7 @@ from pfslam_book.show.night import NIGHT
 pytestmark = pytest.mark.browser
 
 PACK = Path(__file__).resolve().parents[2] / "book" / "_tools" / "pack.py"
-FORMULAS_WITH_SCROLL_BARS = """() => [...document.querySelectorAll('article :is(.math, mjx-container)')]
+FORMULAS_WITH_SCROLL_BARS = """() => [...document.querySelectorAll('article :is(.math, .katex-display)')]
   .filter(e => /auto|scroll/.test(getComputedStyle(e).overflowX)).map(e => e.textContent)"""
 CODE_CUT_OFF = """() => [...document.querySelectorAll('article pre')]
   .filter(e => e.scrollWidth > e.clientWidth + 1).map(e => e.textContent.trim().slice(0, 60))"""
@@ -260,14 +260,14 @@ def test_in_the_dark_figures_are_dark_in_the_colours_of_the_code_and_on_paper_li
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_a_page_is_light_to_load(visit, page_name, theme):
-    """Before anybody scrolls or touches: a chapter at most 4 MB, others 1 MB beside equations and search index."""
+    """Before anybody scrolls or touches: a chapter at most 1.4 MB, others 1 MB beside the search index."""
     page = visit(page_name, width=390, color_scheme=theme).page
     page.wait_for_load_state("networkidle")
     loaded = dict(page.evaluate(LOADED))
     weight = sum(loaded.values())
     if not page_name.startswith("notebooks/"):
-        weight -= sum(size for name, size in loaded.items() if re.search("/mathjax/|/search.*js", name))
-    assert weight < (4e6 if page_name.startswith("notebooks/") else 1e6), sorted(
+        weight -= sum(size for name, size in loaded.items() if re.search("/search.*js", name))
+    assert weight < (1.4e6 if page_name.startswith("notebooks/") else 1e6), sorted(
         loaded.items(), key=lambda x: -x[1]
     )[:5]
 
