@@ -23,6 +23,18 @@ CODE_CUT_OFF = """() => [...document.querySelectorAll('article pre')]
 LOADED = """() => ['navigation', 'resource'].flatMap(kind => performance.getEntriesByType(kind))
   .map(entry => [entry.name, entry.decodedBodySize])"""
 BY_DAY = "all => all.map(image => image.src === new URL(image.dataset.day, document.baseURI).href)"
+# The figures that, once they were seen in the dark, are not at once whole and light when the page is printed.
+NOT_YET_LIGHT = """async () => {
+  const figures = [...document.querySelectorAll('img[data-night]:not([data-night=""])')];
+  for (const image of figures) {
+    image.scrollIntoView();
+    await image.decode();
+  }
+  await new Promise(done => setTimeout(done, 500));
+  window.dispatchEvent(new Event('beforeprint'));
+  return figures.filter(image => !image.complete || !image.naturalWidth
+    || image.currentSrc !== new URL(image.dataset.day, document.baseURI).href).length;
+}"""
 # Of each figure with a picture for the dark: how light its corner is, of 255, and the colours of a thousandth of it.
 FIGURES = """async () => {
   const all = [];
@@ -256,6 +268,10 @@ def test_in_the_dark_figures_are_dark_in_the_colours_of_the_code_and_on_paper_li
     page.evaluate("() => { document.documentElement.dataset.theme = 'light'; }")
     page.wait_for_timeout(100)
     assert min(figure["corner"] for figure in page.evaluate(FIGURES)) > 240
+
+
+def test_printed_from_the_dark_every_figure_is_light_without_waiting(visit, chapter_page):
+    assert visit(chapter_page, color_scheme="dark").page.evaluate(NOT_YET_LIGHT) == 0
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
