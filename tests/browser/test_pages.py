@@ -107,6 +107,23 @@ def test_pictures_are_there_and_say_what_they_show_and_nothing_stands_twice(anat
             assert len(set(names)) == len(names), path
 
 
+def test_no_page_asks_for_mathjax_and_none_has_more_elements_than_a_phone_lays_out_at_once(anatomies, site):
+    for path, anatomy in anatomies.items():
+        assert not [script for script in anatomy.scripts if "mathjax" in script.lower()], path
+    chapters = (site / "notebooks").glob("*.html")
+    crowded = {path.name: path.read_text(encoding="utf-8").count("<") // 2 for path in chapters}
+    assert max(crowded.values()) < 10_000, crowded
+
+
+def test_code_that_has_lost_its_marks_has_the_colour_of_the_code_around_it(site):
+    style = (site / "_static" / "pygments.css").read_text(encoding="utf-8")
+    for theme in ("light", "dark"):
+        rule = rf'html\[data-theme="{theme}"\] \.highlight'
+        around = re.search(rf"{rule} {{ background: [^;]+; color: (#\w+) }}", style)[1]
+        for kind in ("n", "nn", "p", "w"):
+            assert re.search(rf"{rule} \.{kind} {{ color: {around} }}", style), (theme, kind)
+
+
 def test_no_cell_failed_and_no_number_shows_its_type(site):
     for path in site.rglob("*.html"):
         text = path.read_text(encoding="utf-8")
