@@ -28,7 +28,7 @@ def test_without_anywidget_it_is_a_described_picture_that_a_script_may_replace(m
     assert re.search(r'<figure class="pfslam-lab" data-lab="drive" data-options="{}">', page)
     alt = re.search(r'<img [^>]*alt="([^"]+)"', page)[1]
     assert "particles" in alt
-    assert "data:image/webp;base64," in page
+    assert "data:image/webp;apart=1;base64," in page
     assert "http" not in page
 
 

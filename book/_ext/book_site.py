@@ -1,6 +1,6 @@
 """What the site needs beyond Jupyter Book: no foreign host, no dead machinery, notebooks to take away.
 
-The script that draws the equations comes from a pinned package and is copied into the site at build time.
+What draws formulas is a file of its own, ``formulas.py``.
 """
 
 import base64
@@ -11,7 +11,6 @@ import re
 import shutil
 import sys
 from html import escape, unescape
-from importlib.metadata import files
 from pathlib import Path
 from typing import ClassVar
 
@@ -33,11 +32,9 @@ from hero import write_hero
 from icons import cut_icons
 from pfslam_book.show import lab
 from pfslam_book.show.pictures import APART as APART_MARK
+from styles import cut_styles
 
 import pfslam
-
-MATHJAX_PACKAGE = "sphinx-mathjax-offline"
-MATHJAX_SCRIPT = "tex-svg-full.js"  # one file, fonts and extensions inside: works from file:// too
 
 # Thebe wants a server on the network and throws without it; preloading a font is forbidden from file://. Font Awesome's
 # script draws the icons that its style sheet and fonts have drawn already, and weighs more than the rest of a page.
@@ -69,9 +66,8 @@ BETTER_MARKUP = (
     (r"<p>✅</p>", "<p>done</p>"),  # not every machine has this letter
 )
 
-MATHJAX = re.compile(
-    r'<script[^>]*src="[^"]*mathjax/[^>]*></script>\n?|<script>window.MathJax = .*?</script>\n?'
-)
+# Of the words of code that Pygments marks two thirds have the colour of those that it does not mark.
+UNCOLOURED = re.compile(r'<span class="(?:n|nn|p|w)">([^<]*)</span>')
 DOUBLED_TITLE = re.compile(r"<title>(.+?) &#8212; \1</title>")
 
 MODULE_LIST = re.compile(
@@ -87,14 +83,6 @@ LABORATORY = re.compile(r'class="pfslam-lab" data-lab="(\w+)"')
 CHAPTER = re.compile(r"notebooks/(\d\d)_")
 
 
-def mathjax_file() -> Path:
-    """The one MathJax script that the site uses, as installed."""
-    for entry in files(MATHJAX_PACKAGE) or []:
-        if entry.name == MATHJAX_SCRIPT:
-            return Path(entry.locate())
-    raise FileNotFoundError(f"{MATHJAX_SCRIPT} in the package {MATHJAX_PACKAGE}")
-
-
 def clean_page(page: str) -> str:
     """One built page without dead and doubled markup, and readable without eyes."""
     page = DEAD_MARKUP.sub("", page)
@@ -104,9 +92,8 @@ def clean_page(page: str) -> str:
         page = first + (keep if found else "") + rest.replace(markup, "")
     for pattern, better in BETTER_MARKUP:
         page = re.sub(pattern, better, page)
+    page = UNCOLOURED.sub(r"\1", page)
     page = DOUBLED_TITLE.sub(r"<title>\1</title>", page)
-    if 'class="math' not in page:
-        page = MATHJAX.sub("", page)
     page = TABLE.sub(lambda table: NAME.sub(lambda name: JOINT.sub("<wbr>", name[0]), table[0]), page)
     page = LISTED.sub(lambda name: JOINT.sub("<wbr>", name[0]), page)
     return MODULE_LIST.sub(one_list, page)
@@ -138,7 +125,7 @@ def one_list(found: re.Match) -> str:
 
 
 def finish_site(app, error) -> None:
-    """Clean every page, add the equations' script and the first picture, drop what no page asks for."""
+    """Clean every page, drop what no page asks for."""
     if error is not None or app.builder.format != "html":
         return
     site = Path(app.outdir)
@@ -151,9 +138,7 @@ def finish_site(app, error) -> None:
     for dead in (site / "_static" / "vendor" / "fontawesome").rglob("*.js*"):
         dead.unlink()
     cut_icons(site)
-    target = site / "_static" / "mathjax"
-    target.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(mathjax_file(), target / MATHJAX_SCRIPT)
+    cut_styles(site)
 
 
 def number_equations(app, doctree) -> None:
@@ -367,7 +352,6 @@ def take_over_eval(app) -> None:
 
 def setup(app):
     os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
-    app.config["mathjax_path"] = f"mathjax/{MATHJAX_SCRIPT}"
     app.add_css_file("pfslam.css")
     app.add_js_file("print.js", loading_method="defer")
     app.add_js_file("predict.js", loading_method="defer")

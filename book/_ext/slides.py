@@ -164,8 +164,6 @@ def write_set(app, doctree, docname) -> None:
         "TITLE": escape(title),
         "CHAPTER": f"../{docname}.html",
         "SECTIONS": sections,
-        "MATHJAX": json.dumps(getattr(app.config, "mathjax3_config", None) or {}),
-        "MATHJAX_FILE": app.config.mathjax_path,
         "SCRIPTS": "\n".join(f'<script src="../_static/{script}"></script>' for script in scripts),
     }
     page = re.sub(r"\{\{(\w+)\}\}", lambda found: words[found[1]], page)

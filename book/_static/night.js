@@ -3,7 +3,16 @@
   "use strict";
   const root = document.documentElement;
   const figures = Array.from(document.querySelectorAll('img[data-night]:not([data-night=""])'));
+  const days = new Map(); // of each figure that is seen in the dark, the one on white paper, which a printer waits for no more
   let theme = null; // while the page is printed, the one before
+
+  /* A picture that the page has takes the other's place at once. */
+  function keepDay(event) {
+    const {day} = event.target.dataset;
+    if (day && event.target.src !== new URL(day, document.baseURI).href) {
+      days.set(event.target, Object.assign(new Image(), {src: day}));
+    }
+  }
 
   function choose() {
     const dark = root.dataset.theme === "dark";
@@ -11,14 +20,17 @@
       image.dataset.day ??= image.src;
       const wanted = dark ? image.dataset.night : image.dataset.day;
       if (image.getAttribute("src") !== wanted) image.src = wanted;
+      if (theme) image.loading = "eager";
     }
   }
 
+  for (const image of figures) image.addEventListener("load", keepDay);
   choose();
   new MutationObserver(choose).observe(root, {attributes: true, attributeFilter: ["data-theme"]});
   function print(on) {
     if (on) theme = root.dataset.theme;
     root.dataset.theme = on ? "light" : theme;
+    if (!on) theme = null;
     choose();
   }
   window.addEventListener("beforeprint", () => print(true));

@@ -50,8 +50,9 @@ def site() -> Path:
     return SITE
 
 
-WHOLE = """() => document.readyState === 'complete' && !document.querySelector('meta[http-equiv=refresh i]')
-  && (!window.MathJax?.startup?.promise || MathJax.startup.promise.then(() => true))"""
+WHOLE = (
+    """() => document.readyState === 'complete' && !document.querySelector('meta[http-equiv=refresh i]')"""
+)
 
 
 class QuietHandler(http.server.SimpleHTTPRequestHandler):
@@ -79,7 +80,7 @@ class Visit:
 
 
 def open_page(context, address: str, base: str) -> Visit:
-    """Open one page and wait until it is whole: sent on where it only sends on, read, its equations drawn."""
+    """Open one page and wait until it is whole: sent on where it only sends on, and read."""
     page = context.new_page()
     seen = Visit(page)
 

@@ -11,7 +11,7 @@ SITE_SETS = ("00", "01", "02", "03", "04", "05", "06")
 NIGHT = pytest.mark.nightly
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("slides")]
 
-READY = "() => window.Reveal?.isReady() && MathJax.startup.promise.then(() => true)"
+READY = "() => window.Reveal?.isReady()"
 SLIDES = "Reveal.getSlides().length"
 HERE = "Reveal.getSlides().indexOf(Reveal.getCurrentSlide())"
 SETTLED = """() => [...Reveal.getCurrentSlide().querySelectorAll('.pfslam-lab')].every(
@@ -20,10 +20,10 @@ SETTLED = """() => [...Reveal.getCurrentSlide().querySelectorAll('.pfslam-lab')]
 BEYOND = """() => {
   const slide = Reveal.getCurrentSlide().querySelector('.slide'), inside = slide.getBoundingClientRect();
   const foot = document.querySelector('.foot').getBoundingClientRect().top, found = [];
-  const parts = 'h2, p, li, img, mjx-container, figure.pfslam-lab, canvas, button, input';
+  const parts = 'h2, p, li, img, .katex-html, figure.pfslam-lab, canvas, button, input';
   for (const part of slide.querySelectorAll(parts)) {
     const box = part.getBoundingClientRect();
-    if (!box.width || part.closest('.pfslam-status, mjx-assistive-mml, details:not([open])')) continue;
+    if (!box.width || part.closest('.pfslam-status, details:not([open])')) continue;
     if (box.left < inside.left - 1 || box.right > inside.right + 1 || box.top < inside.top - 1 || box.bottom > foot + 1)
       found.push(`${part.tagName} ${part.className} ${JSON.stringify(box)}`);
   }
@@ -47,15 +47,13 @@ def test_arrow_keys_lead_through_all_slides_and_none_is_cut(site, open_file, num
         page.evaluate(PAINTED)
         page.wait_for_function(SETTLED)
         cut |= {page.evaluate(HERE): found} if (found := page.evaluate(BEYOND)) else {}
-        formulas += page.evaluate("Reveal.getCurrentSlide().querySelectorAll('.math > mjx-container').length")
+        formulas += page.evaluate("Reveal.getCurrentSlide().querySelectorAll('.math .katex').length")
         page.keyboard.press("ArrowRight")
         seen.add(page.evaluate(HERE))
     assert seen == set(range(count))
     assert cut == {}
     assert formulas > 0
-    assert (
-        page.evaluate("document.querySelectorAll('.math:not(:has(mjx-container)), mjx-merror').length") == 0
-    )
+    assert page.evaluate("document.querySelectorAll('.math:not(:has(.katex))').length") == 0
 
 
 def go_to_laboratory(page) -> None:
@@ -102,8 +100,14 @@ def test_on_paper_every_slide_is_one_page(site, visit, number):
 
 
 def test_on_a_phone_one_reads_down_the_slides(site, open_file):
-    ready = "() => MathJax.startup.promise.then(() => true)"
-    page = open_file(site / "slides" / "03.html", ready, 390, 844, has_touch=True, is_mobile=True)
+    page = open_file(
+        site / "slides" / "03.html",
+        "() => document.readyState === 'complete'",
+        390,
+        844,
+        has_touch=True,
+        is_mobile=True,
+    )
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     tops = page.evaluate(
         "[...document.querySelectorAll('.slide')].map(slide => slide.getBoundingClientRect().top)"

@@ -20,7 +20,7 @@ import numpy as np
 from pfslam.cli import viewer
 from pfslam.sensors import LidarModel
 
-from .pictures import output_mode
+from .pictures import APART, output_mode
 
 FOLDER = Path(__file__).parent / "labs"
 TWO_BYTES = 2**15 - 1
@@ -71,7 +71,7 @@ def page_fragment(lab: Laboratory) -> str:
     return f"""<figure class="pfslam-lab" data-lab="{lab.name}" data-options="{options}">
 <figcaption>{html.escape(lab.title)}</figcaption>
 <div class="pfslam-still">
-<img class="pfslam-picture" src="data:image/webp;base64,{still}" alt="{alt}" width="688">
+<img class="pfslam-picture" loading="lazy" src="{APART}{still}" alt="{alt}" width="688">
 <p class="pfslam-note">A stored picture: the laboratory runs on the site, and in JupyterLab with the package
 <code>anywidget</code>.</p>
 </div>
