@@ -1,4 +1,4 @@
-/* On paper nothing unfolds: answers and solutions stand at the end of the chapter, as in a printed textbook. */
+/* On paper nothing unfolds: answers and solutions stand at the end of the chapter, as in a printed textbook. A Story has none. */
 (function () {
   "use strict";
   const FOLDS = "article .admonition.dropdown, article .cell[class*='tag_solution-']";
@@ -37,7 +37,7 @@
 
   function moveToTheEnd() {
     putBack();
-    const folds = [...document.querySelectorAll(FOLDS)];
+    const folds = document.documentElement.dataset.read === "story" ? [] : [...document.querySelectorAll(FOLDS)];
     if (!folds.length) return;
     atTheEnd = element("section", "", "pfslam-at-the-end");
     atTheEnd.append(element("h2", "Answers and solutions"));
