@@ -60,13 +60,16 @@ def mark(app, doctree) -> None:
         follow_marks(doctree)
         awaited = predicted(doctree)
         for cell in cells(doctree):
+            if in_exercises(cell):
+                continue
             expected = cell in awaited or announced(cell)
             cell["classes"] += way_of(cell, expected)
             if draws(cell) and not expected:
                 for printed in cell.findall(nodes.literal_block):
                     printed["classes"].append("pfslam-workshop")
         for part in [*goals(doctree), *questions(doctree)]:
-            part["classes"].append("pfslam-workshop")
+            if not in_exercises(part):
+                part["classes"].append("pfslam-workshop")
 
 
 def follow_marks(doctree) -> None:
@@ -90,6 +93,15 @@ def follow_marks(doctree) -> None:
 def cells(doctree) -> list[nodes.container]:
     """The code cells of a chapter."""
     return [node for node in doctree.findall(nodes.container) if "cell" in node["classes"]]
+
+
+def in_exercises(part: nodes.Node) -> bool:
+    """Whether a part belongs to a section that, once it is open, is whole in Story too."""
+    while part.parent is not None:
+        part = part.parent
+        if isinstance(part, nodes.section) and part.next_node(nodes.title).astext() in ALWAYS_ASIDE:
+            return True
+    return False
 
 
 def tags(cell: nodes.container) -> set[str]:

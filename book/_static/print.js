@@ -2,7 +2,6 @@
 (function () {
   "use strict";
   const FOLDS = "article .admonition.dropdown, article .cell[class*='tag_solution-']";
-  const POINTER = "Open the cell below for a solution.";
   let atTheEnd = null;
 
   function element(name, text, className) {
@@ -50,9 +49,6 @@
       else answer.prepend(element("p", question(fold), "pfslam-question"));
       atTheEnd.append(answer);
       fold.classList.add("pfslam-moved");
-    }
-    for (const paragraph of document.querySelectorAll("article p")) {
-      if (paragraph.textContent.trim() === POINTER) paragraph.classList.add("pfslam-moved");
     }
     document.querySelector("article").append(atTheEnd);
   }

@@ -1,5 +1,7 @@
 """Story and Workshop: how long a Story is, the switch, and that every link still arrives."""
 
+import re
+
 import pytest
 from headless import PHONE, violations
 
@@ -127,3 +129,26 @@ def test_printed_a_story_is_what_the_reader_sees(story):
         page.locator(".pfslam-ways, .pfslam-unfold, .pfslam-at-the-end").locator("visible=true").count() == 0
     )
     assert page.locator("#summary p").first.is_visible()
+
+
+# Both ways. The book had 274 folds, of which half had to go.
+FOLDS = re.compile(r'<details class="admonition hide|class="[^"]*\bdropdown\b[^"]*admonition')
+OUT_OF_SIGHT = ("Show the code", "Open the cell below", "Toggle hidden content")
+ALT_IN_CODE = re.compile(
+    r'<span class="n">show</span><span class="p">\(</span><span class="n">\w+</span><span class="p">,'
+)
+
+
+def test_half_of_the_folds_are_gone_and_the_others_have_names(site):
+    chapters = [path.read_text(encoding="utf-8") for path in sorted((site / "notebooks").glob("*.html"))]
+    assert sum(len(FOLDS.findall(text)) for text in chapters) <= 141
+    assert [words for words in OUT_OF_SIGHT for text in chapters if words in text] == []
+    assert [found[0] for text in chapters if (found := ALT_IN_CODE.search(text))] == []
+
+
+def test_the_button_of_an_answer_is_called_by_its_title(visit):
+    page = visit(EIGHT).page
+    names = page.locator("button.toggle-button").evaluate_all(
+        "all => all.map(b => b.getAttribute('aria-label'))"
+    )
+    assert set(names) == {"Answer", "What you may have found"}
