@@ -98,9 +98,9 @@
     heading.append(button);
   }
   buttons.forEach((button, name) => button.setAttribute("aria-pressed", String(name === read())));
-  arrive();
   window.addEventListener("hashchange", arrive);
   document.addEventListener("click", event => {
     if (event.target.closest?.('a[href*="#"]')) setTimeout(arrive);
   });
+  arrive();
 })();
