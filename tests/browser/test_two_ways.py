@@ -98,9 +98,9 @@ def test_a_link_to_what_story_leaves_out_turns_this_page_to_workshop(story):
 
 
 def test_a_link_opens_a_laboratory_in_a_folded_section(story):
-    page = story("notebooks/01_dead_reckoning.html#lab=gyro", width=1280)
-    page.wait_for_function("() => document.querySelector('figure.pfslam-lab[data-lab=gyro]').lab")
-    assert page.locator("figure.pfslam-lab[data-lab=gyro] canvas").first.is_visible()
+    page = story("notebooks/01_dead_reckoning.html#lab=smoothing", width=1280)
+    page.wait_for_function("() => document.querySelector('figure.pfslam-lab[data-lab=smoothing]').lab")
+    assert page.locator("figure.pfslam-lab[data-lab=smoothing] canvas").first.is_visible()
 
 
 def test_a_folded_section_opens_by_a_key_and_is_named(story):
@@ -131,7 +131,7 @@ def test_printed_a_story_is_what_the_reader_sees(story):
     assert page.locator("#summary p").first.is_visible()
 
 
-# Both ways. The book had 274 folds, of which half had to go.
+# Both ways. There were 274 folds; nearly half of them did not need to be.
 FOLDS = re.compile(r'<details class="admonition hide|class="[^"]*\bdropdown\b[^"]*admonition')
 OUT_OF_SIGHT = ("Show the code", "Open the cell below", "Toggle hidden content")
 ALT_IN_CODE = re.compile(
@@ -139,7 +139,7 @@ ALT_IN_CODE = re.compile(
 )
 
 
-def test_half_of_the_folds_are_gone_and_the_others_have_names(site):
+def test_folds_are_few_and_have_names_and_no_code_tells_what_a_picture_shows(site):
     chapters = [path.read_text(encoding="utf-8") for path in sorted((site / "notebooks").glob("*.html"))]
     assert sum(len(FOLDS.findall(text)) for text in chapters) <= 141
     assert [words for words in OUT_OF_SIGHT for text in chapters if words in text] == []
