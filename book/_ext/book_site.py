@@ -271,20 +271,6 @@ def plain_title(text: str) -> str:
     return unescape(re.sub(r"<[^>]+>", "", text))
 
 
-FOLDS = {
-    "tag_setup": ("Show the set-up", "Hide the set-up"),
-    "tag_solution": ("Show a solution", "Hide the solution"),
-}
-
-
-def name_folds(app, doctree) -> None:
-    """A fold says what it hides: the set-up, a solution, or else some code."""
-    for cell in doctree.findall(nodes.container):
-        for kind, words in FOLDS.items():
-            if "hide_mode" in cell and any(name.startswith(kind) for name in cell["classes"]):
-                cell["prompt_show"], cell["prompt_hide"] = words
-
-
 def offer_notebooks(app, error) -> None:
     """The notebook that a page offers reads right anywhere: numbers and references are words in it."""
     if error is not None or app.builder.format != "html":
@@ -365,7 +351,6 @@ def setup(app):
     app.connect("doctree-read", anchor_sources)
     app.connect("env-get-updated", number_figures, priority=900)  # after Sphinx has counted through the book
     app.connect("doctree-read", wrap_sentences)
-    app.connect("doctree-read", name_folds)
     app.connect("doctree-read", name_command)
     app.connect("config-inited", show_addresses)
     app.connect("html-page-context", describe_page)

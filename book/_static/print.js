@@ -1,8 +1,7 @@
-/* On paper nothing unfolds: answers and solutions stand at the end of the chapter, as in a printed textbook. */
+/* On paper nothing unfolds: answers and solutions stand at the end of the chapter, as in a printed textbook. A Story has none. */
 (function () {
   "use strict";
   const FOLDS = "article .admonition.dropdown, article .cell[class*='tag_solution-']";
-  const POINTER = "Open the cell below for a solution.";
   let atTheEnd = null;
 
   function element(name, text, className) {
@@ -37,7 +36,7 @@
 
   function moveToTheEnd() {
     putBack();
-    const folds = [...document.querySelectorAll(FOLDS)];
+    const folds = document.documentElement.dataset.read === "story" ? [] : [...document.querySelectorAll(FOLDS)];
     if (!folds.length) return;
     atTheEnd = element("section", "", "pfslam-at-the-end");
     atTheEnd.append(element("h2", "Answers and solutions"));
@@ -50,9 +49,6 @@
       else answer.prepend(element("p", question(fold), "pfslam-question"));
       atTheEnd.append(answer);
       fold.classList.add("pfslam-moved");
-    }
-    for (const paragraph of document.querySelectorAll("article p")) {
-      if (paragraph.textContent.trim() === POINTER) paragraph.classList.add("pfslam-moved");
     }
     document.querySelector("article").append(atTheEnd);
   }
