@@ -8,8 +8,8 @@
   const MODEL = {sigma: 0.2, random: 0.1, beams: 5};  // m; likelihood of an end point that no wall explains; beams a scan is worth
   const NOISE = {xy: 0.02, xyPerMetre: 0.08, yaw: 0.005, yawPerRadian: 0.05, yawPerMetre: 0.06};
   const SLOW = 0.01, FAST = 0.2, EXPECTED = 0.9, LEAST = 500, NEAR = 1, VALUES = 150;
-  const ROUTE = [[1.7, 1.3], [1.7, 3], [7, 3], [7, 1.3], [7, 3], [8, 3.3], [1, 3], [1.7, 3], [1.7, 1.3], [3.2, 0.8]];
-  const START = [3.2, 0.8, 2.6], PLACES = [[7, 1.2, 1.5], [1, 3, 0], [7.4, 5, -1.6], [3.6, 4.8, 0]];  // where a kidnapper leaves it
+  const ROUTE = [[7.6, 1.6], [6.4, 0.9], [6.9, 1.3], [6.9, 3], [8, 3.3], [1, 3], [1.7, 3], [1.7, 1.3], [1.7, 3], [6.9, 3], [6.9, 1.3]];
+  const START = [6.4, 0.9, 2.6], PLACES = [[7, 1.2, 1.5], [1, 3, 0], [7.4, 5, -1.6], [3.6, 4.8, 0]];  // where a kidnapper leaves it
   const {free: FREE, grid: GRID, occupied} = world.known(), FIELD = core.likelihoodField(occupied, SPEC, MODEL);
   const FLOOR = [...FREE.keys()].filter(k => FREE[k]);
 
@@ -131,7 +131,7 @@
 
     kidnap() {
       this.carry(PLACES[this.kidnaps % PLACES.length]);
-      Object.assign(this, {kidnaps: this.kidnaps + 1, leg: this.kidnaps % 2 ? 4 : 1});
+      Object.assign(this, {kidnaps: this.kidnaps + 1, leg: this.kidnaps % 2 ? 5 : 3});
     }
 
     note(event) { if (this.settings.trace) this.trace.push(event); }
