@@ -29,7 +29,7 @@ MOMENTS = {
     "grow": "lab.state.drive(5, 3);",
     "journey": "",
     "slide": "",
-    "lost": "for (let k = 0; k < 2 * 60; k++) lab.state.tick();",
+    "lost": "for (let k = 0; k < 6 * 60; k++) lab.state.tick();",
     "blur": "",
     "dot": "",
     "lever": "",
