@@ -1144,7 +1144,7 @@ SET = {
     ),
     "cloud": ({"Driven": 50, "Particles": 40, "New dice": None}, "&driven=50&particles=40&seed=2"),
     "drive": ({"Autopilot": False, "Particles": 500, "Show the truth": True}, ""),
-    "grow": ({"Door open": True, "Panel open": True}, "&door-open=1&panel-open=1"),
+    "grow": ({"Door open": True, "Second door open": True}, "&door-open=1&second-door-open=1"),
     "journey": ({"Pitch": 17}, "&pitch=17"),
     "lost": ({"Particles at first": 500, "New dice": None}, "&particles-at-first=500&seed=2"),
     "maps": ({"One shared map": True, "Particles": 20, "New dice": None}, ""),

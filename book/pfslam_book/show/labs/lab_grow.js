@@ -133,7 +133,7 @@
     slider("hit", "Hit", 0.1, 3);
     slider("clamp", "Clamp", 0.5, 20);
     stage.button({name: "New map", key: "n", press: () => { survey.reset(); survey.scan(); }});
-    const boxes = {door: ["Door open", "o"], panel: ["Panel open", "p"]};
+    const boxes = {door: ["Door open", "o"], panel: ["Second door open", "p"]};
     for (const [leaf, [name, key]] of Object.entries(boxes)) boxes[leaf] = stage.check({name, key, change: open => { survey.open[leaf] = open; }});
     stage.check({name: "Show the building", key: "b", change: value => { shown.building = value; }});
     const knobAt = (x, y) => Object.keys(LEAVES).find(leaf => plan.near(x, y, knob(leaf, survey.open[leaf])));
