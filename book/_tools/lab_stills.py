@@ -15,21 +15,21 @@ from pathlib import Path
 import numpy as np
 from pfslam_book.show import lab
 
-from pfslam.grid import GridSpec
 from pfslam.io.datasets import load
 from pfslam.io.files import atomic_write
+from pfslam.sensors import RgbdModel
 
 # What to do with the laboratory, here called `lab`, before its picture is taken.
 MOMENTS = {
-    "drive": "for (let k = 0; k < 20 * 60; k++) lab.state.tick();",
+    "drive": "",
     "cells": "lab.state.look(); for (let k = 0; k < 3; k++) { lab.state.move(); lab.state.look(); }",
     "cloud": "",
-    "maps": "for (let k = 0; k < 18; k++) lab.state.step(); lab.state.resample();",
+    "maps": "for (let k = 0; k < 6; k++) lab.state.step(); lab.state.resample();",
     "calibrate": "",
-    "grow": "lab.state.drive(4.6, 1.0);",
+    "grow": "lab.state.drive(5, 3);",
     "journey": "",
     "slide": "",
-    "lost": "for (let k = 0; k < 8 * 60; k++) lab.state.tick();",
+    "lost": "for (let k = 0; k < 6 * 60; k++) lab.state.tick();",
     "blur": "",
     "dot": "",
     "lever": "",
@@ -52,28 +52,13 @@ DRAWN = """async ([name, moment, quality]) => {
 @cache
 def default_options(name: str) -> dict:
     """What a laboratory cannot do without."""
-    if name == "slide":
-        from pfslam_book import ch04
-
-        hall = load("hall")
-        corner, corridor = ch04.place_at(hall, 14.5), ch04.place_at(hall, 27.0)
-        return ch04.slide_options(hall, corner=corner.lost(-0.1, 0.1, np.deg2rad(-2)), corridor=corridor)
-    if name == "calibrate":
-        from pfslam_book.ch01 import calibrate_options
-
-        return calibrate_options(load("hall"))
-    if name == "cloud":
-        from pfslam_book.ch03 import cloud_options
-
-        return cloud_options(load("hall"))
     if lab.scripts(name)[-1].startswith("picture_"):
         return picture_options(name)
     if name != "journey":
         return {}
-    from pfslam_book import ch06
     from pfslam_book.ch06.live import journey_options
 
-    return journey_options(ch06.take_shot(ch06.load_drive("hall")), GridSpec((-5.0, -5.0), 0.05, (600, 600)))
+    return journey_options(RgbdModel())
 
 
 def picture_options(name: str) -> dict:
@@ -86,7 +71,6 @@ def picture_options(name: str) -> dict:
     from pfslam.correlation import map_correlation
     from pfslam.motion import controls, dead_reckoning
     from pfslam.poses import transform_points
-    from pfslam.sensors import RgbdModel
 
     hall = load("hall")
     if name == "sharpness":

@@ -18,8 +18,8 @@ __all__ += ["check_update_log_odds", "grow_lab", "keep", "show_source"]
 
 TITLE = "A map grows: drag the robot, and click a cell for its diary"
 ALT = """The map of a small building after a drive along its corridor: the corridor is free, its walls are occupied
-with some gaps, a white fan reaches through a doorway into a room, and the rest is unknown. Orange lines mark a door and
-a panel, a frame the chosen cell in the door, and beams run from the robot to the walls."""
+with some gaps, a white fan reaches through a doorway into a room, and the rest is unknown. Orange lines mark two
+doors, a frame the chosen cell in one of them, and beams run from the robot to the walls."""
 
 
 def grow_lab() -> Laboratory:

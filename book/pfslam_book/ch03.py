@@ -8,9 +8,8 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from pfslam.motion import Controls, controls, integrate, motion_model
+from pfslam.motion import Controls, integrate, motion_model
 from pfslam.poses import average_angle, wrap_angle
-from pfslam.recording import Recording
 from pfslam_book.exercises.ch03 import check_heading_spread, check_predict, check_track
 from pfslam_book.show.artists import COLOURS, draw_path, plan, sheet
 from pfslam_book.show.drives import at_rate
@@ -49,22 +48,14 @@ def cells_lab() -> Laboratory:
     return show_lab("cells", "Fifteen cells with particles", CELLS_ALT)
 
 
-SKETCH_RATE = 10.0  # controls a second
-CLOUD_ALT = """The path of the drive hall by dead reckoning, from above, as far as 30 % of it is driven as an
+CLOUD_ALT = """A small building from above. As far as 30 % of a drive through it is driven, dead reckoning is an
 orange dashed line with the robot at its end. Two hundred and fifty blue dots, the particles, lie around the
-robot in a cloud that is longer across the way than along it; thin blue lines are the paths of ten of them."""
+robot in a cloud; thin blue lines are the paths of ten of them."""
 
 
-def cloud_options(recording: Recording) -> dict:
-    """Give what the script needs: the controls of the drive, made sparser."""
-    inputs = at_rate(controls(recording), SKETCH_RATE)
-    v, omega = np.round(inputs.v, 4), np.round(inputs.omega, 5)
-    return {"hall": {"dt": 1.0 / SKETCH_RATE, "v": v.tolist(), "omega": omega.tolist()}}
-
-
-def cloud_lab(recording: Recording) -> Laboratory:
-    """Make the laboratory of prediction alone: along the drive, or along a path that the reader draws."""
-    return show_lab("cloud", "The cloud along the drive", CLOUD_ALT, **cloud_options(recording))
+def cloud_lab() -> Laboratory:
+    """Make the laboratory of prediction alone: along a drive, or along a path that the reader draws."""
+    return show_lab("cloud", "The cloud along the drive", CLOUD_ALT)
 
 
 # ---- four noise models on three drives

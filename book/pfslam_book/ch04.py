@@ -6,18 +6,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pfslam.cli.figures import map_along
 from pfslam.events import scan_event
 from pfslam.grid import MapConfig, OccupancyGrid
 from pfslam.map import Map
 from pfslam.particles import effective_sample_size
 from pfslam.recording import Recording
-from pfslam.simulator import DEFAULT_SEED, HALL
-from pfslam.simulator.world import make_world
 from pfslam_book.exercises.ch04 import check_choose, check_count_on_walls, check_transform_test
-from pfslam_book.show.drives import Place, place_at, sparser
+from pfslam_book.show.drives import Place, place_at
 from pfslam_book.show.keep import keep
-from pfslam_book.show.lab import Laboratory, lidar_options, show_lab
+from pfslam_book.show.lab import Laboratory, show_lab
 from pfslam_book.show.source import show_source
 
 __all__ = ["check_choose", "check_count_on_walls", "check_transform_test", "keep", "on_walls", "place_at"]
@@ -25,55 +22,14 @@ __all__ += ["places", "sharpness_picture", "show_source", "slide_lab"]
 
 # ---- the laboratory
 
-NOISE = 0.01  # m
-WINDOW = (-16.0, 37.0, -3.6, 23.4)  # x from, to, y from, to (m)
-START = (0.0, 0.0, 0.0)
 ALT = """A piece of the map with its walls, and the points of a scan beside them, since the guessed pose is wrong.
 In the lower right corner, the scores of all shifts
 of the scan at this heading as a small square map, with a cross at the guess."""
 
 
-def slide_options(recording: Recording, **places: Place) -> dict:
-    """What the script needs: the building of the drive, and each place with its map, its scan and its pose."""
-    return {
-        "places": {name: as_options(place) for name, place in places.items()},
-        "building": building_options(recording),
-    }
-
-
-def building_options(recording: Recording) -> dict:
-    """The walls of the built-in building, the whole map of a drive through it, and the LiDAR made sparser."""
-    grid, lidar = map_along(recording, recording.true_path(), every=10), recording.robot.lidar
-    walls = make_world(HALL, np.random.SeedSequence(DEFAULT_SEED)).walls_w
-    return {
-        **cells_of(grid),
-        "walls": np.round(walls, 4).ravel().tolist(),
-        "lidar": lidar_options(sparser(lidar, 4)),
-        "noise": NOISE,
-        "window": WINDOW,
-        "start": START,
-    }
-
-
-def cells_of(grid: OccupancyGrid) -> dict:
-    """A map as the page knows it: where its cells lie, and which of them are occupied."""
-    spec = grid.spec
-    where = {"origin": list(spec.origin), "resolution": spec.resolution, "shape": list(spec.shape)}
-    return {"spec": where, "occupied": np.flatnonzero(grid.occupied).tolist()}
-
-
-def as_options(place: Place) -> dict:
-    """A place as the page knows it."""
-    return {
-        **cells_of(place.grid),
-        "pose": np.asarray(place.pose).tolist(),
-        "points": place.points_b.ravel().tolist(),
-    }
-
-
-def slide_lab(recording: Recording, **places: Place) -> Laboratory:
-    """The laboratory in which the reader fits a scan to the map, at each of the places and anywhere else."""
-    return show_lab("slide", "Slide the scan over the map", ALT, **slide_options(recording, **places))
+def slide_lab() -> Laboratory:
+    """The laboratory in which the reader fits a scan to the map of a small building, wherever it was taken."""
+    return show_lab("slide", "Slide the scan over the map", ALT)
 
 
 # ---- what exercise 1 asks for, point by point

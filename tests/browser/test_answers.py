@@ -66,7 +66,7 @@ def test_01_the_bias_bends_what_is_straight_the_gyro_scale_the_turns_and_the_whe
         ends = [found["by"][name][2] for name in ("bias", "gyro", "wheels")]
         assert min(ends[:2]) > 10 * found["apart"], "they move the end of the path"
         assert ends[2] == pytest.approx(found["apart"], abs=0.01), "this hardly does"
-        assert found["error"] < 0.3, "question 1"
+        assert found["error"] < 0.1, "question 1"
         calibrate("s.draw(); return 0;")
 
 
@@ -80,7 +80,7 @@ def test_01_question_2_the_wheels_alone_turn_far_too_much(ask):
           return total;
         };
         const tape = s.error.headingRmse, ratio = sum(s.poses) / sum(s.truth);
-        s.set('track', s.answer.track);
+        s.set('track', s.answer.track / s.answer.wheels);  // until the corners fit
         all.push([ratio, tape, s.error.headingRmse, s.answer.track > s.tape]);
         s.by = 'gyro'; s.draw();
       });
@@ -89,15 +89,6 @@ def test_01_question_2_the_wheels_alone_turn_far_too_much(ask):
         assert ratio > 1.3
         assert fitted < 0.3 * tape
         assert wider
-
-
-def test_01_exercise_6_two_wrong_numbers_together_fit(ask):
-    errors = ask("calibrate")("""s.robot = 'recorded'; s.reset();
-      return [[0.001, 1.035], [0.001, 1], [0, 1.035]].map(([bias, gyro]) => {
-        s.set('bias', bias); s.set('gyro', gyro);
-        return s.error.ateRmse;
-      });""")
-    assert errors[0] < 0.3 < min(errors[1:])
 
 
 def test_01_a_smoother_gyro_ends_with_the_same_heading_and_turns_late(ask):
@@ -117,14 +108,14 @@ DIARY = """const diary = (x, y) => {
   s.choose(...pfslam.core.worldToCell(s.grid.spec, [x, y]));
   return s.diary.map(page => [page.hit, page.level]);
 };"""
-THERE_AND_BACK = "s.drive(6.9, 1.0); s.drive(0.6, 1.0);"
+THERE_AND_BACK = "s.drive(8, 3); s.drive(0.7, 3);"
 
 
 def test_02_floor_and_end_stay_at_the_clamp_the_wall_below_goes_up_and_down_and_rooms_stay_unknown(ask):
     found = ask("grow")(f"""{DIARY} {THERE_AND_BACK}
-      return {{floor: diary(3, 1), end: diary(7.25, 1),
-              below: Array.from({{length: 120}}, (_, k) => diary(0.7 + 0.05 * k, 0.24)),
-              seen: diary(5.5, 2.5), hidden: diary(1, 4)}};""")
+      return {{floor: diary(3, 3), end: diary(9, 3.2),
+              below: Array.from({{length: 78}}, (_, k) => diary(2.4 + 0.05 * k, 2.29)),
+              seen: diary(6.9, 1.2), hidden: diary(0.3, 1.5)}};""")
     assert [level for _, level in found["floor"][1:]] == pytest.approx([-2.0] * (len(found["floor"]) - 1))
     assert [level for _, level in found["end"][1:]] == pytest.approx([2.0] * (len(found["end"]) - 1))
     both = [len({hit for hit, _ in diary}) == 2 for diary in found["below"]]
@@ -139,20 +130,21 @@ def test_02_floor_and_end_stay_at_the_clamp_the_wall_below_goes_up_and_down_and_
 def test_02_question_1_an_open_door_takes_three_scans(ask, closed):
     found = ask("grow")(
         f"{DIARY} times({closed}, () => s.scan()); s.open.door = true; times(3, () => s.scan());"
-        "return diary(1.6, 1.75);"
+        "return diary(1.5, 2.2);"
     )
     assert [level for _, level in found[-4:]] == pytest.approx([2, 1, 0, -1], abs=1e-6)
 
 
 def test_02_question_2_a_wall_that_was_taken_away_stays_until_it_is_looked_at(ask):
     levels = ask("grow")("""const level = () => {
-        s.choose(...pfslam.core.worldToCell(s.grid.spec, [3.75, 3]));
+        s.choose(...pfslam.core.worldToCell(s.grid.spec, [4.2, 1.2]));
         return s.level;
       };
-      s.drive(5.5, 1.0); s.drive(5.5, 3.0);
+      const there = () => { s.drive(6.9, 3); s.drive(6.9, 1.2); s.drive(5.5, 1.2); };
+      there();
       const all = [level()];
-      s.drive(5.5, 1.0); s.open.panel = true; s.drive(1.0, 1.0); all.push(level());
-      s.drive(5.5, 1.0); s.drive(5.5, 3.0); all.push(level());
+      s.drive(6.9, 1.2); s.drive(6.9, 3); s.open.panel = true; s.drive(1, 3); all.push(level());
+      there(); all.push(level());
       return all;""")
     assert levels[0] == levels[1] == pytest.approx(2.0)
     assert levels[2] < 0
@@ -162,7 +154,8 @@ def test_02_question_3_holes_close_when_clearing_is_weak_and_an_open_door_is_not
     worn, scans = ask("grow")(f"""{THERE_AND_BACK}
       const worn = [1, 0.1].map(free => {{ s.set('free', free); return s.worn; }}), scans = [];
       for (const free of [1, 0.1]) {{
-        s.set('free', free); s.open.door = false; s.pose = [0.95, 1, 0]; s.reset(); times(5, () => s.scan());
+        s.set('free', free); s.open.door = false; s.pose = [0.7, 3, 0];
+        s.choose(38, 52); s.reset(); times(5, () => s.scan());
         s.open.door = true;
         let needed = 0;
         while (s.level >= -1e-6 && needed < 99) {{ s.scan(); needed += 1; }}
@@ -225,23 +218,22 @@ def spread_of(cloud) -> np.ndarray:
 
 def test_03_question_4_the_yaw_noise_makes_the_banana(ask):
     cloud = ask("cloud")
-    end = "let asked = {}; " + CLOUD + " const all = [cloud(28)];"
+    end = "let asked = {}; " + CLOUD + " const all = [cloud(19)];"
     all_noise, no_yaw, no_speed, more = cloud(f"""{end}
-      for (asked of [{{'yaw-rate-noise': 0}}, {{'speed-noise': 0}}, {{'yaw-rate-noise': 0.6}}]) all.push(cloud(28));
+      for (asked of [{{'yaw-rate-noise': 0}}, {{'speed-noise': 0}}, {{'yaw-rate-noise': 1.2}}]) all.push(cloud(19));
       return all;""")
     along, across = spread_of(all_noise)
     assert across > 4 * along
-    assert across > 1
+    assert across > 0.5
     assert (
         np.corrcoef(np.array(more)[:, 0], np.square(np.subtract(more, np.mean(more, 0))[:, 1]))[0, 1] < -0.5
     ), "bent"
-    assert max(spread_of(no_yaw)) < 1.3 * min(spread_of(no_yaw)), "a ball"
-    assert max(spread_of(no_yaw)) < 0.25
+    np.testing.assert_allclose(spread_of(no_yaw), [along, 0], atol=0.03)
     np.testing.assert_allclose(spread_of(no_speed)[1], across, rtol=0.1)
 
 
 def test_03_question_5_the_cloud_shrinks_on_the_way_back_although_headings_spread(ask):
-    before, after = ask("cloud")("return [35, 50].map(driven => { set({driven}); return s.spread; });")
+    before, after = ask("cloud")("return [22, 29].map(driven => { set({driven}); return s.spread; });")
     assert after["metres"] < 0.7 * before["metres"]
     assert after["heading"] > 1.1 * before["heading"]
 
@@ -251,7 +243,7 @@ def test_03_question_5_the_cloud_shrinks_on_the_way_back_although_headings_sprea
 
 def test_04_question_1_the_spot_is_round_at_a_junction_and_a_ridge_in_a_corridor(ask):
     slides = ask("slide")(
-        """return [[0.5, 0.1], [12, -0.8]].map(([x, y]) => {
+        """return [[8.4, 3.3], [4.5, 3]].map(([x, y]) => {
       s.walk(x, y, 0);
       return [...s.surface()];
     });"""
@@ -260,22 +252,22 @@ def test_04_question_1_the_spot_is_round_at_a_junction_and_a_ridge_in_a_corridor
     for surface in slides:
         rows = np.reshape(surface, (17, 17))
         ratios.append(rows[8].mean() / rows[:, 8].mean())
-    assert ratios[0] == pytest.approx(1, abs=0.2)
-    assert ratios[1] > 2
+    assert ratios[0] < 1.5
+    assert ratios[1] > 2.5
 
 
-def test_04_question_2_two_degrees_make_the_ridge_fade(ask):
+def test_04_question_2_five_degrees_make_the_ridge_fade(ask):
     best = ask("slide")(
-        """return [0, 2].map(turn => { set({turn, place: 'corridor'}); return Math.max(...s.surface()); });"""
+        """return [0, 5].map(turn => { set({turn, place: 'corridor'}); return Math.max(...s.surface()); });"""
     )
-    assert best == pytest.approx([0.92, 0.60], abs=0.01)
+    assert best == pytest.approx([1.0, 0.64], abs=0.01)
 
 
 # ---- 05
 
 
 def test_05_question_1_paths_part_before_the_first_cell_in_which_maps_differ(ask):
-    walk = ask("maps")("""while (s.moves < 14) s.step();
+    walk = ask("maps")("""s.reset(); while (s.moves < 14) s.step();
       return {maps: s.maps.map(map => [...map]), paths: s.paths};""")
     maps, paths = np.array(walk["maps"]) > 0.5, np.array(walk["paths"])
     pairs = [(a, b) for a in range(40) for b in range(a) if np.any(maps[a] != maps[b])]
@@ -290,7 +282,7 @@ def test_05_question_1_paths_part_before_the_first_cell_in_which_maps_differ(ask
 
 
 def test_05_question_2_histories_die_when_known_cells_come_again(ask):
-    walks = ask("maps")("""return [38, 39, 40].map(seed => {
+    walks = ask("maps", trace=True)("""return [38, 39, 40].map(seed => {
       s.settings.seed = seed; s.reset();
       const left = [], resampled = [];
       while (s.moves < 19) {
@@ -399,14 +391,14 @@ def test_10_play_begins_at_the_first_second():
 def test_10_robot_and_twin_see_the_same_but_at_the_ends_of_the_corridor(ask):
     differs = ask("lost", first=500)("""
       const {core} = pfslam, {LIDAR} = document.querySelector('figure.pfslam-lab').lab.constants;
-      const cast = pose => core.castRays(s.building.walls, [], pose, core.beamAngles(LIDAR));
+      const cast = pose => core.castRays(s.walls, [], pose, core.beamAngles(LIDAR));
       const ranges = pose => cast(pose).map(range => Math.min(range, LIDAR.rangeMax));
-      return [[4.2, 0.8, 2.6], [4.2, 0.8, -1], [6, 3, 0], [10.9, 3, -1.5], [2.5, 3, 3]].map(([x, y, theta]) => {
-        const here = ranges([x, y, theta]), there = ranges([12 - x, 6 - y, theta + Math.PI]);
+      return [[6.4, 0.9, 2.6], [6.4, 0.9, -1], [7.6, 1.6, 2], [8, 3.2, -1.5], [1.7, 3, 3]].map(([x, y, theta]) => {
+        const here = ranges([x, y, theta]), there = ranges([9 - x, 6 - y, theta + Math.PI]);
         return Math.max(...here.map((range, k) => Math.abs(range - there[k])));
       });""")
     assert max(differs[:3]) < 1e-6
-    assert min(differs[3:]) > 0.5
+    assert min(differs[3:]) > 0.3
 
 
 def test_10_a_kidnapped_robot_is_found_with_injection_only(ask):
@@ -420,6 +412,15 @@ def test_10_a_kidnapped_robot_is_found_with_injection_only(ask):
 
 
 # ---- 12
+
+
+def test_12_when_the_loop_closes_the_last_poses_move_most(ask):
+    moved = ask("springs")("""const before = s.poses.map(pose => [...pose]);
+      s.settings.honest = true;
+      s.shake(); times(40, () => s.step());
+      return s.poses.map(([x, y], k) => Math.hypot(x - before[k][0], y - before[k][1]));""")
+    assert np.argmax(moved) == len(moved) - 1
+    assert moved[0] == 0
 
 
 def test_12_a_loop_that_is_only_a_little_wrong_keeps_a_part_of_its_weight():

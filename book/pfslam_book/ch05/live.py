@@ -10,7 +10,7 @@ from pfslam_book.show.lab import Laboratory, show_lab
 
 TITLE = "Drive: the robot, its particles and the map that they make"
 ALT = """Plan of a small building. Black walls and white floor have been drawn as far as the robot has seen; what it
-has not seen is grey. The robot stands in a doorway between a room and the corridor. Thin green beams run
+has not seen is grey. The robot stands in a room on the upper right. Thin green beams run
 from it to the walls and end in purple points that lie on the black cells. Two hundred blue dots, the
 particles, fill the circle that stands for the robot."""
 

@@ -82,7 +82,7 @@ def scripts(name: str) -> list[str]:
     """The files that a page with this laboratory, or picture, loads, in order."""
     own = f"lab_{name}.js"
     if FOLDER.joinpath(own).is_file():
-        return ["core.js", "view.js", *(["story.js"] if name == "drive" else []), own]
+        return ["core.js", "view.js", "world.js", *(["story.js"] if name == "drive" else []), own]
     return ["core.js", "view.js", "picture.js", f"picture_{name}.js"]
 
 

@@ -14,8 +14,9 @@
  *   stage.drag(plan, {start(x, y), move(x, y), end(cancelled), grab(x, y)});   mouse and finger, in metres
  *   stage.keys(plan, {ArrowUp(down) {...}});                               while the plan, or a button of its, has the focus
  *   const share = stage.glide(0.6);                                        share() goes from 0 to 1 in so many seconds
+ *   plan.write("Sentence.");                                               in the line above the picture, HTML of our own
  *   stage.say("Sentence.");                                                for who listens, once a second at most
- *   stage.fold("More settings");                                           what comes after it is folded away
+ *   stage.fold("More");                                                    what comes after it is folded away
  *   stage.tell("Sentence.");                                               for everybody, until the reader does something
  *   stage.redraw();                                                        before the next frame
  */
@@ -23,7 +24,7 @@
   "use strict";
   const {core} = root.pfslam;
   const calm = () => root.matchMedia("(prefers-reduced-motion: reduce)").matches;
-  const TALLEST = 0.55, LOWEST = 240;  // so high a plan may be, of the window or in pixels: what turns it is seen with it
+  const TALLEST = {wide: 0.42, narrow: 0.5}, LOWEST = 240;  // so high a plan may be, of the window or in pixels: what turns it is seen with it
   const SIDEWAYS = 8, FINGER = 26;  // pixels after which a finger drags; pixels within which one takes hold of a thing
   // In JupyterLab each laboratory loads this file once more: what is known by then must stay.
   const known = (root.pfslam.known = root.pfslam.known || {builders: {}, count: 0});
@@ -69,7 +70,10 @@
     }
 
     /** So wide it may be for its height to fit in the window. */
-    widest() { return Math.max(LOWEST, TALLEST * root.innerHeight) / this.aspect(1); }
+    widest() {
+      const share = TALLEST[root.innerWidth < root.innerHeight ? "narrow" : "wide"];
+      return Math.max(LOWEST, share * root.innerHeight) / this.aspect(1);
+    }
 
     /** Pixels in a metre. */
     get scale() { return this.width / (this.window[1] - this.window[0]); }
@@ -84,55 +88,12 @@
     near(x, y, [thereX, thereY]) { return Math.hypot(x - thereX, y - thereY) * this.scale < FINGER; }
   }
 
-  /** A robot in a building of `walls`, and whoever drives it: arrow keys, a way over free ground to a tapped place, or an
-   * autopilot along a `route`. The driver sees the robot at `truth`; only a filter does not know where it is. */
-  class Driver {
-    /** `building` is {walls, spec, route, radius, room, speed, turn}: m, m/s, rad/s. */
-    park(building, pose) {
-      Object.assign(this, {building, truth: pose.slice(), leg: 0, way: [], auto: true, keys: {}, target: null, refused: ""});
-    }
-
-    wayTo(place) { return core.wayTo(this.building.walls, this.building.spec, this.truth, place, this.building.room); }
-
-    /** Speed and turn that the driver asks for. */
-    command() {
-      const {keys: {left, right, up, down}, truth, way, building: {route, speed, turn}} = this;
-      if (left || right || up || down) return [speed * ((up ? 1 : 0) - (down ? 1 : 0)), turn * ((left ? 1 : 0) - (right ? 1 : 0))];
-      if (!way.length) {
-        if (!this.auto) { this.target = null; return [0, 0]; }
-        this.way = this.wayTo(route[this.leg]) || [];
-        this.leg = (this.leg + 1) % route.length;
-        return [0, 0];
-      }
-      if (Math.hypot(way[0][0] - truth[0], way[0][1] - truth[1]) < (way.length > 1 ? 0.04 : 0.15)) { way.shift(); return [0, 0]; }
-      return core.steer(truth, way[0], speed, turn);
-    }
-
-    /** Move the robot to a pose, unless a wall stops it: then it only turns, and looks for another way. Whether it was stopped. */
-    moveTo(pose) {
-      const {building: {walls, radius}, truth, way} = this, depth = core.touches(walls, pose, radius);
-      const stopped = depth > 0 && depth >= core.touches(walls, truth, radius);
-      this.truth = stopped ? [truth[0], truth[1], pose[2]] : pose;
-      if (stopped && way.length) this.way = this.wayTo(way[way.length - 1]) || [];
-      return stopped;
-    }
-
-    /** Drive to a place, or say why not. */
-    goTo(x, y) {
-      const way = this.wayTo([x, y]), {walls, room} = this.building;
-      Object.assign(this, {auto: false, way: way || [], target: way && way[way.length - 1]});
-      this.refused = way ? "" : core.touches(walls, [x, y], room) ? "There is no room for the robot." : "No way leads there.";
-    }
-
-    /** The driver lets go, or takes over. */
-    setAuto(auto) { Object.assign(this, {auto, way: [], target: null, refused: ""}); }
-  }
-
   class Stage {
     constructor(figure, options) {
       const id = `pfslam-lab-${(known.count += 1)}`;
       Object.assign(this, {figure, options, id, sheets: [], shortcuts: {}, said: "", saidAt: -Infinity, visible: true});
       this.settings = [];  // of the controls, as a link has them
+      this.help = [];  // what keys and fingers do, which is read once: it is folded with what is needed less
       this.small = Boolean(options.small);
       this.body = make("div", {class: "pfslam-lab-body"});
       this.controls = make("div", {class: "pfslam-settings"});
@@ -174,9 +135,13 @@
       this.redraw();
     }
 
+    /** Put a sheet on the stage, with a line of words above it: what is written there, `sheet.write(html)`, hides nothing. */
     place(sheet, element) {
+      const line = make("p", {class: "pfslam-line"});
+      let written = "";
+      sheet.write = html => { if (html !== written) line.innerHTML = written = html; };
       this.sheets.push(sheet);
-      this.controls.before(element);
+      this.controls.before(line, element);
       return sheet;
     }
 
@@ -188,8 +153,8 @@
                                   "aria-describedby": helpId}, canvas);
       canvas.style.touchAction = "pan-y pinch-zoom";
       const plan = this.place(new Plan(canvas, window), holder);
-      // What keys and fingers do is read once: it does not stand between a picture and what turns it.
-      if (this.controls.closest("details")) this.controls.before(words);
+      this.help.push(words);
+      if (this.box) this.box.append(words);
       else this.status.before(words);
       plan.holder = holder;
       if (this.small) plan.widest = () => Infinity;
@@ -212,11 +177,10 @@
 
     /** What comes from now on lies folded under these words. */
     fold(words) {
-      const box = make("details", {class: "pfslam-more"}, make("summary", {text: words}));
       this.buttons = make("div", {class: "pfslam-buttons"});
       this.controls = make("div", {class: "pfslam-settings"});
-      box.append(this.controls, this.buttons);
-      this.status.before(box);
+      this.box = make("details", {class: "pfslam-more"}, make("summary", {text: words}), this.controls, this.buttons, ...this.help);
+      this.status.before(this.box);
     }
 
     button({name, key, press}) {
@@ -299,7 +263,7 @@
       if (asked) this.set(asked);
       this.label = label;
       if (this.small) return;  // it has a button of its own
-      if (!this.controls.closest("details")) this.fold("More");
+      if (!this.box) this.fold("More");
       this.button({name: "Link", press: () => {
         this.copyLink().then(() => this.tell("Copied: a link to this page with these settings."),
                              () => this.tell("The address of this page is now a link to these settings."));
@@ -418,15 +382,19 @@
       action();
     }
 
-    /** Taps and arrow keys on a plan drive: a place goes to `goTo(x, y)`, an arrow to `hold(name, down)`. */
-    steered(plan, {goTo, hold}) {
-      this.drag(plan, {start: goTo, move: goTo});
+    /** Taps and arrow keys on a plan drive: a place goes to `goTo(x, y)`, an arrow to `hold(name, down)`. Who may `carry(x, y)`
+     * the robot takes hold of it at the place that `grab(x, y)` knows. */
+    steered(plan, {goTo, hold, carry = null, grab = () => false}) {
+      let carried = false;
+      const there = (x, y) => (carried ? carry(x, y) : goTo(x, y));
+      this.drag(plan, {start: (x, y) => { carried = carry !== null && grab(x, y); if (!carried) goTo(x, y); }, move: there, grab});
       const key = name => down => hold(name, down);
       this.keys(plan, {ArrowUp: key("up"), ArrowDown: key("down"), ArrowLeft: key("left"), ArrowRight: key("right")});
     }
 
-    /** Let the reader drive a `Driver` by taps, arrow keys and the autopilot's box, which is returned. */
-    driven(plan, driver, clock) {
+    /** Let the reader drive a robot by taps, arrow keys and the autopilot's box, which is returned; `carry(x, y)` if it can be
+     * lifted. */
+    driven(plan, driver, clock, carry = null) {
       const auto = this.check({name: "Autopilot", key: "a", value: true, change: value => {
         driver.setAuto(value);
         if (value) clock.wake();
@@ -438,6 +406,8 @@
           driver.keys[name] = down;
           if (down) byHand();
         },
+        carry,
+        grab: (x, y) => carry !== null && plan.near(x, y, driver.truth),
       });
       return auto;
     }
@@ -590,15 +560,23 @@
       plan.context.globalAlpha = 1;
     },
 
-    /** A robot: a disc of `radius` m with a line to the front; `fill` for a solid one. */
+    /** The robot: a disc of `radius` m with two wheels and a line to the front, so large that it can be seen; `fill` for a
+     * solid one. */
     robot(plan, pose, colour, {radius = 0.22, fill = null} = {}) {
-      const {context} = plan, [x, y] = plan.at(pose[0], pose[1]), r = radius * plan.scale;
+      const {context} = plan, [x, y] = plan.at(pose[0], pose[1]), r = Math.max(radius * plan.scale, 6), [c, s] = [Math.cos(pose[2]), -Math.sin(pose[2])];
       context.beginPath();
       context.arc(x, y, r, 0, 2 * Math.PI);
       if (fill) { context.fillStyle = fill; context.fill(); }
       context.moveTo(x, y);
-      context.lineTo(x + 1.6 * r * Math.cos(pose[2]), y - 1.6 * r * Math.sin(pose[2]));
+      context.lineTo(x + 1.6 * r * c, y + 1.6 * r * s);
       Object.assign(context, {strokeStyle: colour, lineWidth: 2.5});
+      context.stroke();
+      context.beginPath();
+      for (const side of [-r, r]) {
+        context.moveTo(x - side * s - 0.5 * r * c, y + side * c - 0.5 * r * s);
+        context.lineTo(x - side * s + 0.5 * r * c, y + side * c + 0.5 * r * s);
+      }
+      context.lineWidth = Math.max(3.5, 0.35 * r);
       context.stroke();
     },
 
@@ -689,5 +667,5 @@
     });
   }
 
-  Object.assign(root.pfslam, {Driver, lab, mount, draw, make});
+  Object.assign(root.pfslam, {lab, mount, draw, make});
 })(globalThis);

@@ -1,35 +1,29 @@
 /* Calibrate (chapter 01): wheels and gyro of a real drive, read with numbers that the reader turns. */
 (function (root) {
   "use strict";
-  const {core, draw, lab} = root.pfslam;
+  const {core, draw, lab, world} = root.pfslam, {START, LAP, dot} = world;
 
-  const FIT = 0.3;  // m (rms): so near to the truth the path fits
-  const WINDOW = [-9, 31, -4.5, 25.5], RADIUS = 0.6;  // m
+  const DT = 0.05, FIT = 0.1;  // s; m (rms): so near to the truth the path fits
   const BLANK = {bias: 0, gyro: 1, wheels: 1};  // rad/s and two factors: what a robot believes that was never calibrated
-  const ENDS = {bias: [-0.006, 0.006], gyro: [0.85, 1.15], wheels: [0.85, 1.15], track: [0.3, 1.2]};  // of the sliders
+  const ENDS = {bias: [-0.012, 0.012], gyro: [0.85, 1.15], wheels: [0.85, 1.15], track: [0.3, 1.2]};  // of the sliders
+  const TAPE = 0.394, NOISE = {wheels: 0.01, gyro: 0.006};  // the track as a tape measures it, m; of each reading: m/s, rad/s
   const TURNING = 0.15;  // rad/s: from here on the robot turns
   const DEGREES = 180 / Math.PI;
 
-  /** What the sensors of a drive said, and how the reader reads it. */
+  /** What the sensors of a robot said on its drive, and how the reader reads it. */
   class Calibration {
-    constructor({hertz, units, right, track, steps, seed = 10}) {
-      const metres = name => Float64Array.from(steps[name], value => units[name] * value);
-      Object.assign(this, {dt: 1 / hertz, right, tape: track, robot: "hidden", by: "gyro", dice: core.generator(seed)});
-      this.recorded = {left: metres("left"), right: metres("right"), turned: metres("turned")};
-      const n = steps.x.length, [x, y, theta] = ["x", "y", "theta"].map(metres);
-      this.truth = new Float64Array(3 * (n + 1));
-      for (let k = 0; k < n; k++) {
-        [x, y, theta].forEach((step, part) => { this.truth[3 * k + 3 + part] = this.truth[3 * k + part] + step[k]; });
-      }
-      Object.assign(this, {n, moment: n});
-      this.turns = Array.from(theta, step => Math.abs(step) > TURNING * this.dt);
+    constructor({seed = 10}) {
+      const {v, omega} = world.controlsTo(START, LAP, DT), n = v.length, dice = core.generator(seed), noise = [0, 1].map(() => dice.normals(n));
+      Object.assign(this, {dt: DT, n, moment: n, by: "gyro", tape: TAPE, dice, v, omega, truth: core.integrate({v, omega, dt: DT}, START)});
+      this.noise = {v: noise[0].map(value => NOISE.wheels * value), omega: noise[1].map(value => NOISE.gyro * value)};
+      this.turns = omega.map(rate => Math.abs(rate) > TURNING);
       this.draw();
     }
 
     /** Another robot, with faults of its own. */
     draw() {
       const off = (least, most) => (this.dice.uniform() < 0.5 ? -1 : 1) * (least + (most - least) * this.dice.uniform());
-      this.faults = {bias: off(0.0015, 0.0045), gyro: 1 + off(0.03, 0.1), wheels: 1 + off(0.03, 0.1), track: 0.75 + off(0.05, 0.3)};
+      this.answer = {bias: off(0.003, 0.009), gyro: 1 + off(0.03, 0.1), wheels: 1 + off(0.03, 0.1), track: 0.75 + off(0.05, 0.3)};
       this.reset();
     }
 
@@ -39,20 +33,12 @@
       this.follow();
     }
 
-    /** The numbers that bring the path onto the truth. */
-    get answer() { return this.robot === "hidden" ? this.faults : this.right; }
-
-    /** What the sensors of this robot say: those of the drive, or what faulty ones would have said on it. */
+    /** What the sensors of this robot say: what each side ran (m), and the yaw rate of the gyro (rad/s). Sides slip as the
+     * robot turns, as if they were `answer.track` apart. */
     get readings() {
-      const {recorded, right, answer, dt} = this, size = right.wheels / answer.wheels;
-      const wider = size * ((answer.track / right.track - 1) / 2);  // each side is that much of their difference off
-      const difference = recorded.right.map((value, k) => value - recorded.left[k]);
-      const turned = core.yawRate(recorded.turned.map(value => value / dt), {gyroBias: right.bias, gyroScale: right.gyro});
-      return {
-        left: recorded.left.map((value, k) => size * value - wider * difference[k]),
-        right: recorded.right.map((value, k) => size * value + wider * difference[k]),
-        rates: turned.map(rate => rate / answer.gyro + answer.bias),
-      };
+      const {v, omega, noise, answer, dt} = this;
+      const side = sign => Float64Array.from(v, (speed, k) => (dt * (speed + noise.v[k] + (sign * answer.track * omega[k]) / 2)) / answer.wheels);
+      return {left: side(-1), right: side(1), rates: Float64Array.from(omega, (rate, k) => (rate + noise.omega[k]) / answer.gyro + answer.bias)};
     }
 
     /** Integrate the readings with the reader's numbers. Eq. 5. */
@@ -62,7 +48,7 @@
       const omega = this.by === "gyro"
         ? core.yawRate(readings.rates, {gyroBias: guess.bias, gyroScale: guess.gyro})
         : core.wheelTurns(left, right, guess.track).map(angle => angle / dt);
-      this.poses = core.integrate({v, omega, dt}, [0, 0, 0]);
+      this.poses = core.integrate({v, omega, dt}, START);
       this.error = core.trajectoryError(this.poses, this.truth);
     }
 
@@ -129,13 +115,11 @@
       name: "The true path and the path that wheels and gyro give with these numbers",
       help: "Drag the robot on the coloured path, and the gyro's numbers follow. Drag along the path, or press left and right, to " +
         "see both robots at another moment.",
-      window: WINDOW,
+      window: world.WINDOW,
     });
-    const chart = stage.chart({name: "The error of the heading over time, with the turns shaded", height: 120});
-    stage.words(
-      '<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-truth)">●</span>\u00a0the true path. ' +
-      '<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-odometry)">●</span>\u00a0what wheels and gyro give with your numbers; it turns ' +
-      `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-clear)">●</span>\u00a0green below ${FIT} m.`);
+    const chart = stage.chart({name: "The error of the heading over time, with the turns shaded", height: 84});
+    stage.words([dot("truth", "the true path."), dot("odometry", "what wheels and gyro give with your numbers;"),
+                 dot("clear", `green: it fits (below ${FIT} m).`)].join(" "));
     const sliders = {};
     const slider = (key, options) => {
       const [min, max] = ENDS[key];
@@ -154,19 +138,12 @@
         input.dispatchEvent(new Event("input"));
       }
     };
+    stage.fold("More");
     stage.button({name: "Start again", key: "n", press: () => { state.reset(); show(); }});
-    stage.button({name: "Another robot", key: "r", press: () => {
-      stage.body.querySelector("input[value=hidden]").checked = true;
-      state.robot = "hidden";
-      state.draw();
-      show();
-    }});
+    stage.button({name: "Another robot", key: "r", press: () => { state.draw(); show(); }});
     stage.check({name: "Tell the numbers", key: "t", change: value => { shown.answer = value; }});
-    stage.fold("More settings");
     stage.choice({name: "Turns from", options: {gyro: "the gyro", wheels: "the wheels alone"}, value: state.by,
                   change: by => { state.by = by; show(); }});
-    stage.choice({name: "Robot", options: {hidden: "one with hidden faults", recorded: "the one of the drive hall"}, value: state.robot,
-                  change: robot => { state.robot = robot; state.reset(); show(); }});
     const onPath = (x, y) => plan.near(x, y, state.at(state.poses));
     stage.drag(plan, {
       start: (x, y) => {
@@ -198,7 +175,7 @@
 
   /** The window about the building, as much larger as the path needs. */
   function windowFor(poses) {
-    const [left, right, low, high] = WINDOW, [x, y, w, h] = [(left + right) / 2, (low + high) / 2, (right - left) / 2, (high - low) / 2];
+    const [left, right, low, high] = world.WINDOW, [x, y, w, h] = [(left + right) / 2, (low + high) / 2, (right - left) / 2, (high - low) / 2];
     let zoom = 1;
     for (let at = 0; at < poses.length; at += 3) zoom = Math.max(zoom, 1.04 * Math.abs(poses[at] - x) / w, 1.04 * Math.abs(poses[at + 1] - y) / h);
     return [x - zoom * w, x + zoom * w, y - zoom * h, y + zoom * h];
@@ -207,23 +184,17 @@
   const places = poses => Float64Array.from({length: (2 * poses.length) / 3}, (_, k) => poses[3 * (k >> 1) + (k % 2)]);
 
   function paintPaths(plan, colours, state, shown) {
-    const {truth, poses, error, n, fits} = state, size = plan.width < 500 ? 13 : 16;
-    const [here, there] = [state.at(poses), state.at(truth)], colour = fits ? colours.clear : colours.odometry;
+    const {truth, poses, error, n, fits} = state, [here, there] = [state.at(poses), state.at(truth)], name = fits ? "clear" : "odometry";
     if (!shown.held) plan.window = windowFor(poses);  // it stands still under the hand
-    plan.clear(colours.free);
+    world.paint(plan, colours);
     draw.line(plan, places(truth), colours.truth, {width: 2, dash: [6, 4]});
-    draw.line(plan, places(poses), colour, {width: 3});
+    draw.line(plan, places(poses), colours[name], {width: 3});
     draw.line(plan, [there[0], there[1], here[0], here[1]], colours.hits, {width: 2});
-    draw.robot(plan, there, colours.truth, {radius: RADIUS});
-    draw.robot(plan, here, colour, {radius: RADIUS, fill: shown.held ? colour : colours.free});
-    const when = state.moment === n ? "at the end" : `after ${(state.moment * state.dt).toFixed(0)} s`, halo = colours.free;
-    const words = [`${error.ateRmse.toFixed(2)} m from the truth (rms)${fits ? ": it fits" : ""}`, `${state.apart.toFixed(2)} m ${when}`];
-    words.forEach((line, k) => draw.text(plan, line, 8, (1.4 * k + 1.4) * size, colours.ink, {size, halo}));
-    if (shown.answer) {
-      numbers(state, state.answer).forEach((line, k) => {
-        draw.text(plan, line, plan.width - 8, (1.3 * k + 1.4) * size, colours.ink, {size: size - 1, align: "right", halo});
-      });
-    }
+    world.robot(plan, there, colours, "truth");
+    world.robot(plan, here, colours, name);
+    const when = state.moment === n ? "at the end" : `after ${(state.moment * state.dt).toFixed(0)} s`;
+    const told = shown.answer ? ` The right numbers: ${numbers(state, state.answer).join(", ")}.` : "";
+    plan.write(`${error.ateRmse.toFixed(2)} m from the truth (rms)${fits ? ": it fits" : ""}, ${state.apart.toFixed(2)} m ${when}.${told}`);
   }
 
   /** The numbers that matter, in words. */
@@ -234,7 +205,7 @@
 
   /** The error of the heading as a curve about zero, the turns of the drive as shaded bands. */
   function paintHeadings(chart, colours, state) {
-    const {context, width, height} = chart, {n, headings, moment} = state, size = width < 500 ? 12 : 14;
+    const {context, width, height} = chart, {n, headings, moment} = state;
     const most = Math.max(...headings.map(Math.abs)), top = [5, 10, 15, 20, 30, 40, 60, 90, 150, 200, 300, 400, 500].find(level => level >= most) || 1000;
     const x = k => (k / n) * width, y = degrees => (0.5 - 0.46 * degrees / top) * height;
     chart.clear(colours.sheet);
@@ -249,11 +220,10 @@
     line([[0, y(0)], [width, y(0)]], colours.muted, 1);
     line([[x(moment), 0], [x(moment), height]], colours.hits, 1.5);
     line(Array.from(headings, (degrees, k) => [x(k), y(degrees)]), state.fits ? colours.clear : colours.odometry, 2.5);
-    const write = (words, at, align) => draw.text(chart, words, align === "right" ? width - 6 : 6, at, colours.ink, {size, align, halo: colours.free});
-    write(`heading error, at most ${most.toFixed(1)}°`, size + 2, "left");
-    write("turns are shaded", height - 6, "left");
-    write(`+${top}°`, size + 2, "right");
-    write(`−${top}°`, height - 6, "right");
+    const write = (words, at) => draw.text(chart, words, width - 6, at, colours.ink, {size: 12, align: "right", halo: colours.free});
+    write(`+${top}°`, 14);
+    write(`−${top}°`, height - 6);
+    chart.write(`Error of the heading over time, at most ${most.toFixed(1)}°; turns are shaded.`);
   }
 
   function sentence(state, shown) {

@@ -43,7 +43,7 @@
     move() {
       this.truth = (this.truth + (this.settings.chance ? stepOf(this.worldDice.uniform()) : 1)) % CELLS;
       const numbers = Array.from(this.cells, () => this.filterDice.uniform());
-      this.trace.push(numbers);
+      this.note(numbers);
       Object.assign(this, {prior: this.belief, belief: predictBelief(this.belief, STEP), likelihood: null, what: "move"});
       this.cells = this.cells.map((cell, k) => (cell + stepOf(numbers[k])) % CELLS);
       this.moves += 1;
@@ -68,7 +68,7 @@
     resample() {
       const numbers = Array.from(this.cells, () => this.filterDice.uniform()), {weights} = this, last = weights.length - 1;
       const drawn = u => { let k = 0; for (let sum = weights[0]; sum <= u && k < last; sum += weights[k]) k += 1; return k; };
-      this.trace.push(numbers);
+      this.note(numbers);
       this.parents = numbers.map(drawn);
       this.cells = Int32Array.from(this.parents, from => this.cells[from]);
       this.weights = this.weights.map(() => 1 / this.weights.length);
@@ -82,6 +82,9 @@
       this.cells.forEach((cell, k) => { sums[cell] += this.weights[k]; });
       return sums;
     }
+
+    /** For tests: all random numbers, in order. */
+    note(numbers) { if (this.settings.trace) this.trace.push(numbers); }
 
     get best() { return this.belief.indexOf(Math.max(...this.belief)); }
   }
@@ -110,12 +113,13 @@
     stage.button({name: "Move", key: "m", press: seen("move", () => corridor.move())}).classList.add("pfslam-main");
     if (settings.dots) stage.button({name: "Resample", key: "r", press: seen("resample", () => corridor.resample())});
     const forget = () => { shown.before = null; corridor.reset(); };
-    stage.button({name: "Start again", key: "n", press: forget});
+    if (!settings.dots) stage.button({name: "Start again", key: "n", press: forget});
+    stage.fold("More");
+    if (settings.dots) stage.button({name: "Start again", key: "n", press: forget});
     stage.slider({name: "Right at a door", min: 0, max: 1, step: 0.01, value: settings.atDoor,
                   change: value => { settings.atDoor = value; }});
     stage.slider({name: "Right at a wall", min: 0, max: 1, step: 0.01, value: 1 - settings.atWall,
                   change: value => { settings.atWall = 1 - value; }});
-    stage.fold("More settings");
     stage.button({name: "New dice", key: "d", press: () => { settings.seed += 1; forget(); }});
     stage.check({name: "The robot slips and errs", key: "c", change: value => { settings.chance = value; }});
     if (settings.dots) stage.slider({name: "Particles", min: 5, max: 200, step: 1, value: settings.particles, digits: 0,

@@ -1,24 +1,24 @@
-/* The cloud along the drive (chapter 03): prediction alone, along a real drive or along a path that the reader draws. */
+/* The cloud along a drive (chapter 03): prediction alone, along a drive through the building or a way that the reader draws. */
 (function (root) {
   "use strict";
-  const {core, draw, lab} = root.pfslam;
+  const {core, draw, lab, world} = root.pfslam, {WINDOW, START, LAP, dot} = world;
 
-  const WINDOW = [-14, 31, -8.5, 23.5], SHOWN = 10;  // m; particles whose whole paths are drawn
-  const SPEED = 0.7, TURN = 1.6, DT = 0.1;  // of the robot on a drawn path: m/s, rad/s, s
+  const SHOWN = 10, TURN = 1.6, DT = 0.1;  // particles whose whole paths are drawn; of the robot: rad/s, s
   const ELLIPSES = 8, KEEP = 5;  // of so many moments one is kept, from which the others follow
-  const STRIDE = 0.5, CLICK = Math.PI / 12, APART = 0.4;  // m and rad for a key; m from one point of a drawn path to the next
+  const STRIDE = 0.5, CLICK = Math.PI / 12, APART = 0.3;  // m and rad for a key; m from one point of a drawn path to the next
+  const LONGEST = 3000;  // controls of a path of one's own: five minutes
   const RATE = 100;  // the noise is given for one sample of so many a second, as in the report
 
   /** Particles that leave the same start and are predicted through all controls, each with its own errors. */
   class Fan {
-    constructor({hall, ...options}) {
-      this.settings = {particles: 250, sigmaV: 0.316, sigmaOmega: 0.141, seed: 1, path: "hall", part: 30, ...options};
-      this.hall = {start: [0, 0, 0], dt: hall.dt, v: hall.v, omega: hall.omega};
+    constructor(options) {
+      this.settings = {particles: 250, sigmaV: 0.316, sigmaOmega: 0.4, seed: 1, path: "lap", part: 30, ...options};
+      this.lap = world.controlsTo(START, LAP, DT);
       this.clear();
       this.throwDice();
     }
 
-    get controls() { return this.settings.path === "hall" ? this.hall : this.own; }
+    get controls() { return this.settings.path === "lap" ? this.lap : this.own; }
     get step() { return Math.round((this.settings.part / 100) * this.controls.v.length); }
     get time() { return this.step * this.controls.dt; }
     get noise() {
@@ -28,7 +28,8 @@
 
     /** An empty path of one's own. */
     clear() {
-      Object.assign(this, {points: [], heading: 0, own: {start: [0, 0, 0], dt: DT, v: [], omega: []}});
+      this.own = {start: START, dt: DT, v: [], omega: []};
+      this.begun = false;
       this.forget();
     }
 
@@ -41,30 +42,52 @@
     /** Nothing that has been predicted holds any more; the random numbers stay. */
     forget() { Object.assign(this, {kept: null, reckoned: null}); }
 
-    /** Drive on from the end of one's own path to a point: turn on the spot, then straight ahead. */
+    /** Where one's own path ends, [x, y, theta]. */
+    get end() {
+      const {own} = this, last = core.integrate(own, own.start);
+      return Array.from(last.subarray(-3), (value, k) => (k < 2 ? value : core.wrapAngle(value)));
+    }
+
+    /** Drive on from the end of one's own path to a place, round walls: the first place is where it begins. */
     extend(x, y) {
-      const {own, points} = this;
-      if (!points.length) { points.push([x, y]); own.start = [x, y, this.heading]; this.forget(); return; }
-      const [px, py] = points[points.length - 1], length = Math.hypot(x - px, y - py), goal = Math.atan2(y - py, x - px);
-      if (points.length === 1 && !own.v.length) { own.start = [px, py, goal]; this.heading = goal; this.forget(); }
-      this.turn(core.wrapAngle(goal - this.heading));
-      const steps = Math.max(1, Math.round(length / (SPEED * DT)));
-      for (let k = 0; k < steps; k++) { own.v.push(length / (steps * DT)); own.omega.push(0); }
-      points.push([x, y]);
+      const {own} = this;
+      if (!this.begun) {
+        if (!world.room([x, y])) return;
+        Object.assign(this, {begun: true});
+        own.start = [x, y, 0];
+        this.forget();
+      } else if (own.v.length < LONGEST && world.room([x, y])) {
+        const {v, omega} = world.controlsTo(this.end, [[x, y]], DT);
+        own.v.push(...v);
+        own.omega.push(...omega);
+      }
     }
 
     /** Turn on the spot by an angle (rad). */
     turn(angle) {
       const steps = Math.ceil(Math.abs(angle) / (TURN * DT) - 1e-9);
+      this.begun = true;
       for (let k = 0; k < steps; k++) { this.own.v.push(0); this.own.omega.push(angle / (steps * DT)); }
-      this.heading = core.wrapAngle(this.heading + angle);
     }
 
-    /** A stride straight ahead. */
+    /** A stride straight ahead, as far as walls let it. */
     stride() {
-      if (!this.points.length) this.extend(0, 0);
-      const [x, y] = this.points[this.points.length - 1];
-      this.extend(x + STRIDE * Math.cos(this.heading), y + STRIDE * Math.sin(this.heading));
+      const [x, y, theta] = this.end, steps = Math.round(STRIDE / (0.7 * DT));
+      this.begun = true;
+      for (let k = 1; k <= steps && this.own.v.length < LONGEST; k++) {
+        const ahead = (k / steps) * STRIDE;
+        if (!world.room([x + ahead * Math.cos(theta), y + ahead * Math.sin(theta)])) return;
+        this.own.v.push(STRIDE / (steps * DT));
+        this.own.omega.push(0);
+      }
+    }
+
+    /** Go to the moment at which the path without noise is nearest to a place; where it crosses itself, the nearest in time. */
+    goTo(x, y) {
+      const {straight, step} = this, away = k => Math.hypot(straight[k][0] - x, straight[k][1] - y) + 0.005 * Math.abs(k - step);
+      let best = 0;
+      for (let k = 1; k < straight.length; k++) if (away(k) < away(best)) best = k;
+      return (100 * best) / Math.max(1, straight.length - 1);
     }
 
     /** The particles after so many controls. Eq. 11, one control after the other. */
@@ -106,62 +129,66 @@
     const fan = new Fan(stage.options), {settings} = fan, shown = {paths: true};
     const plan = stage.plan({
       name: "The particles, and the path without noise, from above",
-      help: "Draw a path with the mouse or a finger; a click or tap drives on to that place. Keys: up drives on by half a metre, left " +
-        "and right turn, Backspace clears your path.",
+      help: "Drag the robot along its path, or draw a path of your own; a tap drives on to that place. Keys: up drives on by half a metre, " +
+        "left and right turn, Backspace clears your path.",
       window: WINDOW,
     });
-    stage.words('<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-particles)">●</span>\u00a0<b>Each blue dot is a particle</b>, a guess ' +
-      'of where the robot is by now. <span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-odometry)">●</span>\u00a0dead reckoning, the ' +
-      'path without noise.');
-    const tick = by => {
-      driven.value = Number(driven.value) + by;
+    stage.words([dot("particles", "<b>Each blue dot is a particle</b>, a guess of where the robot is by now."),
+                 dot("odometry", "dead reckoning, the path without noise.")].join(" "));
+    const to = part => {
+      driven.value = part;
       driven.dispatchEvent(new Event("input"));
       if (Number(driven.value) >= 100) clock.pause();
     };
+    const tick = by => to(Number(driven.value) + by);
     const clock = stage.clock({hertz: 30, tick: () => tick(0.25), step: () => tick(5)});
-    stage.button({name: "Back to the start", key: "n", press: () => tick(-100)});
-    const driven = stage.slider({name: "Driven", min: 0, max: 100, step: 0.25, value: settings.part, unit: "%", digits: 0,
-                                 change: value => { settings.part = value; }});
     stage.slider({name: "Speed noise", min: 0, max: 4, step: 0.01, value: settings.sigmaV, unit: "m/s",
                   change: value => { settings.sigmaV = value; fan.forget(); }});
-    stage.slider({name: "Yaw rate noise", min: 0, max: 0.6, step: 0.001, value: settings.sigmaOmega, unit: "rad/s",
+    stage.slider({name: "Yaw rate noise", min: 0, max: 1.2, step: 0.002, value: settings.sigmaOmega, unit: "rad/s",
                   change: value => { settings.sigmaOmega = value; fan.forget(); }});
-    stage.fold("More settings");
+    stage.fold("More");
+    clock.fold();
+    const driven = stage.slider({name: "Driven", min: 0, max: 100, step: 0.25, value: settings.part, unit: "%", digits: 0,
+                                 change: value => { settings.part = value; }});
+    stage.button({name: "Back to the start", key: "n", press: () => to(0)});
     stage.button({name: "New dice", key: "d", press: () => { settings.seed += 1; fan.throwDice(); }});
     stage.check({name: "Some whole paths", key: "p", value: true, change: value => { shown.paths = value; }});
     stage.slider({name: "Particles", min: 10, max: 1000, step: 10, value: settings.particles, digits: 0,
                   change: value => { settings.particles = value; fan.throwDice(); }});
     const change = path => { settings.path = path; fan.forget(); clock.pause(); };
-    const which = stage.choice({name: "Path", options: {hall: "the drive hall", own: "your own"}, value: "hall", change});
+    const which = stage.choice({name: "Path", options: {lap: "through the building", own: "your own"}, value: "lap", change});
 
     /** From now on the path is the reader's, shown to its end. */
     function own() {
       if (settings.path !== "own") change("own");
       which.querySelector("[value=own]").checked = true;
       clock.pause();
-      tick(100);
+      to(100);
     }
     /** Drive one's own path from its beginning, so that the cloud is seen to grow. */
     function replay() {
       if (stage.calm) return;
-      tick(-100);
+      to(0);
       clock.start();
     }
     let last = null;
+    const onRobot = (x, y) => plan.near(x, y, fan.straight[fan.step]);
     stage.drag(plan, {
-      grab: (x, y) => plan.near(x, y, fan.straight[fan.step]),
-      start: (x, y) => { last = {x, y, drawn: false}; },
+      grab: onRobot,
+      start: (x, y) => { last = {x, y, robot: onRobot(x, y), drawn: false, part: settings.part}; },
       move: (x, y) => {
+        if (last.robot) { clock.pause(); to(fan.goTo(x, y)); return; }
         if (Math.hypot(x - last.x, y - last.y) < APART) return;
         if (!last.drawn) { fan.clear(); fan.extend(last.x, last.y); }
         fan.extend(x, y);
-        last = {x, y, drawn: true};
+        last = {...last, x, y, drawn: true};
         own();
       },
       end: cancelled => {
+        if (last.robot) { if (cancelled) to(last.part); return; }
         if (last.drawn) { replay(); return; }
         if (cancelled) return;
-        if (!fan.points.length) fan.extend(0, 0);
+        if (!fan.begun) fan.extend(...START.slice(0, 2));
         fan.extend(last.x, last.y);
         own();
       },
@@ -173,12 +200,8 @@
   });
 
   function paint(plan, colours, fan, shown) {
-    const size = plan.width < 500 ? 13 : 16, {step, straight, spread} = fan, poses = fan.poses(), n = fan.settings.particles;
-    const flat = path => path.flatMap(([x, y]) => [x, y]);
-    plan.clear(colours.free);
-    if (!fan.controls.v.length) {
-      draw.text(plan, "Draw a path, or drive with the arrow keys.", plan.width / 2, 0.4 * plan.height, colours.ink, {size, align: "center"});
-    }
+    const {step, straight, spread} = fan, poses = fan.poses(), n = fan.settings.particles, flat = path => path.flatMap(([x, y]) => [x, y]);
+    world.paint(plan, colours);
     draw.line(plan, flat(straight), colours.muted, {width: 1});
     if (shown.paths) {
       for (let k = 0; k < Math.min(SHOWN, n); k++) {
@@ -193,12 +216,10 @@
     draw.dots(plan, places, colours.particles, plan.width < 500 ? 1.8 : 2.6);
     Object.assign(plan.context, {strokeStyle: colours.estimate, lineWidth: 0.5});
     plan.context.stroke();
-    draw.robot(plan, straight[step], colours.odometry, {radius: 0.45});
-    const words = `after ${fan.time.toFixed(0)} s: ${spread.metres.toFixed(2)} m and ${(180 / Math.PI * spread.heading).toFixed(0)}° around their middle`;
-    draw.text(plan, words, 8, 20, colours.ink, {size, halo: colours.free});
-    const [x, y] = plan.at(WINDOW[1] - 6, WINDOW[2] + 1);
-    draw.line(plan, [WINDOW[1] - 6, WINDOW[2] + 0.8, WINDOW[1] - 1, WINDOW[2] + 0.8], colours.ink, {width: 2});
-    draw.text(plan, "5 m", x, y - 4, colours.ink, {size});
+    world.robot(plan, straight[step], colours, "odometry");
+    const around = `${spread.metres.toFixed(2)} m and ${(180 / Math.PI * spread.heading).toFixed(0)}° around their middle`;
+    plan.write(fan.controls.v.length ? `After ${fan.time.toFixed(0)} s (${fan.settings.part.toFixed(0)} %) the dots are ${around}.`
+      : "Draw a path, or drive with the arrow keys.");
   }
 
   /** The ellipse that holds nine of ten particles, if they are normally distributed: covariance of x and y, chi-square of two. */
@@ -222,7 +243,7 @@
   function sentence(fan) {
     const {settings, spread, time} = fan;
     if (!fan.controls.v.length) return "No path yet. Draw one, or drive with the arrow keys.";
-    return `After ${time.toFixed(1)} seconds of ${settings.path === "hall" ? "the drive" : "your path"}, ${settings.particles} particles ` +
+    return `After ${time.toFixed(1)} seconds of ${settings.path === "lap" ? "the drive" : "your path"}, ${settings.particles} particles ` +
       `are ${spread.metres.toFixed(2)} metres away from their middle, root mean square, and their headings differ by ` +
       `${(180 / Math.PI * spread.heading).toFixed(1)} degrees.`;
   }

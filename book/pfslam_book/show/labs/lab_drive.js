@@ -2,39 +2,25 @@
  * filter that follows it. */
 (function (root) {
   "use strict";
-  const {core, draw, lab, Driver} = root.pfslam;
+  const {core, draw, lab, world} = root.pfslam, {WINDOW, SPEC, LIDAR, RADIUS, START, WALLS, dot} = world;
 
-  const HERTZ = 60, LOOK = 12;  // ticks in a second; ticks from one scan to the next
-  const SPEED = 0.7, TURN = 1.6, RADIUS = 0.2;  // m/s, rad/s, m
-  const SPEC = {origin: [-0.4, -0.4], resolution: 0.1, shape: [68, 98]};
-  const LIDAR = {angleMin: -2.4, angleMax: 2.4, beams: 145, rangeMin: 0.1, rangeMax: 6, position: [0.1, 0]};
+  const HERTZ = 60, LOOK = 12, OPENING = 14 * HERTZ;  // ticks in a second; from one scan to the next; before the reader comes
   const TRAIL = 60 * HERTZ, VALUES = 80;  // ticks of odometry, and values of N_eff, that are kept: a drive may go on for hours
   const EVERY = 3;  // of so many beams one is scored; all are drawn
   const HIT = Math.log(4), CLAMP = 2 * Math.log(4);
-  const START = [0.7, 3, 0];
-  const WHOLE = [-0.4, 9.4, -0.4, 6.4], NEAR = 3.5;  // the window on the building; how much larger a near view is
-  const SLIPPERY = [3.2, 2.2, 5.4, 3.8];  // x0, y0, x1, y1 of the patch
-  const ROUTE = [[6.7, 3], [6.7, 4.9], [4.5, 4.9], [2.1, 4.9], [2.1, 3.1], [1.7, 2.8], [1.7, 1.2], [4.2, 1.2], [6.9, 1.2],
-                 [6.9, 2.8], [8.3, 3], [7, 3.1], [0.8, 3]];
-  const PLACES = [[7.6, 5.4, 3], [0.8, 0.8, 0.5], [3.4, 5.4, 0], [7.6, 1.6, 2], [5.6, 0.7, 0.2]];  // where a kidnapper leaves it
-  const ROOM = RADIUS + 0.08;  // m that a planned way keeps from the walls
-  const CAMERA = {near: 0.35, far: 1.5, aside: 0.75}, TILE = 0.025;  // m ahead, m to each side at the far end; m of a pixel of the floor
-  const PEOPLE = [[2.6, 2.6, 7.6, 3.4, 0.5], [5.3, 4.3, 8.2, 4.5, 0.3], [2.6, 0.5, 3.2, 1.9, 0.4]];  // from, to, m/s
-  const WALLS = Float64Array.from([
-    [0, 0, 9, 0], [9, 0, 9, 6], [9, 6, 0, 6], [0, 6, 0, 0],
-    [0, 3.8, 1.6, 3.8], [2.6, 3.8, 6.2, 3.8], [7.2, 3.8, 9, 3.8],
-    [0, 2.2, 1.2, 2.2], [2.2, 2.2, 6.4, 2.2], [7.4, 2.2, 9, 2.2],
-    [4.5, 3.8, 4.5, 4.4], [4.5, 5.4, 4.5, 6], [4.2, 0, 4.2, 0.7], [4.2, 1.7, 4.2, 2.2],
-    [8, 5, 8.6, 5], [8.6, 5, 8.6, 5.6], [8.6, 5.6, 8, 5.6], [8, 5.6, 8, 5],
-    [0.7, 4.6, 1.1, 4.6], [1.1, 4.6, 1.1, 5.2], [1.1, 5.2, 0.7, 5.2], [0.7, 5.2, 0.7, 4.6],
-    [8, 0, 9, 1.2], [0, 1, 0.6, 0],
-  ].flat());
+  const NEAR = 1.4;  // m to each side of a robot that is looked at closely
+  const SLIPPERY = [3.2, 2.275, 5.4, 3.725];  // x0, y0, x1, y1 of the patch
+  const ROUTE = [[7.3, 3], [7.3, 4.8], [4.8, 4.8], [2.1, 4.8], [2.1, 3.1], [1.7, 2.8], [1.7, 1.2], [4.2, 1.2], [6.9, 1.2],
+                 [6.9, 2.8], [8, 3.3], [7, 3.1], [0.8, 3]];
+  const PLACES = [[7.6, 5.4, 3], [1.5, 0.6, 0.5], [3.9, 5.4, 0], [7.6, 1.6, 2], [5, 0.9, 0.2]];  // where a kidnapper leaves it
+  const CAMERA = {near: 0.35, far: 1.5, aside: 0.75};  // m ahead, m to each side at the far end
+  const PEOPLE = [[2.6, 2.6, 7.6, 3.4, 0.5], [5.6, 4.2, 8.2, 4.6, 0.3], [2.6, 0.5, 3.2, 1.9, 0.4]];  // from, to, m/s
 
   /** The world, the robot in it, and its filter. Everything that chance decides comes from two seeded generators. */
-  class Drive extends Driver {
+  class Drive extends world.Driver {
     constructor(options, parts = {}) {
       super();
-      this.settings = {particles: 200, noise: 1, sharpness: 5, threshold: 0.5, free: 0.4, people: false, slip: false,
+      this.settings = {particles: 200, noise: 1, sharpness: 12, threshold: 0.5, free: 0.4, people: false, slip: false,
                        ...options};
       this.parts = parts;
       this.reset();
@@ -45,12 +31,11 @@
       const {seed = 1, start = START, leg = 0} = this.settings;
       Object.assign(this, {
         worldDice: core.generator(seed), filterDice: core.generator(seed + 1), ticks: 0, looks: 0, resamplings: 0,
-        reckoned: [start.slice()], kidnaps: 0, before: null, floor: {data: new Uint8ClampedArray(4 * FLOOR.width * FLOOR.height)},
+        reckoned: [start.slice()], kidnaps: 0, before: null, floor: {data: new Uint8ClampedArray(world.floor().colours.length)},
         points_b: new Float64Array(0), history: [], trace: [], moved: true, waiting: false, said: "",
         grid: {spec: SPEC, logOdds: new Float32Array(SPEC.shape[0] * SPEC.shape[1])},
       });
-      this.park(BUILDING, start);
-      this.leg = leg;
+      this.park(start, ROUTE, leg);
       this.gather(start);
     }
 
@@ -122,9 +107,7 @@
 
     /** What the LiDAR measures where the robot truly is: end points in the body frame. */
     scan() {
-      const [x, y] = core.transformPoints(this.truth, LIDAR.position), angles = core.beamAngles(LIDAR);
-      const noise = this.worldDice.normals(LIDAR.beams);
-      const ranges = core.castRays(WALLS, this.discs, [x, y, this.truth[2]], angles).map((r, k) => r + 0.02 * noise[k]);
+      const ranges = world.scan(this.truth, this.worldDice, WALLS, this.discs);
       this.points_b = core.scanPoints(ranges, LIDAR);
       this.note({ranges});
     }
@@ -167,7 +150,7 @@
 
     /** What the camera sees of the floor from where the robot is goes into the picture where the filter believes it to be. */
     paintFloor() {
-      const {estimate, truth, grid, floor} = this, {near, far, aside} = CAMERA, step = TILE, places = [];
+      const {estimate, truth, grid, floor} = this, {near, far, aside} = CAMERA, FLOOR = world.floor(), step = FLOOR.tile, places = [];
       for (let ahead = near; ahead < far; ahead += step) {
         const reach = (aside * ahead) / far;
         for (let across = -reach; across <= reach; across += step) places.push(ahead, across);
@@ -243,59 +226,33 @@
     note(event) { if (this.settings.trace) this.trace.push(event); }
   }
 
-  const BUILDING = {walls: WALLS, spec: SPEC, route: ROUTE, radius: RADIUS, room: ROOM, speed: SPEED, turn: TURN};
-
-  /** The floor of the building, as the camera would see it: boards along the corridor, tiles in the rooms, and words. */
-  const FLOOR = (() => {
-    const [rows, columns] = SPEC.shape, width = (columns * SPEC.resolution) / TILE, height = (rows * SPEC.resolution) / TILE;
-    const canvas = Object.assign(document.createElement("canvas"), {width, height}), context = canvas.getContext("2d");
-    const px = x => (x - SPEC.origin[0]) / TILE, py = y => height - (y - SPEC.origin[1]) / TILE;
-    const fill = (x0, y0, x1, y1, colour) => { context.fillStyle = colour; context.fillRect(px(x0), py(y1), (x1 - x0) / TILE, (y1 - y0) / TILE); };
-    const tiles = (x0, y0, x1, y1, side, ...colours) => {
-      for (let i = 0; x0 + i * side < x1; i++) {
-        for (let j = 0; y0 + j * side < y1; j++) {
-          fill(x0 + i * side, y0 + j * side, Math.min(x1, x0 + (i + 1) * side), Math.min(y1, y0 + (j + 1) * side), colours[(i + j) % colours.length]);
-        }
-      }
-    };
-    fill(-1, -1, 10, 7, "#b08a5a");
-    tiles(0, 2.2, 9, 3.8, 0.2, "#c99b62", "#bd8d54", "#d2a76f", "#b98449");  // the corridor
-    tiles(0, 0, 4.2, 2.2, 0.4, "#5b8db8", "#e9eef2");
-    tiles(4.2, 0, 9, 2.2, 0.4, "#6f9e6b", "#dfe9d6");
-    tiles(0, 3.8, 4.5, 6, 0.4, "#a8584c", "#efdcc8");
-    tiles(4.5, 3.8, 9, 6, 0.4, "#7a6a9c", "#e7e2ef");
-    Object.assign(context, {fillStyle: "#3a2a1a", textAlign: "center", textBaseline: "middle", font: `bold ${0.62 / TILE}px system-ui, sans-serif`});
-    context.fillText("PARTICLE  FILTER", px(4.3), py(3));
-    return {width, height, colours: context.getImageData(0, 0, width, height).data,
-            spec: {origin: SPEC.origin, resolution: TILE, shape: [height, width]}};
-  })();
-
   lab("drive", stage => {
     const plan = stage.plan({
       name: "Plan of the building with the map so far, the robot, its beams and the particles",
       help: "Drive: tap a place, and the robot goes there; or use the arrow keys.",
-      window: WHOLE,
+      window: WINDOW,
     });
     const constants = {SPEC, LIDAR, EVERY, HIT, CLAMP, START};
-    if (stage.small) return Object.assign(root.pfslam.story(stage, plan, {Drive, HERTZ, ROUTE, FLOOR, CLAMP, paint, paintFloor, news}), {constants});
+    if (stage.small) return Object.assign(root.pfslam.story(stage, plan, {Drive, HERTZ, ROUTE, CLAMP, paint, paintFloor, news}), {constants});
     const drive = new Drive(stage.options, stage.host), shown = {truth: false, near: false, floor: false};
+    drive.ready = Boolean(stage.options.empty) || Object.keys(drive.parts).length > 0;  // else a drive is under way when the reader comes
     stage.words([
-      dot("particles", "<b>Each blue dot is a guess</b> of where the robot is; the larger the dot, the better its view fits the walls."),
-      dot("hits", "where a beam ended."), dot("wall", "walls of the map so far."), dot("odometry", "wheels and gyro alone."),
+      dot("particles", "<b>Each blue dot is a guess</b> of where the robot is; the larger, the better its view fits."),
+      dot("hits", "where a beam ended."), dot("wall", "walls of the map."),
     ].join(" "));
-    const strip = stage.chart({name: "The last values of N_eff, the number of particles that count", height: 64});
+    const strip = stage.chart({name: "The last values of N_eff, the number of particles that count", height: 56});
 
     const clock = stage.clock({hertz: HERTZ, tick: () => drive.tick(), step: () => move(HERTZ)});
     function move(ticks, look = true) { for (let k = 0; k < ticks; k++) drive.tick(look); }
 
     const byHand = action => () => { clock.pause(); action(); };
+    const thief = stage.button({name: "Kidnap", key: "k", press: () => (drive.before ? drive.putBack() : drive.kidnap())});
+    stage.button({name: "Start again", key: "n", press: () => { drive.reset(); auto.checked = true; }});
+    stage.fold("More");
+    clock.fold();
     stage.button({name: "Predict", key: "p", press: byHand(() => move(LOOK, false))});
     stage.button({name: "Score", key: "s", press: byHand(() => { drive.scan(); drive.score(); })});
     stage.button({name: "Resample", key: "r", press: byHand(() => drive.resample())});
-    const thief = stage.button({name: "Kidnap", key: "k", press: () => (drive.before ? drive.putBack() : drive.kidnap())});
-    stage.button({name: "Start again", key: "n", press: () => { drive.reset(); auto.checked = true; }});
-    stage.fold("More settings");
-    clock.fold();
     const auto = stage.driven(plan, drive, clock);
     stage.check({name: "Show the truth", key: "t", change: value => { shown.truth = value; }});
     stage.check({name: "Look closely", key: "z", change: value => { shown.near = value; }});
@@ -306,20 +263,21 @@
       state: drive,
       constants,
       draw() {
+        if (!drive.ready) {
+          move(HERTZ);
+          drive.ready = drive.ticks >= OPENING;
+          stage.redraw();
+        }
         thief.firstChild.data = drive.before ? "Put it back " : "Kidnap ";
-        plan.window = shown.near ? closeTo(drive.estimate) : WHOLE;
+        plan.window = shown.near ? world.near(drive.estimate, NEAR) : WINDOW;
         paint(plan, stage.colours, drive, shown);
-        headlines(plan, stage, drive);
+        const yours = Object.keys(drive.parts);
+        plan.write(news(drive, stage.calm).join(" ") + (yours.length ? ` <i>Yours: ${yours.join(", ")}.</i>` : ""));
         paintStrip(strip, stage.colours, drive);
       },
       describe: () => sentence(drive, shown),
     };
   });
-
-  /** A dot in a colour of the laboratory, and the words that it explains. */
-  function dot(colour, words) {
-    return `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-${colour})">●</span>\u00a0${words}`;
-  }
 
   function controls(stage, drive) {
     const {settings} = drive;
@@ -337,11 +295,6 @@
                   change: value => { stage.beat.speed = value; }});
     stage.check({name: "Slippery patch", change: value => { settings.slip = value; }});
     stage.check({name: "People", change: value => { settings.people = value; }});
-  }
-
-  function closeTo([x, y]) {
-    const half = [4.9 / NEAR, 3.4 / NEAR];
-    return [x - half[0], x + half[0], y - half[1], y + half[1]];
   }
 
   /** The plan: the map, what the robot sees, and the particles. `shown` says what else, or less: the truth, the last ticks that
@@ -364,9 +317,9 @@
       const {discs} = drive;
       for (let k = 0; k < discs.length; k += 3) draw.robot(plan, [discs[k], discs[k + 1], 0], colours.muted, {radius: 0.18});
     }
-    if (truth || drive.before) draw.robot(plan, drive.truth, colours.truth, {radius: RADIUS, fill: colours.muted});
+    if (truth || drive.before) world.robot(plan, drive.truth, colours, "truth");
     if (scan) draw.dots(plan, points_w, colours.hits, 1.8);
-    draw.robot(plan, estimate, colours.estimate, {radius: RADIUS});
+    draw.robot(plan, estimate, colours.estimate, {radius: RADIUS});  // through it one sees the particles
     const few = settings.particles <= 500, single = settings.particles <= 100;
     draw.particles(plan, drive.poses, drive.weights, colours, {
       radius: (single ? 3.2 : few ? 2.5 : 1.5) * (shown.near ? 1.5 : 1), headings: shown.near && few, rims: single || (few && plan.scale > 50),
@@ -378,14 +331,7 @@
     }
   }
 
-  /** What happens, and what is the reader's own, in words on the picture. */
-  function headlines(plan, {colours, calm}, drive) {
-    const size = plan.width < 500 ? 13 : 16, yours = Object.keys(drive.parts);
-    news(drive, calm).forEach((line, k) => draw.text(plan, line, 8, (1.4 * k + 1.3) * size, colours.ink, {size, halo: colours.paper}));
-    if (yours.length) draw.text(plan, `yours: ${yours.join(", ")}`, plan.width - 8, plan.height - 8, colours.ink, {size, align: "right", halo: colours.paper});
-  }
-
-  /** What happens, in a line or two: nobody leaves the map in ruins without being told why. */
+  /** What happens, in a sentence or two: nobody leaves the map in ruins without being told why. */
   function news(drive, calm) {
     const {off, offAlone} = drive, metres = value => (value < 1 ? `${(100 * value).toFixed(0)} cm` : `${value.toFixed(1)} m`);
     if (drive.said) return [drive.said];
@@ -398,12 +344,12 @@
 
   /** The picture of the floor so far, under the robot. */
   function paintFloor(plan, floor) {
-    if (!floor.canvas) floor.canvas = Object.assign(document.createElement("canvas"), {width: FLOOR.width, height: FLOOR.height});
+    const {width, height} = world.floor(), [x, y] = plan.at(SPEC.origin[0], SPEC.origin[1] + SPEC.shape[0] * SPEC.resolution);
+    if (!floor.canvas) floor.canvas = Object.assign(document.createElement("canvas"), {width, height});
     if (floor.changed) {
-      floor.canvas.getContext("2d").putImageData(new ImageData(floor.data, FLOOR.width, FLOOR.height), 0, 0);
+      floor.canvas.getContext("2d").putImageData(new ImageData(floor.data, width, height), 0, 0);
       floor.changed = false;
     }
-    const [x, y] = plan.at(SPEC.origin[0], SPEC.origin[1] + SPEC.shape[0] * SPEC.resolution);
     plan.context.imageSmoothingEnabled = true;
     plan.context.drawImage(floor.canvas, x, y, SPEC.shape[1] * SPEC.resolution * plan.scale, SPEC.shape[0] * SPEC.resolution * plan.scale);
   }
@@ -412,7 +358,7 @@
     const {particles, threshold} = drive.settings, level = threshold * particles;
     strip.clear(colours.paper);
     draw.strip(strip, drive.history, {room: VALUES, top: particles, level, colour: colours.estimate, levelColour: colours.ink});
-    draw.text(strip, `N_eff ${drive.nEff.toFixed(0)} of ${particles}`, 8, 18, colours.ink, {halo: colours.paper});
+    strip.write(`<i>N</i><sub>eff</sub>: ${drive.nEff.toFixed(0)} of ${particles} particles count.`);
   }
 
   /** Slanted lines across a rectangle x0, y0, x1, y1 of the world. */

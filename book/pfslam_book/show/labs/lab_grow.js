@@ -1,24 +1,14 @@
 /* A map grows (chapter 02): drive through a small building, scan by scan; each cell has a diary. */
 (function (root) {
   "use strict";
-  const {core, draw, lab} = root.pfslam;
+  const {core, draw, lab, world} = root.pfslam, {WINDOW, SPEC, LIDAR, RADIUS, START, WALLS, dot} = world;
 
-  const LOG_4 = Math.log(4), DEGREES = Math.PI / 180;
-  const WINDOW = [0, 7.5, 0, 5.5], SPEC = {origin: [-0.025, -0.025], resolution: 0.05, shape: [101, 151]};
-  // The building: x1, y1, x2, y2 of each wall (m). Two pieces can be taken away. All walls stand in the middle of their cells
-  // but the lowest: on the border of two rows, it gets holes, as beams that end in the outer row pass through the inner one.
-  const WALLS = [
-    0.25, 0.225, 7.25, 0.225, 7.25, 0.225, 7.25, 4.75, 7.25, 4.75, 0.25, 4.75, 0.25, 4.75, 0.25, 0.225,
-    0.25, 1.75, 1.45, 1.75, 2.35, 1.75, 5.05, 1.75, 5.95, 1.75, 7.25, 1.75,
-    3.75, 1.75, 3.75, 2.45, 3.75, 3.65, 3.75, 4.75,
-    5.95, 3.35, 6.55, 3.35, 6.55, 3.35, 6.55, 3.95, 6.55, 3.95, 5.95, 3.95, 5.95, 3.95, 5.95, 3.35,
-  ];
-  const PIECES = {door: [1.45, 1.75, 2.35, 1.75], panel: [3.75, 2.45, 3.75, 3.65]};
-  const LIDAR = {angleMin: -135 * DEGREES, angleMax: 135 * DEGREES, beams: 181, rangeMin: 0.1, rangeMax: 30, position: [0, 0]};
-  const START = [0.95, 1.0, 0], CELL = [32, 35];  // the robot in the corridor, and a cell of the door
-  const STEP = 0.1, RADIUS = 0.2, NOISE = 0.01;  // m from one scan to the next while it drives; m; m of the ranges
+  const LOG_4 = Math.log(4), CELL = [38, 52];  // a cell of the door
+  // What can be opened: x1, y1, x2, y2 (m) from the hinge to the handle, shut and open.
+  const LEAVES = {door: {shut: [1.2, 2.2, 2.2, 2.2], open: [1.2, 2.2, 1.2, 1.2]}, panel: {shut: [4.2, 0.7, 4.2, 1.7], open: [4.2, 0.7, 5.2, 0.7]}};
+  const STEP = 0.1, MOST = 600;  // m from one scan to the next while it drives; scans for which a survey has room
   const SEEN = 3;  // so many scans must hit a cell of a wall for it to be seen wall
-  const LINES = 5;  // of the diary, in words
+  const LINES = 3;  // of the diary, in words
 
   /** A robot in a building, all that its scans have said, and the map of it. */
   class Survey {
@@ -31,7 +21,7 @@
 
     /** An empty map; the robot stays where it is. */
     reset() {
-      Object.assign(this, {dice: core.generator(this.seed), said: [], hits: new Float64Array(SPEC.shape[0] * SPEC.shape[1])});
+      Object.assign(this, {dice: core.generator(this.seed), said: [], hits: new Uint16Array(SPEC.shape[0] * SPEC.shape[1])});
       if (this.trace) this.trace.length = 0;
       this.write();
     }
@@ -42,9 +32,12 @@
     }
 
     get walls() {
-      const shut = Object.keys(PIECES).filter(name => !this.open[name]);
-      return Float64Array.from([...WALLS, ...shut.flatMap(name => PIECES[name])]);
+      const shut = Object.keys(LEAVES).filter(name => !this.open[name]), key = shut.join();
+      if (this.shut !== key) Object.assign(this, {shut: key, built: Float64Array.from([...WALLS, ...shut.flatMap(name => LEAVES[name].shut)])});
+      return this.built;
     }
+
+    get full() { return this.said.length >= MOST; }
 
     /** The map of all scans, written anew with the present settings. */
     write() {
@@ -59,25 +52,14 @@
 
     /** Look round once and write the scan into the map. Eq. 7, 14, 15. */
     scan() {
-      const {pose, walls} = this, noise = this.dice.normals(LIDAR.beams);
-      const ranges = core.castRays(walls, new Float64Array(0), pose, core.beamAngles(LIDAR)).map((range, k) => range + NOISE * noise[k]);
+      if (this.full) return;
+      const {pose, walls} = this, ranges = world.scan(pose, this.dice, walls);
       this.points_w = core.transformPoints(pose, core.scanPoints(ranges, LIDAR));
-      const said = core.evidence(SPEC, this.points_w, pose.slice(0, 2));
+      const said = core.evidence(SPEC, this.points_w, core.transformPoints(pose, LIDAR.position));
       this.said.push(said);
       said.forEach((word, k) => { if (word > 0) this.hits[k] += 1; });
       this.grid = core.addEvidence(this.grid, said, this.config);
       if (this.trace) this.trace.push({pose: pose.slice(), ranges});
-    }
-
-    /** Whether the robot has room at a place. */
-    fits(x, y) {
-      const {walls} = this;
-      for (let w = 0; w < walls.length; w += 4) {
-        const [ax, ay, ex, ey] = [walls[w], walls[w + 1], walls[w + 2] - walls[w], walls[w + 3] - walls[w + 1]];
-        const along = Math.max(0, Math.min(1, ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)));
-        if (Math.hypot(ax + along * ex - x, ay + along * ey - y) < RADIUS) return false;
-      }
-      return true;
     }
 
     /** Drive towards a place, step by step with a scan at each, along the walls where they are in the way. */
@@ -85,7 +67,8 @@
       for (let left = Math.hypot(x - this.pose[0], y - this.pose[1]) / STEP; left >= 1; left--) {
         const dx = x - this.pose[0], dy = y - this.pose[1], far = Math.hypot(dx, dy), step = [(STEP * dx) / far, (STEP * dy) / far];
         const ways = [step, [step[0], 0], [0, step[1]]];
-        const way = far >= STEP && ways.find(([a, b]) => Math.hypot(a, b) > 0.2 * STEP && this.fits(this.pose[0] + a, this.pose[1] + b));
+        const way = far >= STEP && !this.full && ways.find(([a, b]) =>
+          Math.hypot(a, b) > 0.2 * STEP && !core.touches(this.walls, [this.pose[0] + a, this.pose[1] + b], RADIUS));
         if (!way) return;
         this.pose = [this.pose[0] + way[0], this.pose[1] + way[1], Math.atan2(dy, dx)];
         this.driven = true;
@@ -97,12 +80,16 @@
 
     /** What the scans said about the chosen cell, and its log-odds after each, in log 4. */
     get diary() {
-      const at = this.cell[1] * SPEC.shape[1] + this.cell[0], pages = [];
+      const {grid, cell: [ix, iy], read} = this;
+      if (read && read.grid === grid && read.at === iy * SPEC.shape[1] + ix) return read.pages;
+      const at = iy * SPEC.shape[1] + ix, pages = [];
       let cell = {spec: {...SPEC, shape: [1, 1]}, logOdds: new Float32Array(1)};
       this.said.forEach((said, scan) => {
+        if (!said[at]) return;
         cell = core.addEvidence(cell, said.subarray(at, at + 1), this.config);
-        if (said[at]) pages.push({scan: scan + 1, hit: said[at] > 0, level: cell.logOdds[0] / LOG_4});
+        pages.push({scan: scan + 1, hit: said[at] > 0, level: cell.logOdds[0] / LOG_4});
       });
+      this.read = {grid, at, pages};
       return pages;
     }
 
@@ -111,63 +98,58 @@
     /** Square metres that are free in the map. */
     get area() { return SPEC.resolution ** 2 * this.grid.logOdds.reduce((sum, value) => sum + (value < 0), 0); }
 
-    /** For each cell whether a wall of the building runs through it, or along its border. All walls run along an axis. */
-    get standing() {
-      const {walls} = this, {shape: [, wide], origin, resolution} = SPEC, cells = new Uint8Array(this.hits.length);
-      const reach = (w, axis) => [Math.min, Math.max].map((one, k) =>
-        Math.floor((one(walls[w + axis], walls[w + 2 + axis]) - origin[axis]) / resolution + (2 * k - 1) * 1e-6));
-      for (let w = 0; w < walls.length; w += 4) {
-        const [[left, right], [low, high]] = [reach(w, 0), reach(w, 1)];
-        for (let iy = low; iy <= high; iy++) cells.fill(1, iy * wide + left, iy * wide + right + 1);
-      }
-      return cells;
-    }
-
     /** The share of the walls' cells which three scans or more have hit that the map no longer shows. */
     get worn() {
-      const {standing} = this;
+      const {walls, grid, hits, counted} = this;
+      if (counted && counted.grid === grid && counted.walls === walls) return counted.worn;
+      const standing = counted && counted.walls === walls ? counted.standing : world.standing(walls);
       let wall = 0, lost = 0;
-      this.hits.forEach((hits, k) => {
-        if (hits < SEEN || !standing[k]) return;
+      hits.forEach((times, k) => {
+        if (times < SEEN || !standing[k]) return;
         wall += 1;
-        if (!(this.grid.logOdds[k] > 0)) lost += 1;
+        if (!(grid.logOdds[k] > 0)) lost += 1;
       });
-      return wall ? lost / wall : 0;
+      this.counted = {grid, walls, standing, worn: wall ? lost / wall : 0};
+      return this.counted.worn;
     }
   }
 
   lab("grow", stage => {
-    const survey = new Survey(stage.options), shown = {building: false, held: false, drawn: "", knot: 0, from: 0, to: 0, share: () => 1};
+    const survey = new Survey(stage.options), shown = {building: false, held: null, drawn: "", knot: 0, from: 0, to: 0, share: () => 1};
     const plan = stage.plan({
       name: "The map, the robot, and the chosen cell",
-      help: "Drag the robot; point at any cell for its diary. Keys: arrows drive, the letters A, D, W and S choose the next cell.",
+      help: "Drag the robot, or a door by its knob; point at any cell for its diary. Keys: arrows drive, A, D, W and S choose the next cell.",
       window: WINDOW,
     });
-    const rope = stage.chart({name: "A rope at the chosen cell: hits pull to the right, passing beams to the left, up to the clamp", height: 46});
-    const chart = stage.chart({name: "The log-odds of the chosen cell after each scan", height: 96});
+    const rope = stage.chart({name: "A rope at the chosen cell: hits pull to the right, passing beams to the left, up to the clamp", height: 42});
+    const chart = stage.chart({name: "The log-odds of the chosen cell after each scan", height: 76});
     const diary = stage.words("");
+    diary.classList.add("pfslam-diary");
     const clock = stage.clock({hertz: 10, tick: () => survey.scan(), step: () => survey.scan()});
-    clock.pause();
-    stage.check({name: "Door open", key: "o", change: open => { survey.open.door = open; }});
     const slider = (key, name, min, max) => stage.slider({
       name, min, max, step: 0.01, value: survey.settings[key], unit: "log 4", change: value => survey.set(key, value)});
-    slider("hit", "Hit", 0.1, 3);
     slider("free", "Free", 0.01, 2);
+    stage.fold("More");
+    slider("hit", "Hit", 0.1, 3);
     slider("clamp", "Clamp", 0.5, 20);
-    stage.fold("More settings");
     stage.button({name: "New map", key: "n", press: () => { survey.reset(); survey.scan(); }});
-    stage.check({name: "Panel away", key: "p", change: away => { survey.open.panel = away; }});
+    const boxes = {door: ["Door open", "o"], panel: ["Second door open", "p"]};
+    for (const [leaf, [name, key]] of Object.entries(boxes)) boxes[leaf] = stage.check({name, key, change: open => { survey.open[leaf] = open; }});
     stage.check({name: "Show the building", key: "b", change: value => { shown.building = value; }});
+    const knobAt = (x, y) => Object.keys(LEAVES).find(leaf => plan.near(x, y, knob(leaf, survey.open[leaf])));
+    const onRobot = (x, y) => plan.near(x, y, survey.pose);
+    const hold = (x, y) => {
+      if (shown.held === "robot") survey.drive(x, y);
+      else if (!shown.held) survey.choose(...core.worldToCell(SPEC, [x, y]));
+      else if (survey.open[shown.held] !== nearer(shown.held, x, y)) boxes[shown.held].click();
+    };
     stage.drag(plan, {
       start: (x, y) => {
-        shown.held = plan.near(x, y, survey.pose) || Math.hypot(x - survey.pose[0], y - survey.pose[1]) < 2 * RADIUS;
-        if (!shown.held) survey.choose(...core.worldToCell(SPEC, [x, y]));
+        shown.held = onRobot(x, y) ? "robot" : knobAt(x, y) || null;
+        if (shown.held !== "robot") hold(x, y);
       },
-      move: (x, y) => {
-        if (shown.held) survey.drive(x, y);
-        else survey.choose(...core.worldToCell(SPEC, [x, y]));
-      },
-      grab: (x, y) => plan.near(x, y, survey.pose),
+      move: hold,
+      grab: (x, y) => onRobot(x, y) || Boolean(knobAt(x, y)),
     });
     const go = (dx, dy) => down => {
       if (down) survey.drive(survey.pose[0] + 1.01 * STEP * dx, survey.pose[1] + 1.01 * STEP * dy);
@@ -179,6 +161,7 @@
     return {
       state: survey, shown, constants: {SPEC, LIDAR, SEEN},
       draw() {
+        if (survey.full) clock.pause();
         paintMap(plan, stage.colours, survey, shown);
         paintRope(rope, stage, survey, shown);
         paintDiary(chart, stage.colours, survey);
@@ -189,29 +172,36 @@
     };
   });
 
+  /** Where the knob of a leaf is, [x, y]. */
+  const knob = (leaf, open) => LEAVES[leaf][open ? "open" : "shut"].slice(2);
+
+  /** Whether a place is nearer to the knob of the leaf when it is open. */
+  function nearer(leaf, x, y) {
+    const [open, shut] = [true, false].map(state => Math.hypot(knob(leaf, state)[0] - x, knob(leaf, state)[1] - y));
+    return open < shut;
+  }
+
   function paintMap(plan, colours, survey, shown) {
-    const {pose, grid, cell, settings, open} = survey, size = plan.width < 500 ? 13 : 15;
+    const {pose, grid, cell, settings, open} = survey;
     plan.clear(colours.paper);
     draw.grid(plan, grid, colours, LOG_4 * Math.min(settings.clamp, 2));
-    if (shown.building) draw.line(plan, survey.walls, colours.estimate, {width: 1.5, gaps: true});
-    for (const [name, piece] of Object.entries(PIECES)) {
-      draw.line(plan, piece, colours.highlight, {width: 2.5, dash: open[name] ? [3, 6] : []});
-    }
+    if (shown.building) draw.line(plan, survey.walls, colours.truth, {width: 1, gaps: true});
     if (survey.said.length) {
-      draw.rays(plan, pose.slice(0, 2), survey.points_w.filter((_, k) => k % 8 < 2), colours.clear);
+      draw.rays(plan, core.transformPoints(pose, LIDAR.position), survey.points_w.filter((_, k) => k % 8 < 2), colours.clear);
       draw.dots(plan, survey.points_w, colours.hits, 1.6);
     }
-    draw.robot(plan, pose, colours.estimate, {radius: RADIUS, fill: colours.free});
-    const [x, y] = plan.at(SPEC.resolution * cell[0], SPEC.resolution * (cell[1] + 1)), side = SPEC.resolution * plan.scale;
+    for (const leaf of Object.keys(LEAVES)) {
+      draw.line(plan, LEAVES[leaf][open[leaf] ? "open" : "shut"], colours.highlight, {width: 2.5, dash: open[leaf] ? [3, 6] : []});
+      draw.dots(plan, knob(leaf, open[leaf]), colours.highlight, 6);
+    }
+    world.robot(plan, pose, colours, "truth");
+    const [x, y] = plan.at(SPEC.origin[0] + SPEC.resolution * cell[0], SPEC.origin[1] + SPEC.resolution * (cell[1] + 1)), side = SPEC.resolution * plan.scale;
     for (const [colour, width] of [[colours.free, 6], [colours.hits, 3]]) {
       Object.assign(plan.context, {strokeStyle: colour, lineWidth: width});
       plan.context.strokeRect(x - 2, y - 2, side + 4, side + 4);
     }
-    const worn = `${plural(survey.said.length, "scan")}, ${(100 * survey.worn).toFixed(0)} % of the seen walls worn off`;
-    draw.text(plan, worn, 8, 1.4 * size, colours.ink, {size, halo: colours.paper});
-    if (survey.driven) return;
-    const [rx, ry] = plan.at(pose[0], pose[1] - 1.6 * RADIUS);
-    draw.text(plan, "drag me", rx, ry + size, colours.ink, {size, align: "center", halo: colours.free});
+    const said = `${plural(survey.said.length, "scan")}, ${(100 * survey.worn).toFixed(0)} % of the seen walls worn off.`;
+    plan.write(survey.full ? `${said} The survey is full: press <i>New map</i>.` : survey.driven ? said : `${said} Drag the robot.`);
   }
 
   /** A tug-of-war on the chosen cell: where the knot is, its log-odds are; the posts at the ends are the clamp. */
@@ -277,7 +267,6 @@
   /** The diary in words: the last scans that touched the cell. */
   function inWords(survey) {
     const pages = survey.diary, {clamp} = survey.settings;
-    const dot = name => `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-${name})">●</span>`;
     const lines = pages.slice(-LINES).map(({scan, hit, level}) =>
       `scan ${scan} ${hit ? `${dot("hits")} hit` : `${dot("clear")} passed`} ${signed(level)}${Math.abs(level) > clamp - 1e-6 ? " (clamp)" : ""}`);
     const start = `<b>Diary of cell (${survey.cell.join(", ")})</b>: ${tally(pages)}.`;

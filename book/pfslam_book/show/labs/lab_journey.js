@@ -1,29 +1,64 @@
 /* One pixel's journey (chapter 06): from the depth image to a point in space and to a cell of the map. */
 (function (root) {
   "use strict";
-  const {core, draw, lab} = root.pfslam;
+  const {core, draw, lab, world} = root.pfslam, {SPEC} = world;
 
   const NO_READING = 2047, NEAREST = 0.1, FARTHEST = 10;  // the disparity of a hole; m
+  const POSE = [1.2, 3, 0], AHEAD = 1.6;  // of the robot, before the letters of the corridor; m to the middle of the floor that is shown
+  const HOLES = 3000, HIGH = 2.4, SIGHT = 0.8, RAYS = 1600;  // pixels without a reading; m, of the walls; rad to each side, in so many rays
+  const HALF = 2;  // of so many pixels, each way, the colour camera keeps one
   const EVERY = 8;  // of the pixels, each way, one is drawn from the side
-  const BRUSH = 10, FLOOR = {side: 0.05, far: 2.6, half: 1};  // pixels; m: a cell, and how far ahead and aside the painted floor goes
+  const BRUSH = 10;  // pixels round the chosen one that paint with it
   const SIDE = {x0: -0.2, x1: 8.2, z0: -0.6, z1: 1.5};  // the side view, m
 
-  /** One image pair and its camera; the pixels are there as soon as the browser has unpacked them. */
+  /** What a depth camera and a colour camera see of the building from one pose. */
   class Shot {
-    constructor({camera, pose, spec, disparity, rgb}, ready) {
-      Object.assign(this, {camera, pose, spec, ready: false});
+    constructor({camera}) {
+      Object.assign(this, {camera, pose: POSE, pixel: {u: 310, v: 413}, painted: new Map()});
       this.settings = {pitch: camera.pitch, tolerance: 0.01};
-      this.pixel = {u: 310, v: 413};
-      this.painted = new Map();
-      Promise.all([disparity, rgb].map(unpack)).then(([packed, colours]) => {
-        this.disparity = Uint16Array.from({length: packed.width * packed.height},
-                                          (_, k) => 256 * packed.data[4 * k] + packed.data[4 * k + 1]);
-        Object.assign(this, {picture: colours.canvas, colours: colours.data, ready: true, few: this.thinned()});
-        ready();
-      });
+      const dice = core.generator(1), [x, y] = core.transformPoints(POSE, camera.position.slice(0, 2));
+      this.holes = new Set(Array.from({length: HOLES}, () => Math.floor(dice.uniform() * camera.width * camera.height)));
+      this.walls = core.castRays(world.WALLS, [], [x, y, POSE[2]], Float64Array.from({length: RAYS}, (_, k) => SIGHT * ((2 * k) / RAYS - 1)));
+      this.colours = this.picture();
+      this.few = this.thinned();
     }
 
-    at(u, v) { return this.disparity[v * this.camera.width + u]; }
+    /** What is seen at a pixel of the depth camera: its depth (m), and its colour [r, g, b]. */
+    view(u, v) {
+      const c = this.camera, [cos, sin] = [Math.cos(c.pitch), Math.sin(c.pitch)], [right, down] = [(u - c.centreU) / c.focalU, (v - c.centreV) / c.focalV];
+      const [ahead, left, up] = [cos - sin * down, -right, -sin - cos * down], along = Math.hypot(ahead, left);
+      const ray = Math.max(1, Math.min(RAYS - 1, Math.round((Math.atan2(left, ahead) / SIGHT + 1) * RAYS / 2))), wall = this.walls[ray] / along;
+      const floor = up < 0 ? c.position[2] / -up : Infinity, depth = Math.min(floor, wall);
+      if (depth === wall) {
+        const height = c.position[2] + depth * up, turned = Math.abs(this.walls[ray] - this.walls[ray - 1]) / this.walls[ray] > 0.001;
+        const shade = (height < 0.1 ? 120 : height > HIGH ? 250 : turned ? 205 : 175) - 6 * depth;
+        return {depth, colour: [shade, shade, shade + 4]};
+      }
+      const {colours, spec, width, height} = world.floor(), c_w = core.transformPoints(this.pose, [c.position[0] + depth * ahead, depth * left]);
+      const [ix, iy] = core.worldToCell(spec, c_w), at = 4 * ((height - 1 - iy) * width + ix);
+      return {depth, colour: colours.subarray(at, at + 3)};
+    }
+
+    /** The image of the colour camera, in pixels of `HALF`: for each the depth pixel is sought that Eq. 16 takes there. */
+    picture() {
+      const c = this.camera, [width, height] = [c.width / HALF, c.height / HALF];
+      this.image = Object.assign(document.createElement("canvas"), {width, height});
+      const context = this.image.getContext("2d"), image = context.createImageData(width, height);
+      for (let k = 0; k < width * height; k++) {
+        const v = (HALF * Math.floor(k / width) * c.rgbDivisor - c.rgbOffsetV) / c.rgbFocal;
+        const u = inverse => (HALF * (k % width) * c.rgbDivisor - c.rgbOffsetU - c.rgbBaseline * inverse) / c.rgbFocal;
+        const first = this.view(u(c.depthScale / 2), v), seen = this.view(u(c.depthScale / first.depth), v);
+        image.data.set([...seen.colour, 255], 4 * k);
+      }
+      context.putImageData(image, 0, 0);
+      return image.data;
+    }
+
+    /** The disparity of a pixel: whole numbers, and none in a hole. */
+    at(u, v) {
+      const {camera: c} = this;
+      return this.holes.has(v * c.width + u) ? NO_READING : Math.round((c.depthScale / this.view(u, v).depth - c.disparityOffset) / c.disparitySlope);
+    }
 
     /** Depth (m) of a disparity; NaN without a reading. The depth of Eq. 17. */
     depth(d) {
@@ -59,7 +94,7 @@
       steps.world = [...core.transformPoints(this.pose, steps.body.slice(0, 2)), steps.body[2]];
       steps.end = "not floor";
       if (Math.abs(steps.world[2]) > this.settings.tolerance) return steps;
-      return Object.assign(steps, {cell: Array.from(core.worldToCell(this.spec, steps.world.slice(0, 2))), end: "floor"});
+      return Object.assign(steps, {cell: Array.from(core.worldToCell(SPEC, steps.world.slice(0, 2))), end: "floor"});
     }
 
     /** Every few pixels: their colour pixels, and their points in the optical frame. */
@@ -74,16 +109,13 @@
       return points;
     }
 
-    /** The pixels round the chosen one colour the floor ahead of the robot, each in its cell, if its journey gets there. */
+    /** The pixels round the chosen one colour the floor, each its cell, if its journey gets there. */
     paint() {
-      if (!this.ready) return;
       const {u, v} = this.pixel, {width, height} = this.camera;
       for (let b = Math.max(0, v - BRUSH); b <= Math.min(height - 1, v + BRUSH); b += 2) {
         for (let a = Math.max(0, u - BRUSH); a <= Math.min(width - 1, u + BRUSH); a += 2) {
           const steps = this.journey({u: a, v: b});
-          if (steps.end !== "floor") continue;
-          const [x, y] = steps.body;
-          this.painted.set(`${Math.floor(x / FLOOR.side)},${Math.floor(y / FLOOR.side)}`, colourOf(this, steps));
+          if (steps.end === "floor") this.painted.set(steps.cell.join(), {cell: steps.cell, colour: colourOf(this, steps)});
         }
       }
     }
@@ -95,26 +127,15 @@
     }
   }
 
-  /** An image as its pixels. */
-  function unpack(source) {
-    const image = new Image();
-    image.src = source;
-    return image.decode().then(() => {
-      const canvas = Object.assign(document.createElement("canvas"), {width: image.naturalWidth, height: image.naturalHeight});
-      const context = canvas.getContext("2d", {willReadFrequently: true});
-      context.drawImage(image, 0, 0);
-      return {canvas, width: canvas.width, height: canvas.height, data: context.getImageData(0, 0, canvas.width, canvas.height).data};
-    });
-  }
-
   lab("journey", stage => {
-    const shot = new Shot(stage.options, () => stage.redraw()), {width, height} = shot.camera;
+    const shot = new Shot(stage.options), {width, height} = shot.camera;
     const plan = stage.plan({
       name: "What the camera sees; the pixel that is followed",
       help: "Point at a pixel, drag, tap, or use the arrow keys, which go faster while you hold them.",
       window: [0, width, -height, 0],
     });
-    const side = stage.chart({name: "The points of the image from the side, with the ray of the chosen pixel", height: 150});
+    const side = stage.chart({name: "The points of the image from the side, with the ray of the chosen pixel", height: 90});
+    side.write("From the side: 8 m of floor, the camera at the left.");
     const degrees = 180 / Math.PI;
     stage.slider({name: "Pitch", min: 14, max: 22, step: 0.05, value: shot.settings.pitch * degrees, unit: "°",
                   change: value => { shot.settings.pitch = value / degrees; shot.painted.clear(); }});
@@ -134,30 +155,29 @@
       if (down) shot.choose(u + far * du, v + far * dv);
     };
     stage.keys(plan, {ArrowLeft: go(-1, 0), ArrowRight: go(1, 0), ArrowUp: go(0, -1), ArrowDown: go(0, 1)});
-    stage.button({name: "Bare floor", key: "n", press: () => shot.painted.clear()});
     const story = stage.words("");
     story.classList.add("pfslam-story");
     stage.controls.after(story);
+    stage.fold("More");
+    stage.button({name: "Bare floor", key: "n", press: () => shot.painted.clear()});
     return {
-      state: shot,
+      state: shot, constants: {SPEC},
       draw() {
-        plan.clear(stage.colours.paper);
         side.clear(stage.colours.paper);
-        if (!shot.ready) return;
         const steps = shot.journey();
         paintImage(plan, stage.colours, shot, steps);
         paintFloor(plan, stage.colours, shot);
         paintSide(side, stage.colours, shot, steps);
         story.innerHTML = tell(steps, shot);
       },
-      describe: () => (shot.ready ? sentence(shot.journey()) : "The image is being unpacked."),
+      describe: () => sentence(shot.journey()),
     };
   });
 
   /** The colour image, with a green veil on what counts as floor. */
   function paintImage(plan, colours, shot, steps) {
     const {context} = plan, size = EVERY * plan.scale;
-    context.drawImage(shot.picture, 0, 0, plan.width, plan.height);
+    context.drawImage(shot.image, 0, 0, plan.width, plan.height);
     context.fillStyle = colours.clear;
     context.globalAlpha = 0.35;
     for (const [u, v, ...point] of shot.few) {
@@ -180,21 +200,24 @@
     }
   }
 
-  /** In the upper right corner, from above with the robot below: the floor that the chosen pixels have painted. */
+  /** In the upper right corner, from above: the piece of the building before the robot, with the floor that has been painted. */
   function paintFloor(plan, colours, shot) {
-    const {context} = plan, scale = Math.min(150, 0.3 * plan.width) / (2 * FLOOR.half);
-    const [left, top, wide, high] = [plan.width - 8 - 2 * FLOOR.half * scale, 8, 2 * FLOOR.half * scale, FLOOR.far * scale];
-    context.fillStyle = colours.paper;
-    context.fillRect(left, top, wide, high);
-    for (const [cell, colour] of shot.painted) {
-      const [ix, iy] = cell.split(",").map(Number), x = ix * FLOOR.side, y = iy * FLOOR.side;
-      if (x < 0 || x >= FLOOR.far - FLOOR.side || Math.abs(y) > FLOOR.half - FLOOR.side) continue;
+    const {context} = plan, window = world.near([POSE[0] + AHEAD, POSE[1]], AHEAD + 0.4), width = Math.min(220, 0.4 * plan.width);
+    const inset = Object.assign(Object.create(plan), {window, width, height: (width * (window[3] - window[2])) / (window[1] - window[0])});
+    context.save();
+    context.translate(plan.width - width - 8, 8);
+    context.beginPath();
+    context.rect(0, 0, width, inset.height);
+    context.clip();
+    world.paint(inset, colours);
+    for (const {cell: [ix, iy], colour} of shot.painted.values()) {
+      const [x, y] = inset.at(SPEC.origin[0] + ix * SPEC.resolution, SPEC.origin[1] + (iy + 1) * SPEC.resolution), side = SPEC.resolution * inset.scale + 0.5;
       context.fillStyle = colour;
-      context.fillRect(left + (FLOOR.half - y - FLOOR.side) * scale, top + high - (x + FLOOR.side) * scale, FLOOR.side * scale + 0.7, FLOOR.side * scale + 0.7);
+      context.fillRect(x, y, side, side);
     }
-    context.fillStyle = colours.estimate;
-    context.fillRect(left + FLOOR.half * scale - 4, top + high - 6, 8, 6);
-    draw.text(plan, "your floor, from above", left + wide, top + high + 16, "#ffffff", {size: 13, align: "right", halo: "#1b1b1b"});
+    world.robot(inset, POSE, colours, "truth");
+    context.restore();
+    plan.write("What the camera sees; in the corner, from above, the floor that you paint.");
   }
 
   /** All points from the side: floor in green. The ray of the pixel goes from the camera to its point. */
@@ -215,7 +238,6 @@
     };
     line(SIDE.x0, tolerance, SIDE.x1, tolerance, colours.ink, 0.75);
     line(SIDE.x0, -tolerance, SIDE.x1, -tolerance, colours.ink, 0.75);
-    draw.text(side, "from the side: 8 m of floor, the camera at the left", 8, 18, colours.ink);
     const [cx, cy] = at(px, pz);
     context.fillStyle = colours.estimate;
     context.fillRect(cx - 5, cy - 5, 10, 10);
@@ -230,7 +252,7 @@
   }
 
   function colourOf(shot, {colour}) {
-    const {width, height} = shot.camera, [u, v] = colour.map(Math.round);
+    const [width, height] = [shot.camera.width / HALF, shot.camera.height / HALF], [u, v] = colour.map(value => Math.round(value / HALF));
     const k = 4 * (Math.max(0, Math.min(height - 1, v)) * width + Math.max(0, Math.min(width - 1, u)));
     return `rgb(${shot.colours.slice(k, k + 3).join(",")})`;
   }

@@ -6,6 +6,7 @@
   const CELLS = 15, DOORS = [1, 4, 10], PRIOR = 0.3;  // cell 0 is the entrance
   const AT_DOOR = 0.95, AT_WALL = 0.05, ENTRANCE = 0.98;  // chances of seeing a door, and of telling the entrance
   const STEP = [0.05, 0.9, 0.05];  // sent one cell on, it stays, moves one, or moves two
+  const OPENING = 12, REMEMBERED = 60;  // steps before the reader comes: nothing has died yet; cells of a path that are kept
   const MARGIN = 2.4;  // the room at the left for the lines from parents to children, in cells
 
   const dot = name => `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-${name});outline:1px solid var(--lab-muted)">●</span>`;
@@ -42,11 +43,11 @@
       this.way += stepOf(u);
       this.truth = this.way % CELLS;
       this.cells = this.cells.map((cell, k) => (cell + stepOf(numbers[k])) % CELLS);
-      this.paths = this.paths.map((path, k) => [...path, this.cells[k]]);
+      this.paths = this.paths.map((path, k) => [...path.slice(1 - REMEMBERED), this.cells[k]]);
       if (this.round > before) this.founders = this.founders.map((_, k) => k);  // a new round: count histories afresh
       this.moves += 1;
       this.what = "move";
-      this.trace.push({truth: this.truth, numbers});
+      this.note({truth: this.truth, numbers});
     }
 
     /** One look: every particle is weighed in its own map from its own cell, and draws what was seen into that cell. */
@@ -65,7 +66,7 @@
       });
       Object.assign(this, {sees, what: truth ? (sees ? "door" : "wall") : "entrance", lookedAt: this.moves});
       this.looks += 1;
-      this.trace.push({sees, truth, shared});
+      this.note({sees, truth, shared});
     }
 
     /** Draw the particles anew by their weights; each copy takes its map and its path along. */
@@ -75,7 +76,7 @@
       this.family = {ancestors, weights: this.weights, maps: this.maps, cells: this.cells};
       Object.assign(this, {cells: Int32Array.from(pick(this.cells)), maps: pick(this.maps), paths: pick(this.paths),
                            founders: Int32Array.from(pick(this.founders)), weights: new Float64Array(n).fill(1 / n), what: "resample"});
-      this.trace.push({u});
+      this.note({u});
     }
 
     /** A whole step: resample if few particles carry the weight, move, look. */
@@ -84,6 +85,9 @@
       if (this.looks) this.move();
       this.look();
     }
+
+    /** For tests: what happened, in order, with all random numbers. */
+    note(event) { if (this.settings.trace) this.trace.push(event); }
 
     toggle(cell) { if (cell && !this.doors.delete(cell)) this.doors.add(cell); }
 
@@ -107,7 +111,9 @@
   }
 
   lab("maps", stage => {
-    const walk = new Walk(stage.options), narrow = stage.body.clientWidth < 500, rows = narrow ? 14 : 8;
+    const walk = new Walk(stage.options);
+    for (let k = 0; k < OPENING && !stage.options.empty; k++) walk.step();  // it is under way when the reader comes
+    const narrow = stage.body.clientWidth < 500, rows = narrow ? 10 : 8;
     const tall = rows + (narrow ? 7 : 5), shown = {cursor: 1, moved: false, family: null, share: () => 1};
     const plan = stage.plan({
       name: "The corridor, the map on which the particles agree, and below it each particle's own map",
@@ -123,12 +129,12 @@
     const story = stage.words("");
     const clock = stage.clock({hertz: 2, tick: () => walk.step(), step: () => walk.step()});
     const byHand = action => () => { clock.pause(); action(); };
+    stage.button({name: "Start again", key: "n", press: () => walk.reset()});
+    stage.fold("More");
     stage.button({name: "Look", key: "l", press: byHand(() => walk.look())});
     stage.button({name: "Resample", key: "r", press: byHand(() => walk.resample())});
     stage.button({name: "Move", key: "m", press: byHand(() => walk.move())});
     stage.check({name: "One shared map", key: "o", change: value => { walk.settings.shared = value; walk.reset(); }});
-    stage.fold("More settings");
-    stage.button({name: "Start again", key: "n", press: () => walk.reset()});
     stage.button({name: "New dice", key: "d", press: () => { walk.settings.seed += 1; walk.reset(); }});
     stage.slider({name: "Particles", min: 8, max: 100, step: 1, value: walk.settings.particles, digits: 0,
                   change: value => { walk.settings.particles = value; walk.reset(); }});

@@ -1,54 +1,37 @@
 /* Slide the scan (chapter 04): drag and turn a scan over the map; its score and the scores of all shifts follow.
- * The scan was taken at one of the places, or it is cast wherever the reader stands in the building. */
+ * The scan is cast wherever the reader stands in the building. */
 (function (root) {
   "use strict";
-  const {core, draw, lab} = root.pfslam;
+  const {core, draw, lab, world} = root.pfslam, {WINDOW, SPEC, LIDAR, dot} = world;
 
-  const REACH = 3.5, SHIFT = 0.05, SHIFTS = 8;  // m around the robot; m from one shift to the next, so many each way
-  const LIMIT = SHIFT * SHIFTS, TURN = 10, RADIUS = 0.2, HANDLE = 1.1;  // m and degrees that the guess may be moved; m; m from robot to handle
+  const REACH = 2.4, SHIFT = 0.05, SHIFTS = 8;  // m to each side of the robot; m from one shift to the next, so many each way
+  const LIMIT = SHIFT * SHIFTS, TURN = 10, HANDLE = 0.8;  // m and degrees that the guess may be moved; m from robot to handle
   const FULL = {occupied: 1, distance: 1000};  // what a point scores at most
   const RADIANS = Math.PI / 180;
   const STRIDE = 0.1, CLICK = 5;  // m and degrees for a key, when the reader walks
+  // Where the robot is, and how far off (m, m, rad) the guess begins.
+  const PLACES = {corner: {pose: [6.9, 1.2, 0.3], off: [-0.1, 0.1, -2 * RADIANS]}, corridor: {pose: [4.5, 3, 0], off: [0, 0, 0]},
+                  anywhere: {pose: [2.1, 4.8, 0], off: [0, 0, 0]}};
 
-  /** A map, a scan in it, and the guess of where the scan was taken. */
+  /** The map of the building, a scan in it, and the guess of where the scan was taken. */
   class Guess {
-    constructor({places, building}) {
-      Object.assign(this, {places: {...places}, building, kind: "occupied", maps: {}});
-      if (building) this.walk(...building.start);
-      this.stand(Object.keys(places)[0]);
+    constructor() {
+      Object.assign(this, {spec: SPEC, cells: world.known().occupied, kind: "occupied", fields: {}, here: PLACES.anywhere.pose});
+      this.stand("corner");
     }
 
-    /** Stand at x, y (m), facing theta (rad), and take a scan there: rays against the walls of the building, with noise. */
+    /** Stand at x, y (m), facing theta (rad), and take a scan there. */
     walk(x, y, theta) {
-      if (this.place === "anywhere" && !this.fits(x, y)) return;
-      const {walls, lidar, spec, occupied, noise} = this.building, angles = core.beamAngles(lidar), pose = [x, y, theta];
-      const sensor = [...core.transformPoints(pose, lidar.position), theta], dice = core.generator(1).normals(lidar.beams);
-      const ranges = core.castRays(walls, [], sensor, angles).map((range, k) => range + noise * dice[k]);
-      this.places.anywhere = {pose, points: core.scanPoints(ranges, lidar), occupied, spec};
+      if (!world.room([x, y])) return;
+      this.here = [x, y, theta];
       this.stand("anywhere");
     }
 
-    /** Whether the robot has room at a place of the building. */
-    fits(x, y) {
-      const {walls, window} = this.building;
-      if (x < window[0] || x > window[1] || y < window[2] || y > window[3]) return false;
-      const around = core.beamAngles({angleMin: -Math.PI, angleMax: Math.PI, beams: 48});
-      return core.castRays(walls, [], [x, y, 0], around).every(range => range > RADIUS && range < 60);
-    }
-
-    /** Where the reader stands, if it is a place of the reader's own. */
-    get here() { return this.places.anywhere.pose; }
-
-    /** Go to a place: the map as it was then, its scan, and the pose from which the guess starts. */
-    stand(name) {
-      const {pose, points, occupied, spec} = this.places[name];
-      Object.assign(this, {place: name, start: pose, spec, shift: [0, 0], turn: 0, points_b: Float64Array.from(points)});
-      if (!this.maps[name]) {
-        const cells = new Uint8Array(spec.shape[0] * spec.shape[1]);
-        for (const k of occupied) cells[k] = 1;
-        this.maps[name] = {cells, fields: {}, grid: {spec, logOdds: Float32Array.from(cells)}};
-      }
-      Object.assign(this, this.maps[name]);
+    /** Go to a place, and take its scan; the guess starts as far off as it is there. */
+    stand(place) {
+      const pose = place === "anywhere" ? this.here : PLACES[place].pose, {off} = PLACES[place];
+      const points_b = core.scanPoints(world.scan(pose, core.generator(1)), LIDAR);
+      Object.assign(this, {place, pose_w: pose, start: pose.map((value, k) => value + off[k]), shift: [0, 0], turn: 0, points_b});
     }
 
     get field() { return (this.fields[this.kind] = this.fields[this.kind] || core.scoreField(this.cells, this.spec, this.kind)); }
@@ -63,7 +46,7 @@
 
     /** The share of the best possible score at each of these poses. Eq. 6 to 9. */
     shares(poses) {
-      const full = FULL[this.kind] * Math.max(1, this.points_b.length / 2);  // somebody may stand where nothing is seen
+      const full = (FULL[this.kind] * this.points_b.length) / 2;
       return core.scores(this.field, this.spec, this.points_b, poses).map(score => score / full);
     }
 
@@ -86,21 +69,23 @@
   }
 
   lab("slide", stage => {
-    const guess = new Guess(stage.options);
-    const window = () => [guess.start[0] - REACH, guess.start[0] + REACH, guess.start[1] - 0.7 * REACH, guess.start[1] + 0.7 * REACH];
+    const guess = new Guess();
     const plan = stage.plan({
       name: "The map and the scan as it lies from the guessed pose",
-      help: "Drag the scan, and turn it by the dot before the robot. Keys: arrows slide it by a centimetre, the letters Q and E turn it.",
-      window: window(),
+      help: "Drag the robot, and the scan slides with it; turn it by the dot before the robot. Keys: arrows slide it by a centimetre, the " +
+        "letters Q and E turn it.",
+      window: world.near(guess.start, REACH),
     });
+    stage.words([dot("hits", "points of the scan beside walls,"), dot("highlight", "on walls. In the corner: the scores of all shifts.")].join(" "));
     const turned = value => { guess.turn = value; };
-    const turn = stage.slider({name: "Turn", min: -TURN, max: TURN, step: 0.1, value: 0, unit: "°", digits: 1, change: turned});
-    const go = () => { plan.window = window(); turn.value = 0; turn.dispatchEvent(new Event("input")); };
-    const where = stage.choice({name: "Place", options: Object.fromEntries(Object.keys(guess.places).map(name => [name, name])),
+    const go = () => { plan.window = world.near(guess.start, REACH); turn.value = 0; turn.dispatchEvent(new Event("input")); };
+    const where = stage.choice({name: "Place", options: Object.fromEntries(Object.keys(PLACES).map(name => [name, name])),
                   value: guess.place, change: name => { guess.stand(name); go(); }});
     stage.choice({name: "Score by", options: {occupied: "count of points on walls", distance: "likelihood field"}, value: guess.kind,
                   change: kind => { guess.kind = kind; }});
     stage.button({name: "Start again", key: "n", press: () => { guess.stand(guess.place); go(); }});
+    stage.fold("Stand anywhere in the building");
+    const turn = stage.slider({name: "Turn", min: -TURN, max: TURN, step: 0.1, value: 0, unit: "°", digits: 1, change: turned});
     let held = null, before = null;
     const onHandle = (x, y) => plan.near(x, y, handle(guess.pose));
     stage.drag(plan, {
@@ -136,18 +121,17 @@
       where.querySelector("[value=anywhere]").checked = true;
       go();
     }
-    if (guess.building) stage.fold("Stand anywhere in the building");
-    const facing = guess.building && stage.slider({
+    const facing = stage.slider({
       name: "Stand facing", min: -180, max: 180, step: 1, value: guess.here[2] / RADIANS, unit: "°", digits: 0,
       change: value => walk(guess.here[0], guess.here[1], value * RADIANS),
     });
-    const overview = guess.building && stroll(stage, guess, walk, facing);
+    const overview = stroll(stage, guess, walk, facing);
     return {
-      state: guess,
+      state: guess, constants: {SPEC, LIDAR, occupied: guess.cells},
       draw() {
         paintMap(plan, stage.colours, guess);
         paintScores(plan, stage.colours, guess);
-        if (overview) paintBuilding(overview, stage.colours, guess);
+        paintBuilding(overview, stage.colours, guess);
       },
       describe: () => sentence(guess),
     };
@@ -158,7 +142,7 @@
     const overview = stage.plan({
       name: "The whole building, and where the robot stands",
       help: "Click, tap or drag in the building to stand there. Keys: arrows walk, the letters Q and E turn.",
-      window: guess.building.window,
+      window: WINDOW,
     });
     const goTo = (x, y) => walk(x, y, guess.here[2]);
     stage.drag(overview, {start: goTo, move: goTo, grab: (x, y) => overview.near(x, y, guess.here)});
@@ -173,48 +157,30 @@
     return overview;
   }
 
-  /** The map of the building, a frame for the piece of it above, and the robot. */
+  /** The building, a frame for the piece of it above, and the robot with its scan. */
   function paintBuilding(plan, colours, guess) {
-    const [x, y, theta] = guess.start, {cells, grid} = guess.maps.anywhere, width = grid.spec.shape[1];
-    const store = (plan.ours = plan.ours || document.createElement("canvas"));
-    plan.clear(colours.free);
-    if (plan.drawnIn !== colours || plan.drawnFor !== plan.width) {  // a wall of one cell would vanish where a pixel holds three of them
-      Object.assign(store, {width: plan.canvas.width, height: plan.canvas.height});
-      Object.assign(plan, {drawnIn: colours, drawnFor: plan.width});
-      const context = store.getContext("2d"), ratio = plan.canvas.width / plan.width;
-      context.fillStyle = colours.wall;
-      for (let k = 0; k < cells.length; k++) {
-        if (!cells[k]) continue;
-        const [px, py] = plan.at(grid.spec.origin[0] + (k % width) * grid.spec.resolution,
-                                 grid.spec.origin[1] + Math.floor(k / width) * grid.spec.resolution);
-        context.fillRect(ratio * px, ratio * py, 1.5, 1.5);
-      }
-    }
-    plan.context.drawImage(store, 0, 0, plan.width, plan.height);
-    const [left, top] = plan.at(x - REACH, y + 0.7 * REACH);
+    const {start, pose_w} = guess, [left, right, low, high] = world.near(start, REACH), [x, y] = plan.at(left, high);
+    world.paint(plan, colours);
     Object.assign(plan.context, {strokeStyle: colours.highlight, lineWidth: 2});
-    plan.context.strokeRect(left, top, 2 * REACH * plan.scale, 1.4 * REACH * plan.scale);
-    const points_w = core.transformPoints([x, y, theta], guess.points_b);
-    squares(plan, points_w, colours.hits, 1);
-    draw.robot(plan, [x, y, theta], colours.estimate, {radius: 0.35});
+    plan.context.strokeRect(x, y, (right - left) * plan.scale, (high - low) * plan.scale);
+    squares(plan, core.transformPoints(pose_w, guess.points_b), colours.hits, 1);
+    world.robot(plan, pose_w, colours, "truth");
   }
 
   function paintMap(plan, colours, guess) {
-    const {pose, points_b, spec, cells} = guess, points_w = core.transformPoints(pose, points_b), on = [], off = [];
-    plan.clear(colours.free);
-    // The same object from frame to frame, or the map would be painted anew in each.
-    if (plan.tonedFrom !== colours) Object.assign(plan, {tonedFrom: colours, tones: {...colours, paper: colours.free}});
-    draw.grid(plan, guess.grid, plan.tones, 1);
-    const places = core.worldToCell(spec, points_w);
+    const {pose, points_b, cells} = guess, points_w = core.transformPoints(pose, points_b), on = [], off = [];
+    plan.clear(colours.paper);
+    draw.grid(plan, world.known().grid, colours, 1);
+    const places = core.worldToCell(SPEC, points_w);
     for (let k = 0; k < points_w.length; k += 2) {
-      const hit = core.contains(spec, places[k], places[k + 1]) && cells[places[k + 1] * spec.shape[1] + places[k]];
+      const hit = core.contains(SPEC, places[k], places[k + 1]) && cells[places[k + 1] * SPEC.shape[1] + places[k]];
       (hit ? on : off).push(points_w[k], points_w[k + 1]);
     }
-    squares(plan, off, colours.hits, 1.6);
-    squares(plan, on, colours.highlight, 2.4);
+    squares(plan, off, colours.hits, 2);
+    squares(plan, on, colours.highlight, 2.8);
     paintHandle(plan, colours, pose, guess.share / Math.max(...guess.surface()));
-    draw.robot(plan, pose, colours.estimate, {radius: RADIUS});
-    draw.text(plan, `${(100 * guess.share).toFixed(0)} % of the best possible score`, 8, 20, colours.ink, {size: 16, halo: colours.free});
+    world.robot(plan, pose, colours, "estimate");
+    plan.write(`${(100 * guess.share).toFixed(0)} % of the best possible score`);
   }
 
   /** The handle on its line, and a glow round the robot that grows as the scan nears the best shift. */
@@ -264,13 +230,10 @@
       context.lineTo(x, y + 8);
       context.stroke();
     }
-    draw.text(plan, "scores of all shifts", plan.width - 8, top - 6, colours.ink,
-              {size: plan.width < 500 ? 12 : 14, align: "right", halo: colours.free});
   }
 
   function sentence(guess) {
     const [dx, dy] = guess.shift, best = Math.max(...guess.surface());
-    if (!guess.points_b.length) return "Nothing is seen from here. Stand inside the building.";
     return `Moved by ${dx.toFixed(2)}, ${dy.toFixed(2)} metres and turned by ${guess.turn.toFixed(1)} degrees, the scan reaches ` +
       `${(100 * guess.share).toFixed(0)} percent; the best shift at this heading reaches ${(100 * best).toFixed(0)}.`;
   }

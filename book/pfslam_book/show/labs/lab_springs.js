@@ -13,7 +13,7 @@
   /** The graph: poses as driven and as they are by now, motions, loops, and the hand. */
   class Graph {
     constructor(options) {
-      this.settings = {drift: 0.05, stiffness: 1, honest: false, false: false, robust: false, ...options};
+      this.settings = {drift: 0.05, honest: false, false: false, robust: false, ...options};
       this.truth = [[0, 0, 0]];
       for (let k = 1; k < N; k++) this.truth.push(core.compose(this.truth[k - 1], [STRIDE, 0, k % SIDE === 0 ? Math.PI / 2 : 0]));
       this.reset();
@@ -34,7 +34,7 @@
     /** Motions and the loops that are closed. The false one takes the middle of the third side for the middle of the first. */
     get edges() {
       const {settings, truth, chain} = this, loop = (name, z) => ({
-        i: LOOPS[name][0], j: LOOPS[name][1], z, information: information(SIGMAS).map(value => settings.stiffness * value), loop: true, name});
+        i: LOOPS[name][0], j: LOOPS[name][1], z, information: information(SIGMAS), loop: true, name});
       return [...chain, ...(settings.honest ? [loop("honest", core.between(truth[0], truth[N - 1]))] : []),
               ...(settings.false ? [loop("false", [0, 0, 0])] : [])];
     }
@@ -73,17 +73,16 @@
       help: "Pull at a pose: drag it, and let go. Keys: left and right choose a pose, up pulls it outwards, down lets go.",
       window: WINDOW,
     });
-    stage.words([["estimate", "the poses, joined by the motions that were measured."], ["muted", "where the robot truly was."],
+    stage.words([["estimate", "the poses, joined by the measured motions."], ["muted", "where the robot truly was."],
                  ["clear", "a loop that is content,"], ["hits", "one that is strained; the thinner, the less it counts."]].map(([colour, words]) =>
       `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-${colour})">●</span>\u00a0${words}`).join(" "));
-    const strain = stage.chart({name: "The squared error of every edge in standard deviations, motions first, loops last", height: 90});
+    const strain = stage.chart({name: "The squared error of every edge in standard deviations, motions first, loops last", height: 70});
     const toggle = name => value => { settings[name] = value; graph.shake(); };
     stage.check({name: "True loop", key: "t", change: toggle("honest")});
     stage.check({name: "False loop", key: "f", change: toggle("false")});
     stage.check({name: "Robust kernel", key: "r", change: toggle("robust")});
+    stage.fold("More");
     stage.button({name: "Start again", key: "n", press: () => graph.reset()});
-    stage.slider({name: "Loop stiffness, 10 to the", min: -2, max: 2, step: 0.1, value: 0, digits: 1,
-                  change: value => { settings.stiffness = 10 ** value; graph.shake(); }});
     stage.slider({name: "Drift of a motion", min: -0.1, max: 0.1, step: 0.005, value: settings.drift, unit: "rad", digits: 3,
                   change: value => { settings.drift = value; graph.reset(); }});
     const nearest = (x, y) => graph.poses.reduce((best, [px, py], k) =>
@@ -117,7 +116,7 @@
   });
 
   function paint(plan, colours, graph, chosen) {
-    const {poses, truth, edges, weights, held, settings} = graph, flat = path => path.flatMap(([x, y]) => [x, y]), size = plan.width < 500 ? 12 : 16;
+    const {poses, truth, edges, weights, held, settings} = graph, flat = path => path.flatMap(([x, y]) => [x, y]);
     plan.clear(colours.free);
     draw.line(plan, flat(truth), colours.muted, {width: 1.5, dash: [4, 4]});
     edges.forEach((edge, k) => {
@@ -129,11 +128,8 @@
     if (held) draw.line(plan, [...poses[held.k].slice(0, 2), ...held.place], colours.highlight, {width: 2, dash: [3, 3]});
     poses.forEach((pose, k) => draw.robot(plan, pose, k === 0 ? colours.ink : colours.estimate,
       {radius: 0.14, fill: held && k === held.k ? colours.highlight : k === 0 ? colours.muted : colours.free}));
-    draw.text(plan, news(graph), 8, 1.3 * size, colours.ink, {size, halo: colours.free});
-    if (settings.robust && settings.honest | settings.false && !graph.settled) {
-      const width = graph.width === Infinity ? "infinite" : graph.width;
-      draw.text(plan, `width of the kernel: ${width}`, plan.width - 8, plan.height - 8, colours.ink, {size: size - 2, align: "right", halo: colours.free});
-    }
+    const narrowing = settings.robust && settings.honest | settings.false && !graph.settled;
+    plan.write(news(graph) + (narrowing ? ` Width of the kernel: ${graph.width === Infinity ? "infinite" : graph.width}.` : ""));
   }
 
   /** A zigzag from one place to another. */
@@ -148,7 +144,7 @@
 
   function news(graph) {
     const {settings, error, weights, edges} = graph, off = `${(100 * error).toFixed(0)} cm off`;
-    if (!settings.honest && !settings.false) return `As driven: ${off}. Close the true loop.`;
+    if (!settings.honest && !settings.false) return `As driven: ${off}. Tick <i>True loop</i>: which poses move most?`;
     const wrong = edges.findIndex(edge => edge.name === "false");
     if (wrong >= 0 && weights[wrong] < 0.05) return `The false loop has been let go: ${off}.`;
     if (wrong >= 0) return `A false loop bends it all: ${off}.`;
@@ -160,12 +156,12 @@
     const {edges, poses} = graph, step = strain.width / (N + 1);
     strain.clear(colours.paper);
     edges.forEach((edge, k) => {
-      const chi2 = core.chiSquare(edge, poses), height = Math.min(1, Math.sqrt(chi2) / 5) * (strain.height - 26);
+      const chi2 = core.chiSquare(edge, poses), height = Math.min(1, Math.sqrt(chi2) / 5) * (strain.height - 4);
       const place = edge.loop ? N - 1 + (edge.name === "false" ? 1 : 0) : k;
       strain.context.fillStyle = edge.loop ? (chi2 < 12 ? colours.clear : colours.hits) : colours.estimate;
       strain.context.fillRect(place * step + 0.1 * step, strain.height - height, 0.8 * step, height);
     });
-    draw.text(strain, "strain of each motion, and of the loops (right), in standard deviations up to 5", 8, 17, colours.ink, {size: strain.width < 500 ? 10 : 13});
+    strain.write("Strain of each motion, and of the loops (right), in standard deviations up to 5.");
   }
 
   function sentence(graph) {
