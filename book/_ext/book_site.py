@@ -67,6 +67,8 @@ BETTER_MARKUP = (
     (r'<summary>(?=<span class="toctree-toggle")', '<summary aria-label="Pages of this section">'),
     (r'role="doc-biblioentry"', 'role="listitem"'),
     (r"<p>✅</p>", "<p>done</p>"),  # not every machine has this letter
+    # What the foot of each page leads to is not told in the sidebar, too.
+    (r'(?s)<p [^>]*><span class="caption-text">In the foot of each page</span>.*?(?=\s*</div>\s*</nav>)', ""),
 )
 
 MATHJAX = re.compile(
@@ -292,6 +294,13 @@ FOLDS = {
 }
 
 
+def set_captions_in_margin(app, doctree) -> None:
+    """A caption stands beside its figure; the theme folds its table of contents while there is one in that place."""
+    for caption in doctree.findall(nodes.caption):
+        if isinstance(caption.parent, nodes.figure):
+            caption["classes"].append("margin-caption")
+
+
 def name_folds(app, doctree) -> None:
     """A fold says what it hides: the set-up, a solution, or else some code."""
     for cell in doctree.findall(nodes.container):
@@ -381,6 +390,7 @@ def setup(app):
     app.connect("doctree-read", anchor_sources)
     app.connect("env-get-updated", number_figures, priority=900)  # after Sphinx has counted through the book
     app.connect("doctree-read", wrap_sentences)
+    app.connect("doctree-read", set_captions_in_margin)
     app.connect("doctree-read", name_folds)
     app.connect("doctree-read", name_command)
     app.connect("config-inited", show_addresses)

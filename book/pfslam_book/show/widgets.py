@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from .pictures import APART, FRAME_QUALITY, data_uri, image_tag, night_uri, output_mode, quick_uri, to_rgb
+from .pictures import APART, FOR_PHONES, FRAME_QUALITY, data_uri, image_tag, night_uri, output_mode, quick_uri, to_rgb
 
 MAX_FRAMES = 60  # about 1 MB on the page
 TRACK = 1000  # places on the track of a slider whose stops are not evenly spaced
@@ -162,7 +162,7 @@ class Explorer:
     def frame(self, **values) -> np.ndarray:
         """The picture at these values, (H, W, 3) uint8."""
         with garbage_swept():
-            return to_rgb(self.draw(**values))
+            return to_rgb(self.draw(**values), FOR_PHONES)
 
     def tag(self, **values) -> str:
         """The `<img>` that a move of a slider sends to JupyterLab."""
@@ -175,7 +175,7 @@ class Explorer:
         for state in self.states():
             with garbage_swept():
                 drawing = self.draw(**self.values(state))
-                pictures[state] = to_rgb(drawing), night_uri(drawing, FRAME_QUALITY)
+                pictures[state] = to_rgb(drawing, FOR_PHONES), night_uri(drawing, FRAME_QUALITY)
         return pictures
 
     def __repr__(self) -> str:
