@@ -76,6 +76,10 @@ MATHJAX = re.compile(
 )
 DOUBLED_TITLE = re.compile(r"<title>(.+?) &#8212; \1</title>")
 
+CODE = re.compile(
+    r'(?s)(?<=<div class="highlight-ipython3 notranslate"><div class="highlight"><pre><span></span>).*?(?=</pre>)'
+)
+PHONE_COLUMNS = 46  # letters of code in a line of a window of 390 pixels
 MODULE_LIST = re.compile(
     r"(All modules for which code is available</h1>\s*)(<ul>.*</ul>)(?=\s*</article>)", re.DOTALL
 )
@@ -111,7 +115,16 @@ def clean_page(page: str) -> str:
         page = MATHJAX.sub("", page)
     page = TABLE.sub(lambda table: NAME.sub(lambda name: JOINT.sub("<wbr>", name[0]), table[0]), page)
     page = LISTED.sub(lambda name: JOINT.sub("<wbr>", name[0]), page)
+    page = CODE.sub(lambda code: "".join(map(hung, code[0].splitlines(keepends=True))), page)
     return MODULE_LIST.sub(one_list, page)
+
+
+def hung(line: str) -> str:
+    """A line of code that is longer than a phone is wide, marked with its indent: there its rest goes on below."""
+    text = unescape(re.sub(r"<[^>]+>", "", line)).rstrip("\n")
+    if len(text) <= PHONE_COLUMNS:
+        return line
+    return f'<span class="pfslam-line" style="--indent: {len(text) - len(text.lstrip())}">{line}</span>'
 
 
 APART = re.compile(re.escape(APART_MARK) + r"([A-Za-z0-9+/=]+)")

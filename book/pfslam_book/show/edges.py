@@ -1,4 +1,4 @@
-"""Where the words of a figure stand: on the sheet, whole, and on no other words. The book is not built if one does not."""
+"""Where the words of a figure stand: on the sheet, whole, and on no other words; else the book is not built."""
 
 from itertools import combinations
 
@@ -38,20 +38,18 @@ def drawn(figure: Figure) -> tuple[np.ndarray, list[str]]:
     renderer = NotingRenderer(*canvas.get_width_height(physical=True), figure.dpi)
     figure.draw(renderer)
     words = [(s, box, cut) for s, box, cut in renderer.words if s.strip()]
-    legends: list[Legend] = [one for one in figure.findobj(Legend) if one.get_visible()]
-    frames = [one.get_window_extent(renderer) for one in legends]
     wrong = [f"{s!r} is cut off" for s, box, cut in words if not _inside(box, cut)]
     wrong += [f"{a[0]!r} lies on {b[0]!r}" for a, b in combinations(words, 2) if _overlap(a[1], b[1])]
-    for s, box, _ in words:
-        hidden = [frame for frame in frames if _overlap(box, frame) and not _inside(box, frame)]
-        wrong += [f"{s!r} lies under the edge of a legend" for _ in hidden]
+    for legend in figure.findobj(Legend):
+        frame = legend.get_window_extent(renderer)
+        under = [s for s, box, _ in words if _overlap(box, frame) and not _inside(box, frame)]
+        wrong += [f"{s!r} lies under the edge of a legend" for s in under]
     return np.asarray(renderer.buffer_rgba()), wrong
 
 
 def _inside(box: Bbox, frame: Bbox) -> bool:
-    (x0, y0), (x1, y1) = box.get_points()
-    (left, low), (right, high) = frame.get_points() + [[-SLACK, -SLACK], [SLACK, SLACK]]
-    return bool(left <= x0 and x1 <= right and low <= y0 and y1 <= high)
+    low, high = frame.min - SLACK, frame.max + SLACK
+    return bool((low <= box.min).all() and (box.max <= high).all())
 
 
 def _overlap(one: Bbox, other: Bbox) -> bool:
