@@ -144,14 +144,14 @@ def test_a_page_has_two_widths_and_a_wider_screen_no_smaller_figures(visit, chap
         assert set(found["others"]) == {592, 736}, width
         assert set(found["pictures"]) == {736}, width
         assert page.evaluate(WIDTH_BEYOND_SCREEN) <= 0, width
-        for caption in page.locator("article .cell_output figcaption.margin-caption").all():
+        for caption in page.locator("article .cell_output figure.align-default > figcaption").all():
             picture, words = caption.locator("..").bounding_box(), caption.bounding_box()
             if width >= 1200:  # beside its picture
                 assert words["x"] >= picture["x"] + 736
                 assert words["x"] + words["width"] <= width
 
 
-WORDS_ON_THE_PAGE = """() => [...document.querySelectorAll('article .cell_output figcaption.margin-caption')].map(
+WORDS_ON_THE_PAGE = """() => [...document.querySelectorAll('article .cell_output figure.align-default > figcaption')].map(
   e => parseFloat(getComputedStyle(e).fontSize))"""
 
 
@@ -201,14 +201,23 @@ def test_a_line_has_some_seventy_letters(visit, width):
     assert 62 <= sum(letters) / len(letters) <= 75
 
 
-def test_captions_stand_beside_pictures_where_there_is_room(visit):
-    page = visit("notebooks/03_prediction_only.html", width=1600).page
+def test_without_a_third_column_captions_stand_below_their_pictures(visit):
+    page = visit("notebooks/03_prediction_only.html", width=1199).page
     figure = page.locator("article .cell_output figure.align-default").first
     picture, caption = figure.locator("img").bounding_box(), figure.locator("figcaption").bounding_box()
-    assert caption["x"] >= picture["x"] + picture["width"]
-    page.set_viewport_size({"width": 1280, "height": 900})
-    picture, caption = figure.locator("img").bounding_box(), figure.locator("figcaption").bounding_box()
     assert caption["y"] >= picture["y"] + picture["height"]
+
+
+def test_contents_fold_while_a_caption_stands_in_their_place_and_open_for_the_keyboard(visit):
+    page = visit("notebooks/03_prediction_only.html", height=800, reduced_motion="reduce").page
+    contents = page.locator(".bd-sidebar-secondary")
+    assert contents.bounding_box()["height"] > 100
+    page.locator("article .cell_output figure.align-default > figcaption").first.evaluate(
+        "e => window.scrollBy(0, e.getBoundingClientRect().top - 200)"
+    )
+    page.wait_for_function("() => document.querySelector('.bd-sidebar-secondary').offsetHeight < 60")
+    contents.get_by_role("link").first.focus()
+    page.wait_for_function("() => document.querySelector('.bd-sidebar-secondary').offsetHeight > 100")
 
 
 @pytest.mark.parametrize("width", [390, 1280])
