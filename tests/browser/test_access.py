@@ -151,13 +151,13 @@ def test_a_page_has_two_widths_and_a_wider_screen_no_smaller_figures(visit, chap
                 assert words["x"] + words["width"] <= width
 
 
-WORDS_ON_THE_PAGE = """() => [...document.querySelectorAll('article .cell_output figure.align-default > figcaption')].map(
-  e => parseFloat(getComputedStyle(e).fontSize))"""
+SIZES_OF_CAPTIONS = """() => [...document.querySelectorAll('article figure.align-default > figcaption')]
+  .map(e => parseFloat(getComputedStyle(e).fontSize))"""
 
 
 def test_the_words_of_a_figure_are_as_large_as_those_of_its_caption(visit, chapter_page):
     page = visit(chapter_page).page
-    sizes = page.evaluate(WORDS_ON_THE_PAGE)
+    sizes = page.evaluate(SIZES_OF_CAPTIONS)
     assert sizes == pytest.approx([WORDS * CSS_DPI / 72] * len(sizes), rel=0.02)
     drawn = page.locator("article .cell_output picture img").evaluate_all(
         "all => all.map(e => e.width - e.getAttribute('width'))"
