@@ -125,10 +125,10 @@ def test_paper_shows_the_pictures_and_no_controls(shared):
         assert not furniture.is_visible()
 
 
-# Of what stands in the column of a page: its left edge and width, pictures apart.
+# How wide that is what stands in the column of a page, pictures apart.
 WIDTHS = """() => {
   const seen = selector => [...document.querySelectorAll(selector)].filter(e => e.checkVisibility()
-    && !e.closest('.admonition, details:not([open]) > *, .pfslam-lab *, .pfslam-explorer *, li, dd, table'))
+    && !e.parentElement.closest('.admonition, details, .pfslam-lab, .pfslam-explorer, li, dd, table'))
     .map(e => Math.round(e.getBoundingClientRect().width));
   return {pictures: seen('article .cell_output img.pfslam-picture'),
           others: seen('article section > :is(p, ul, ol, dl), article :is(h1, h2, h3, div.math, div.cell_input)')
