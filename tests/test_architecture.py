@@ -174,8 +174,8 @@ def lines_of_code(path):
         ("**/*.py", 9505),
         ("*.py", 1500),
         ("beyond/loops/*.py", 265),
-        ("io/bags.py", 259),
-        ("io/topics.py", 143),
+        ("io/bags.py", 279),
+        ("io/topics.py", 158),
     ],
 )
 def test_what_is_to_be_read_stays_small(pattern, most):
@@ -183,7 +183,7 @@ def test_what_is_to_be_read_stays_small(pattern, most):
 
 
 def test_helpers_of_the_book_stay_small():
-    assert sum(map(lines_of_code, BOOK.rglob("*.py"))) <= 6284
+    assert sum(map(lines_of_code, BOOK.rglob("*.py"))) <= 6235
     for exercises in (BOOK / "exercises").glob("ch*.py"):
         places = BOOK.glob(f"{exercises.stem}*")
         own = [file for place in places for file in (place.rglob("*.py") if place.is_dir() else [place])]

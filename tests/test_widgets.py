@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from pfslam_book.show.pictures import Picture, quick_uri, to_rgb
-from pfslam_book.show.style import new_figure
+from pfslam_book.show.style import sheet
 from pfslam_book.show.widgets import Explorer, Slider, live_view, page_fragment
 
 
@@ -117,7 +117,7 @@ def test_a_figure_is_freed_as_soon_as_its_picture_is_taken():
     figures = weakref.WeakSet()
 
     def draw(level, tint):
-        figure, axes = new_figure(1, 1)
+        figure, axes = sheet(1)
         axes.plot([level, tint])
         figures.add(figure)
         return figure

@@ -64,12 +64,18 @@ BETTER_MARKUP = (
     (r'<summary>(?=<span class="toctree-toggle")', '<summary aria-label="Pages of this section">'),
     (r'role="doc-biblioentry"', 'role="listitem"'),
     (r"<p>✅</p>", "<p>done</p>"),  # not every machine has this letter
+    # What the foot of each page leads to is not told in the sidebar, too.
+    (r'(?s)<p [^>]*><span class="caption-text">In the foot of each page</span>.*?(?=\s*</div>\s*</nav>)', ""),
 )
 
 # Of the words of code that Pygments marks two thirds have the colour of those that it does not mark.
 UNCOLOURED = re.compile(r'<span class="(?:n|nn|p|w)">([^<]*)</span>')
 DOUBLED_TITLE = re.compile(r"<title>(.+?) &#8212; \1</title>")
 
+CODE = re.compile(
+    r'(?s)(?<=<div class="highlight-ipython3 notranslate"><div class="highlight"><pre><span></span>).*?(?=</pre>)'
+)
+PHONE_COLUMNS = 46  # letters of code in a line of a window of 390 pixels
 MODULE_LIST = re.compile(
     r"(All modules for which code is available</h1>\s*)(<ul>.*</ul>)(?=\s*</article>)", re.DOTALL
 )
@@ -96,7 +102,16 @@ def clean_page(page: str) -> str:
     page = DOUBLED_TITLE.sub(r"<title>\1</title>", page)
     page = TABLE.sub(lambda table: NAME.sub(lambda name: JOINT.sub("<wbr>", name[0]), table[0]), page)
     page = LISTED.sub(lambda name: JOINT.sub("<wbr>", name[0]), page)
+    page = CODE.sub(lambda code: "".join(map(hung, code[0].splitlines(keepends=True))), page)
     return MODULE_LIST.sub(one_list, page)
+
+
+def hung(line: str) -> str:
+    """A line of code that is longer than a phone is wide, marked with its indent: there its rest goes on below."""
+    text = unescape(re.sub(r"<[^>]+>", "", line)).rstrip("\n")
+    if len(text) <= PHONE_COLUMNS:
+        return line
+    return f'<span class="pfslam-line" style="--indent: {len(text) - len(text.lstrip())}">{line}</span>'
 
 
 APART = re.compile(re.escape(APART_MARK) + r"([A-Za-z0-9+/=]+)")
@@ -271,6 +286,13 @@ def plain_title(text: str) -> str:
     return unescape(re.sub(r"<[^>]+>", "", text))
 
 
+def set_captions_in_margin(app, doctree) -> None:
+    """A caption stands beside its figure; the theme folds its table of contents while there is one in that place."""
+    for caption in doctree.findall(nodes.caption):
+        if isinstance(caption.parent, nodes.figure):
+            caption["classes"].append("margin-caption")
+
+
 def offer_notebooks(app, error) -> None:
     """The notebook that a page offers reads right anywhere: numbers and references are words in it."""
     if error is not None or app.builder.format != "html":
@@ -351,6 +373,7 @@ def setup(app):
     app.connect("doctree-read", anchor_sources)
     app.connect("env-get-updated", number_figures, priority=900)  # after Sphinx has counted through the book
     app.connect("doctree-read", wrap_sentences)
+    app.connect("doctree-read", set_captions_in_margin)
     app.connect("doctree-read", name_command)
     app.connect("config-inited", show_addresses)
     app.connect("html-page-context", describe_page)

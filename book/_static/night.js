@@ -2,7 +2,7 @@
 (function () {
   "use strict";
   const root = document.documentElement;
-  const figures = Array.from(document.querySelectorAll('img[data-night]:not([data-night=""])'));
+  const figures = Array.from(document.querySelectorAll('[data-night]:not([data-night=""])')); // and those for phones
   const days = new Map(); // of each figure that is seen in the dark, the one on white paper, which a printer waits for no more
   let theme = null; // while the page is printed, the one before
 
@@ -17,10 +17,11 @@
   function choose() {
     const dark = root.dataset.theme === "dark";
     for (const image of figures) {
-      image.dataset.day ??= image.src;
+      const address = image.matches("source") ? "srcset" : "src";
+      image.dataset.day ??= image[address];
       const wanted = dark ? image.dataset.night : image.dataset.day;
-      if (image.getAttribute("src") !== wanted) image.src = wanted;
-      if (theme) image.loading = "eager";
+      if (image.getAttribute(address) !== wanted) image[address] = wanted;
+      if (theme && address === "src") image.loading = "eager";
     }
   }
 

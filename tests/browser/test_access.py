@@ -1,7 +1,9 @@
 """Pages for everybody: axe finds nothing, nothing is cut off or asked for elsewhere, keys and thumbs reach all."""
 
 import pytest
-from headless import WIDTH_BEYOND_SCREEN, violations
+from headless import PHONE, WIDTH_BEYOND_SCREEN, violations
+from pfslam_book.show.pictures import CSS_DPI
+from pfslam_book.show.style import WORDS
 
 pytestmark = pytest.mark.browser
 
@@ -122,6 +124,69 @@ def test_paper_shows_the_pictures_and_no_controls(shared):
         assert not furniture.is_visible()
 
 
+# How wide that is what stands in the column of a page, pictures apart.
+WIDTHS = """() => {
+  const seen = selector => [...document.querySelectorAll(selector)].filter(e => e.checkVisibility()
+    && !e.parentElement.closest('.admonition, details, .pfslam-lab, .pfslam-explorer, li, dd, table'))
+    .map(e => Math.round(e.getBoundingClientRect().width));
+  return {pictures: seen('article .cell_output img.pfslam-picture'),
+          others: seen('article section > :is(p, ul, ol, dl), article :is(h1, h2, h3, div.math, div.cell_input)')
+            .concat(seen('article :is(details, .admonition, figure.pfslam-lab, figure.pfslam-explorer)'))}; }"""
+WIDE_SCREENS = (768, 1024, 1199, 1200, 1280, 1366, 1440, 1680, 1920)
+
+
+def test_a_page_has_two_widths_and_a_wider_screen_no_smaller_figures(visit, chapter_page):
+    page = visit(chapter_page).page
+    for width in WIDE_SCREENS:
+        page.set_viewport_size({"width": width, "height": 900})
+        found = page.evaluate(WIDTHS)
+        assert set(found["others"]) == {592, 736}, width
+        assert set(found["pictures"]) == {736}, width
+        assert page.evaluate(WIDTH_BEYOND_SCREEN) <= 0, width
+        for caption in page.locator("article .cell_output figure.align-default > figcaption").all():
+            picture, words = caption.locator("..").bounding_box(), caption.bounding_box()
+            if width >= 1200:  # beside its picture
+                assert words["x"] >= picture["x"] + 736
+                assert words["x"] + words["width"] <= width
+
+
+SIZES_OF_CAPTIONS = """() => [...document.querySelectorAll('article figure.align-default > figcaption')]
+  .map(e => parseFloat(getComputedStyle(e).fontSize))"""
+
+
+def test_the_words_of_a_figure_are_as_large_as_those_of_its_caption(visit, chapter_page):
+    page = visit(chapter_page).page
+    sizes = page.evaluate(SIZES_OF_CAPTIONS)
+    assert sizes == pytest.approx([WORDS * CSS_DPI / 72] * len(sizes), rel=0.02)
+    drawn = page.locator("article .cell_output picture img").evaluate_all(
+        "all => all.map(e => e.width - e.getAttribute('width'))"
+    )
+    assert set(drawn) == {0}
+
+
+def test_code_does_not_scroll_on_a_phone(visit, chapter_page):
+    page = visit(chapter_page, **PHONE).page
+    long = (
+        "() => [...document.querySelectorAll('article div.highlight-ipython3 pre')]"
+        ".filter(e => e.scrollWidth > e.clientWidth).map(e => e.textContent)"
+    )
+    assert page.evaluate(long) == []
+
+
+def test_the_first_page_begins_with_its_title_and_a_picture(visit):
+    page = visit("book/index.html").page
+    assert not page.locator(".bd-sidebar-primary, .bd-sidebar-secondary").first.is_visible()
+    page.locator("button.primary-toggle").click()
+    page.wait_for_function("() => document.querySelector('.bd-sidebar-primary').checkVisibility()")
+    assert page.locator(".bd-sidebar-primary").get_by_text("01 Dead reckoning").is_visible()
+
+
+def test_the_foot_of_each_page_leads_to_licence_and_maintainers(shared):
+    for name in ("Licence", "For maintainers"):
+        assert shared.locator("footer").get_by_role("link", name=name, exact=True).is_visible()
+        assert shared.locator(".bd-sidebar-primary").get_by_role("link", name=name, exact=True).count() == 0
+
+
 LINE = """() => [...document.querySelectorAll('article section > p')].flatMap(p => {
   const lines = Math.round(p.getBoundingClientRect().height / parseFloat(getComputedStyle(p).lineHeight));
   return lines < 4 || p.querySelector('.math, code') ? [] : [p.textContent.length / (lines - 0.5)]; })"""
@@ -135,14 +200,23 @@ def test_a_line_has_some_seventy_letters(visit, width):
     assert 62 <= sum(letters) / len(letters) <= 75
 
 
-def test_captions_stand_beside_pictures_where_there_is_room(visit):
-    page = visit("notebooks/03_prediction_only.html", width=1600).page
+def test_without_a_third_column_captions_stand_below_their_pictures(visit):
+    page = visit("notebooks/03_prediction_only.html", width=1199).page
     figure = page.locator("article .cell_output figure.align-default").first
     picture, caption = figure.locator("img").bounding_box(), figure.locator("figcaption").bounding_box()
-    assert caption["x"] >= picture["x"] + picture["width"]
-    page.set_viewport_size({"width": 1280, "height": 900})
-    picture, caption = figure.locator("img").bounding_box(), figure.locator("figcaption").bounding_box()
     assert caption["y"] >= picture["y"] + picture["height"]
+
+
+def test_contents_fold_while_a_caption_stands_in_their_place_and_open_for_the_keyboard(visit):
+    page = visit("notebooks/03_prediction_only.html", height=800, reduced_motion="reduce").page
+    contents = page.locator(".bd-sidebar-secondary")
+    assert contents.bounding_box()["height"] > 100
+    page.locator("article .cell_output figure.align-default > figcaption").first.evaluate(
+        "e => window.scrollBy(0, e.getBoundingClientRect().top - 200)"
+    )
+    page.wait_for_function("() => document.querySelector('.bd-sidebar-secondary').offsetHeight < 60")
+    contents.get_by_role("link").first.focus()
+    page.wait_for_function("() => document.querySelector('.bd-sidebar-secondary').offsetHeight > 100")
 
 
 @pytest.mark.parametrize("width", [390, 1280])

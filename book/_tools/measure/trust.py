@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from pfslam_book.show.logs import FIRST
 from pfslam_book.show.pictures import encode, to_rgb
-from pfslam_book.show.style import COLOURS, INK, STYLE, metric_axes, new_figure
+from pfslam_book.show.style import COLOURS, INK, STYLE, metric_axes, sheet
 from pfslam_book.show.tables import ERROR, errors_by_label, labels_of, read_table, select, stored_studies
 from scipy.stats import chi2
 
@@ -248,7 +248,7 @@ def ellipses() -> Figure:
     result = run_slam(recording, keep_particles=False)
     estimate, truth = aligned_at_first(result.trajectory, recording.true_path())
     far = int(np.argmax(np.hypot(*estimate[:, :2].T)))
-    figure, (left, right) = new_figure(8.4, 4.0, columns=2, sharex=True, sharey=True)
+    figure, (left, right) = sheet(4.0, columns=2, sharex=True, sharey=True)
     for axes, title, scans in (
         (left, "until the farthest place", range(0, far + 1, 30)),
         (right, "from there to the end", range(far, len(estimate), 30)),

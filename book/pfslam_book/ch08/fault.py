@@ -123,7 +123,7 @@ class Fault:
         here, other = self.seen[state], self.seen[next(s for s in STATES if s != state)]
         here.symptom.draw(axes[0], state, other.symptom)
         here.diagnosis.draw(axes[1], state, other.diagnosis)
-        figure.suptitle(f"{self.number}: {self.value(state)}", fontsize=15, color=COLOUR[state])
+        figure.suptitle(f"{self.number}: {self.value(state)}", color=COLOUR[state])
         return figure
 
     def alt(self, state: str) -> str:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from pfslam_book.ch11.drives import STEP, Drive
-from pfslam_book.show.style import COLOURS, metric_axes, new_figure
+from pfslam_book.show.style import COLOURS, metric_axes, sheet
 from pfslam_book.show.widgets import Explorer, Slider
 
 IN_95_PERCENT = 5.99
@@ -66,7 +66,7 @@ def slam_explorer(runs: Mapping[float, tuple[Drive, Sequence[Belief]]]) -> Explo
         return drive, t, beliefs[t]
 
     def draw(time: float, noise: float) -> Figure:
-        figure, row = new_figure(7.2, 3.9, columns=2, width_ratios=[1.1, 1])
+        figure, row = sheet(3.9, columns=2, width_ratios=[1.1, 1])
         draw_belief(row, *moment(time, noise), title=f"after {time:g} s")
         return figure
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from pfslam.beyond.loops.graph import Edges, relax
 from pfslam.poses import between, compose
 from pfslam_book.show.lab import Laboratory, show_lab
-from pfslam_book.show.style import COLOURS, metric_axes, new_figure
+from pfslam_book.show.style import COLOURS, metric_axes, sheet
 from pfslam_book.show.widgets import Explorer, Slider
 
 SIDE = 2.0
@@ -99,7 +99,7 @@ def outlier_explorer() -> Explorer:
 
 def _frame(false: float, kernel: str) -> Figure:
     edges, poses, weights, error = outlier_case(false, kernel)
-    figure, axes = new_figure(6.8, 3.8, columns=2, width_ratios=[1.2, 1])
+    figure, axes = sheet(3.8, columns=2, width_ratios=[1.2, 1])
     truth = true_path(len(poses))
     axes[0].plot(*truth[:, :2].T, color=COLOURS["truth"], linewidth=3, alpha=0.3)
     edges = replace(edges, doubtful=np.arange(len(edges)) > 14)

@@ -110,7 +110,7 @@ def gallery_picture(outcomes: list[Outcome]) -> show:
         axes.set(xlabel="", ylabel="", facecolor=COLOURS["unknown"])
         end, bottom = x + 0.92 * half, y - half
         axes.plot([end - BAR, end], [bottom, bottom], color="black", linewidth=3.5)
-        axes.text(end - BAR, bottom, f"{BAR:.0f} m ", ha="right", va="center", fontsize=13)
+        axes.text(end - BAR, bottom, f"{BAR:.0f} m ", ha="right", va="center")
     looks = "; ".join(f"{outcome.failure.name}: {outcome.failure.looks}" for outcome in outcomes)
     return show(figure, f"Maps of the same minute. {looks}.")
 

@@ -12,9 +12,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -25,29 +22,11 @@ from pfslam.grid import OccupancyGrid
 from pfslam.particles import Particles
 from pfslam.poses import Trajectory
 from pfslam_book.show.pictures import Picture as show
-from pfslam_book.show.style import COLOURS, LINE_STYLES, new_figure
+from pfslam_book.show.style import COLOURS, LINE_STYLES, sheet
 from pfslam_book.show.style import metric_axes as plan
 
 __all__ = ["COLOURS", "draw_beams", "draw_cloud", "draw_map", "draw_path", "draw_pose", "draw_scan"]
 __all__ += ["plan", "sheet", "show"]
-
-WIDTH = 7.57  # inches of 100 CSS pixels: the column of the book
-SIZES: dict[Any, Any] = {"font.size": 14.5, "axes.titlesize": 15.5}
-"""Still read where a phone halves the picture."""
-
-
-def sheet(height: float = 4.2, rows: int = 1, columns: int = 1, **subplots):
-    """A figure as wide as the column and so many inches high, with its axes: one, or an array of them.
-
-    Its last word is ``show(figure, words)``, where the words say what it shows to those who cannot see it.
-    """
-    figure, axes = new_figure(WIDTH, height, rows, columns, **subplots)
-    matplotlib.rcParams.update(SIZES)
-    for one in np.ravel(axes):
-        one.tick_params(labelsize=SIZES["font.size"])
-        for text in (one.xaxis.label, one.yaxis.label, one.title):
-            text.set_fontsize(SIZES["font.size"] if text is not one.title else SIZES["axes.titlesize"])
-    return figure, axes
 
 
 def draw_map(axes: Axes, grid: OccupancyGrid, title: str = "") -> Axes:

@@ -14,7 +14,7 @@ from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.poses import Trajectory
 from pfslam_book.show.artists import draw_map, draw_path
 from pfslam_book.show.pictures import Picture
-from pfslam_book.show.style import new_figure
+from pfslam_book.show.style import sheet
 from pfslam_book.show.tables import Shown, errors_by_label, read_table
 
 KEPT = ("dead reckoning", "scan matching", "report")
@@ -91,7 +91,7 @@ def intel_map(method: str) -> OccupancyGrid:
 
 def intel_picture() -> Picture:
     """Draw the real building as the report's filter and as scan matching map it."""
-    figure, axes = new_figure(6.8, 4.4, columns=2)
+    figure, axes = sheet(4.4, columns=2)
     for ax, method in zip(axes, ("report", "scan matching"), strict=True):
         draw_map(ax, intel_map(method), method)
         draw_path(ax, intel_path(method), "estimate", "path")

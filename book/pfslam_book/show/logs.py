@@ -87,7 +87,7 @@ def logs_picture() -> Picture:
     for ax, building, metres in zip(axes.flat, buildings, runs["mean_m"], strict=False):
         _draw(ax, building, f"{building}, {metres:.2f} m")
     handles, words = axes.flat[0].get_legend_handles_labels()
-    figure.legend(handles, words, loc="outside lower center", ncols=2, fontsize=14.5)
+    figure.legend(handles, words, loc="outside lower center", ncols=2)
     told = ", ".join(f"{name} {metres:.2f} m" for name, metres in zip(buildings, runs["mean_m"], strict=True))
     return Picture(
         figure,

@@ -142,22 +142,10 @@ class NightRenderer(RendererAgg):
         """Draw one marker at many places."""
         self._renderer.draw_markers(gc, marker_path, marker_trans, path, trans, _pen(rgbFace))
 
-    def draw_path_collection(
-        self,
-        gc,
-        master_transform,
-        paths,
-        all_transforms,
-        offsets,
-        offset_trans,
-        facecolors,
-        edgecolors,
-        *rest,
-        **more,
-    ):
-        """Draw many outlines."""
-        places = (master_transform, paths, all_transforms, offsets, offset_trans)
-        self._renderer.draw_path_collection(gc, *places, _pens(facecolors), _pens(edgecolors), *rest, **more)
+    def draw_path_collection(self, gc, *what, **more):
+        """Draw many outlines: ``what`` is five things that say where, the colours of faces and edges, and more."""
+        *where, faces, edges = what[:7]
+        self._renderer.draw_path_collection(gc, *where, _pens(faces), _pens(edges), *what[7:], **more)
 
     def draw_image(self, gc, x, y, im, transform=None):
         """Draw a map in other colours, a photograph in its own."""

@@ -8,14 +8,15 @@ from collections.abc import Mapping
 
 import cv2
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from .edges import drawn
 from .night import draw_at_night
 
 MODES = ("live", "static", "text")
 CSS_DPI = 100  # CSS pixels per inch of figure
+FOR_PHONES = 0.72  # a sheet so much smaller: on half the width of a figure, words are still read
 RASTER = 2  # raster pixels per CSS pixel, for sharp print and dense screens
 WEBP_QUALITY = 80
 # The site makes a file of each address with this mark (`book_site.py`), which is fetched when it comes near.
@@ -37,13 +38,21 @@ def output_mode(environment: Mapping[str, str] = os.environ) -> str:
     return mode
 
 
-def to_rgb(drawing: Figure | np.ndarray) -> np.ndarray:
-    """Rasterise a figure to (H, W, 3) uint8; an array of that kind is returned as it is."""
+def to_rgb(drawing: Figure | np.ndarray, room: float = 1.0, strict: bool = False) -> np.ndarray:
+    """Rasterise a figure to (H, W, 3) uint8; an array of that kind is returned as it is.
+
+    With ``room`` below 1 the figure gets a sheet that is by this factor smaller, and as many pixels: its words are
+    larger. ``strict`` makes an error of words that do not fit.
+    """
     if isinstance(drawing, Figure):
-        drawing.set_dpi(CSS_DPI * RASTER)
-        canvas = FigureCanvasAgg(drawing)
-        canvas.draw()
-        return cv2.cvtColor(np.asarray(canvas.buffer_rgba()), cv2.COLOR_RGBA2RGB)
+        drawing.set_size_inches(*(room * drawing.get_size_inches()))
+        drawing.set_dpi(CSS_DPI * RASTER / room)
+        image, wrong = drawn(drawing)
+        if wrong:  # the first layout is for the ticks that were there before it
+            image, wrong = drawn(drawing)
+        if wrong and strict:
+            raise ValueError("in this figure " + "; ".join(wrong))
+        return cv2.cvtColor(image, cv2.COLOR_RGBA2RGB)
     image = np.asarray(drawing)
     if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
         raise TypeError(f"expected a Figure or an (H, W, 3) uint8 array, found {image.dtype} {image.shape}")
@@ -86,15 +95,29 @@ def image_tag(uri: str, alt: str, shape: tuple[int, ...], night: str = "") -> st
     height, width = shape[0] // RASTER, shape[1] // RASTER
     style = "max-width:100%;height:auto"
     late = ' loading="lazy"' if uri.startswith(APART) else ""
-    other = f' data-night="{night}"' if night else ""
     return (
         f'<img class="pfslam-picture"{late} src="{uri}" alt="{html.escape(alt)}" '
-        f'width="{width}" height="{height}" style="{style}"{other}>'
+        f'width="{width}" height="{height}" style="{style}"{_at_night(night)}>'
     )
+
+
+def _at_night(address: str) -> str:
+    return f' data-night="{address}"' if address else ""
+
+
+def _for_phones(figure: Figure) -> str:
+    """The `<source>` of the same figure with larger words; in committed notebooks it is drawn to be looked through."""
+    image = to_rgb(figure, FOR_PHONES, strict=True)
+    if output_mode() == "text":
+        return ""
+    uri = data_uri(image, FRAME_QUALITY, APART)
+    return f'<source media="(max-width: 600px)" srcset="{uri}"{_at_night(night_uri(figure, FRAME_QUALITY))}>'
 
 
 class Picture:
     """A figure with its alt text. Make it the last expression of a cell.
+
+    Where the book is made and tested, words that do not fit are an error; who draws in a kernel sees them as they are.
 
     The alt text says what the figure shows, numbers included, in one to three sentences. In committed
     notebooks it stands for the figure, so that the test run compares it word by word.
@@ -103,15 +126,22 @@ class Picture:
     def __init__(self, drawing: Figure | np.ndarray, alt: str):
         if not alt.strip():
             raise ValueError("a picture needs an alt text that says what it shows")
-        self.image, self.alt = to_rgb(drawing), " ".join(alt.split())
-        self.night = night_uri(drawing) if output_mode() == "static" else None
+        strict = output_mode() != "live"
+        self.image, self.alt = to_rgb(drawing, strict=strict), " ".join(alt.split())
+        self.night = self.phone = ""
+        if output_mode() == "static":
+            self.night = night_uri(drawing)
+        if isinstance(drawing, Figure) and strict:
+            self.phone = _for_phones(drawing)
 
     def __repr__(self) -> str:
         return f"[picture: {self.alt}]"
 
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict[str, str]:
         bundle = {"text/plain": repr(self)}
-        if output_mode() != "text":
-            uri = data_uri(self.image) if self.night is None else data_uri(self.image, head=APART)
-            bundle["text/html"] = image_tag(uri, self.alt, self.image.shape, self.night or "")
+        if output_mode() == "live":
+            bundle["text/html"] = image_tag(data_uri(self.image), self.alt, self.image.shape)
+        if output_mode() == "static":
+            image = image_tag(data_uri(self.image, head=APART), self.alt, self.image.shape, self.night)
+            bundle["text/html"] = f"<picture>{self.phone}{image}</picture>"
         return bundle

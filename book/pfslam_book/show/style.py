@@ -29,6 +29,9 @@ LINE_STYLES = {"truth": (0, (1, 1.2)), "odometry": "--", "estimate": "-"}
 PAPER = "#fcfcfa"
 INK = "#22262b"
 
+WIDTH = 7.36  # inches of 100 CSS pixels: a figure of the site, 46rem (`--pfslam-wide`), dot for dot
+WORDS = 10.4  # points, which are as large on the page as the words of a caption, 0.9rem
+
 STYLE: dict[Any, Any] = {
     "figure.facecolor": PAPER,
     "savefig.facecolor": PAPER,
@@ -36,7 +39,7 @@ STYLE: dict[Any, Any] = {
     "axes.facecolor": PAPER,
     "axes.edgecolor": INK,
     "axes.labelcolor": INK,
-    "axes.titlesize": 13,
+    "axes.titlesize": "medium",
     "axes.titley": 1.0,  # where titles stand anyhow; the search for a free place would lay out every tick again
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -47,8 +50,12 @@ STYLE: dict[Any, Any] = {
     "text.color": INK,
     "xtick.color": INK,
     "ytick.color": INK,
-    "font.size": 12,
+    "font.size": WORDS,
+    "figure.constrained_layout.w_pad": 0.06,
+    "figure.constrained_layout.h_pad": 0.06,
     "legend.frameon": True,
+    "legend.handlelength": 1.6,
+    "legend.labelspacing": 0.3,
     "legend.framealpha": 0.85,
     "legend.edgecolor": "none",
     "legend.facecolor": PAPER,
@@ -63,21 +70,14 @@ def use_style() -> None:
     matplotlib.rcParams.update(STYLE)
 
 
-def new_figure(width: float = 6.8, height: float = 4.2, rows: int = 1, columns: int = 1, **subplots):
-    """Draw on a fresh sheet that belongs to nobody else: no pyplot, nothing to close.
+def sheet(height: float = 4.2, rows: int = 1, columns: int = 1, **subplots):
+    """A figure as wide as the column and so many inches high, with its axes: one, or an array of them.
 
-    Parameters
-    ----------
-    width, height : size in inches; the book shows 100 CSS pixels per inch and has room for about 7 inches.
-    rows, columns : number of axes.
-    subplots : passed on to `Figure.subplots`, for instance `sharex=True` or `width_ratios=[2, 1]`.
-
-    Returns
-    -------
-    figure, axes : axes is one `Axes`, or an array of them when there are several.
+    It belongs to nobody else: no pyplot, nothing to close. Its last word is ``show(figure, words)``, where the words
+    say what it shows to those who cannot see it. ``subplots`` are those of `Figure.subplots`, as ``sharex=True``.
     """
     use_style()
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
     return figure, figure.subplots(rows, columns, **subplots)
 
 
@@ -87,6 +87,8 @@ def metric_axes(axes: Axes, title: str = "") -> Axes:
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.grid(False)
+    if len(axes.get_shared_y_axes().get_siblings(axes)) > 1:
+        axes.label_outer()  # one scale is told once
     if title:
         axes.set_title(title)
     return axes

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from .pictures import APART, FRAME_QUALITY, data_uri, image_tag, night_uri, output_mode, quick_uri, to_rgb
+from . import pictures as shown
+from .pictures import FRAME_QUALITY, image_tag, output_mode
 
 MAX_FRAMES = 60  # about 1 MB on the page
 TRACK = 1000  # places on the track of a slider whose stops are not evenly spaced
@@ -162,12 +163,12 @@ class Explorer:
     def frame(self, **values) -> np.ndarray:
         """The picture at these values, (H, W, 3) uint8."""
         with garbage_swept():
-            return to_rgb(self.draw(**values))
+            return shown.to_rgb(self.draw(**values), shown.FOR_PHONES)
 
     def tag(self, **values) -> str:
         """The `<img>` that a move of a slider sends to JupyterLab."""
         frame = self.frame(**values)
-        return image_tag(quick_uri(frame), self.alt(**values), frame.shape)
+        return image_tag(shown.quick_uri(frame), self.alt(**values), frame.shape)
 
     def frames(self) -> dict[tuple[int, ...], tuple[np.ndarray, str]]:
         """Every picture of the built page, by slider position, and the address of the one for the dark theme."""
@@ -175,7 +176,10 @@ class Explorer:
         for state in self.states():
             with garbage_swept():
                 drawing = self.draw(**self.values(state))
-                pictures[state] = to_rgb(drawing), night_uri(drawing, FRAME_QUALITY)
+                pictures[state] = (
+                    shown.to_rgb(drawing, shown.FOR_PHONES),
+                    shown.night_uri(drawing, FRAME_QUALITY),
+                )
         return pictures
 
     def __repr__(self) -> str:
@@ -264,7 +268,8 @@ def page_fragment(explorer: Explorer) -> str:
     identifier = _identifier(explorer)
     pictures = explorer.frames()
     uris = {
-        state: (data_uri(image, FRAME_QUALITY, APART), night) for state, (image, night) in pictures.items()
+        state: (shown.data_uri(image, FRAME_QUALITY, shown.APART), night)
+        for state, (image, night) in pictures.items()
     }
     alts = {state: explorer.alt(**explorer.values(state)) for state in pictures}
     start = explorer.start
