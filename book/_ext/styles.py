@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-SHEETS = ("styles/bootstrap.css", "styles/pydata-sphinx-theme.css", "sphinx-design.min.css")
+SHEETS = ("styles/bootstrap.css", "styles/pydata-sphinx-theme.css", "sphinx-design.min.css", "mystnb.*.css")
 COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 NOTICE = re.compile(r"/\*!.*?\*/", re.DOTALL)  # of a licence: it stays
 RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
@@ -39,5 +39,5 @@ def cut_styles(site: Path) -> None:
     """Keep the rules of the theme for classes that a page or a script names."""
     sources = [*site.rglob("*.html"), *(site / "_static").rglob("*.js")]
     known = {word for path in sources for word in WORD.findall(path.read_text(encoding="utf-8"))}
-    for path in (site / "_static" / sheet for sheet in SHEETS):
+    for path in (path for sheet in SHEETS for path in (site / "_static").glob(sheet)):
         path.write_text(cut_sheet(path.read_text(encoding="utf-8"), known), encoding="utf-8", newline="\n")

@@ -46,7 +46,14 @@ def _strip_cell(cell: dict, count: int) -> dict:
     if cell["cell_type"] != "code":
         return {**cell, "metadata": metadata}
     number = count if "".join(cell["source"]).strip() else None
-    outputs = [kept for output in cell["outputs"] if (kept := _strip_output(output, number)) is not None]
+    outputs: list[dict] = []
+    for kept in filter(None, (_strip_output(output, number) for output in cell["outputs"])):
+        if outputs and kept["output_type"] == outputs[-1]["output_type"] == "stream":
+            # A busy machine writes the lines of one cell in several pieces.
+            text = "".join(outputs[-1]["text"]) + "".join(kept["text"])
+            outputs[-1] = {**outputs[-1], "text": text.splitlines(keepends=True)}
+        else:
+            outputs.append(kept)
     return {**cell, "metadata": metadata, "execution_count": number, "outputs": outputs}
 
 

@@ -652,10 +652,7 @@
     const come = () => figure.scrollIntoView();
     root.history.scrollRestoration = "manual";
     come();
-    root.addEventListener("load", () => {
-      come();
-      if (root.MathJax && root.MathJax.startup) root.MathJax.startup.promise.then(come);
-    });
+    root.addEventListener("load", come);
   }
   // Who changes the address of an open page wants what it asks for.
   root.addEventListener("hashchange", () => { if (root.location.hash.startsWith("#lab=")) root.location.reload(); });
