@@ -6,6 +6,7 @@ import ast
 import symtable
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from types import ModuleType
 from typing import Any
 
@@ -22,6 +23,7 @@ class Statement:
     later: set[str]
 
 
+@cache
 def statements(source: str, own: bool = False) -> list[Statement]:
     """The statements of a cell; lines of IPython, such as ``%timeit``, are left out."""
     try:
@@ -41,13 +43,15 @@ def _statement(node: ast.stmt, own: bool) -> Statement:
     makes = {s.get_name() for s in table.get_symbols() if s.is_assigned() or s.is_imported()}
     needs = {s.get_name() for s in table.get_symbols() if s.is_referenced()}
     inner = {s.get_name() for child in table.get_children() for s in _globals(child)}
-    function = isinstance(node, ast.FunctionDef | ast.ClassDef | ast.AsyncFunctionDef)
-    named = {name.id for part in ast.walk(node) for name in _changed(part)}
-    plain = isinstance(node, ast.Assign | ast.AnnAssign | ast.Import | ast.ImportFrom) or function
-    changes = set() if function else named | (set() if plain else makes)
-    return Statement(
-        node, own, makes, changes, needs if function else needs | inner, inner if function else set()
+    function, inside = (
+        isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef),
+        isinstance(node, ast.ClassDef),
     )
+    plain = isinstance(node, ast.Assign | ast.AnnAssign | ast.Import | ast.ImportFrom) or function or inside
+    named = set() if function else {name.id for part in ast.walk(node) for name in _changed(part)}
+    changes = named | (set() if plain else makes)  # a loop may leave its names as they were
+    later = inner if function or inside else set()
+    return Statement(node, own, makes, changes, needs if function else needs | inner, later)
 
 
 def _globals(table: symtable.SymbolTable) -> list[symtable.Symbol]:
@@ -86,7 +90,7 @@ def needed(program: list[Statement], names: set[str]) -> list[Statement]:
         kept.append(statement)
         if not statement.changes & statement.makes:  # an `if` or a loop may leave its names as they were
             alive -= statement.makes
-        alive |= _with_later(statement.needs | statement.later, later)
+        alive |= _with_later(statement.needs, later)
     return kept[::-1]
 
 
