@@ -1,18 +1,20 @@
-"""A class of hostile copies is graded: each copy has its line, and none counts more than it deserves or stops the rest."""
+"""A class of hostile copies is graded: each has its line, and none counts more than it deserves or stops the rest."""
 
 import csv
 import json
 import os
 import re
-import subprocess
+import socket
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
+import grade
 import numpy as np
 import pytest
-from copies import CHECK, EXERCISE, SOLUTION, exercises, source
+from copies import CHECK, SOLUTION, exercises, source
 from grading import cage, copies_of, judge, pages, pieces
 from grading.wire import Gone, TooSlow, Wire
 
@@ -32,7 +34,7 @@ def wires():
     ours.deadline = time.monotonic() + 5.0
 
     def serve():
-        with pytest.raises(Gone):
+        with suppress(Gone):
             while True:
                 student.serve(*student.receive())
 
@@ -274,3 +276,118 @@ def test_a_patched_check_counts_nothing_and_the_printed_solutions_count(chapter,
     cells = [{"source": stubs.get(cell, cell).strip(), "check": ""} for cell in chapter.cells]
     assert [g.state for g in chapter.judge(cells, limits, tmp_path)] == [judge.UNANSWERED] * 5
     assert [g.state for g in chapter.measure(limits, tmp_path)] == [judge.RIGHT] * 5
+
+
+FIRST = """def cell_of(points, origin, resolution):
+    import os, socket, subprocess, sys
+    {before}
+    return np.floor((points - np.array(origin)) / resolution).astype(int)[:, ::-1]
+"""
+BEFORE = {
+    "endless loop": ("while True: pass", judge.SLOW),
+    "exit": ("sys.exit()", judge.CRASHED),
+    "dead kernel": ("os._exit(3)", judge.CRASHED),
+    "segmentation fault": ("import ctypes; ctypes.string_at(0)", judge.CRASHED),
+    "fork bomb": ("while True: os.fork()", judge.CRASHED),
+    "memory": ("x = [np.ones(10**7) for _ in range(10**4)]", judge.CRASHED),
+    "disk": ("f = open('x', 'wb'); [f.write(bytes(2**20)) for _ in range(2048)]", judge.CRASHED),
+    "input": ("input('who are you?')", judge.CRASHED),
+    "long answer": ("return np.zeros((10**8, 2), dtype=int)", judge.CRASHED),
+    "deep answer": ("x = []\n    for _ in range(10**5): x = [x]\n    return x", judge.CRASHED),
+    "odd answer": ("return {object(): print, 'a': [b'b']}", judge.WRONG),
+    "forged answer": ("[os.write(k, b'x' * 2000) for k in range(3, 9) if not os.isatty(k)]", judge.CRASHED),
+    "output": ("print('x' * 20_000_000)", judge.RIGHT),
+    "leaves a process": ("subprocess.Popen(['sleep', '98765.25'], start_new_session=True)", judge.RIGHT),
+    "umlauts": ("größe = 'Wörter'", judge.RIGHT),
+    "merged": ("\n<<<<<<< HEAD\n", judge.CRASHED),
+    "patched numpy": ("np.allclose = np.array_equal = lambda *a, **k: True; return points", judge.WRONG),
+}
+"""What the first exercise of a copy does before it answers, and what it deserves; the other four are right."""
+SPY = """assert not os.path.exists({folder!r}) and not os.path.exists({home!r})
+    assert "SECRET_OF_THE_TEACHER" not in os.environ
+    with socket.socket() as s: assert s.connect_ex(("127.0.0.1", {port})) != 0
+    assert os.getpid() < 20 and not os.access("/usr", os.W_OK) and not os.access({book!r}, os.W_OK)"""
+
+
+def twice(cells):
+    return [cell for cell in cells for _ in range(2)]
+
+
+def bare(cells):
+    """Without ids, tags and outputs, under another kernel's rules of names."""
+    return [{"cell_type": cell["cell_type"], "source": source(cell), "metadata": {}} for cell in cells]
+
+
+def stub_below(cells):
+    (k,) = [k for k, cell in enumerate(cells) if "exercise-1" in cell["metadata"].get("tags", [])]
+    book = json.loads(CHAPTER.read_text(encoding="utf-8"))
+    return [*cells[: k + 1], exercises(book)["1"], *cells[k + 1 :]]
+
+
+@pytest.fixture(scope="module")
+def graded(tmp_path_factory):
+    """The class as it comes out: state of each exercise by student, and the folder."""
+    folder, out = (tmp_path_factory.mktemp(name) for name in ("handed_in", "out"))
+    right, stubs = right_answers(), {"1": FIRST.format(before="pass")}
+    hostile = {who: (right | {"1": FIRST.format(before=before)}, {}) for who, (before, _) in BEFORE.items()}
+    with socket.create_server(("127.0.0.1", 0)) as server, pytest.MonkeyPatch.context() as patch:
+        spy = SPY.format(folder=str(folder), home=str(ROOT / "Makefile"), port=server.getsockname()[1],
+                         book=str(ROOT / "pfslam" / "__init__.py"))  # fmt: skip
+        hostile["spy"] = right | {"1": FIRST.format(before=spy)}, {}
+        copies = hostile | {
+            "right": (right, {}),
+            "untouched": ({}, {}),
+            "copied cells": (right, {"by": twice}),
+            "bare cells": (right | stubs, {"by": bare}),
+            "stub below": (right, {"by": stub_below}),
+            "backwards": (right, {"by": lambda cells: cells[::-1]}),
+            "renamed": (right | {"1": right["1"].replace("cell_of", "cell_off")}, {}),
+            "wrong": (right | {"1": right["1"].replace("[:, ::-1]", "")}, {}),
+            "=formula": (right, {}),
+        }
+        for who, (answers, changes) in copies.items():
+            (folder / f"{who}.ipynb").write_text(notebook(answers, **changes), encoding="utf-8")
+        (folder / "empty.ipynb").write_text("")
+        patch.setenv("SECRET_OF_THE_TEACHER", "1")
+        patch.setattr(judge, "FIRST_SECONDS", 5.0)
+        assert grade.main([str(folder), str(out)]) == 0
+    with open(out / "grades.csv", newline="", encoding="utf-8-sig") as file:
+        rows = {row["student"]: row for row in csv.DictReader(file)}
+    return {who: [row[f"exercise {n}"] for n in range(1, 6)] for who, row in rows.items()}, out
+
+
+ALL = [judge.RIGHT] * 5
+FAIR = {who: [state, *ALL[1:]] for who, (_, state) in BEFORE.items()} | {
+    "right": ALL,
+    "spy": ALL,
+    "untouched": [judge.UNANSWERED] * 5,
+    "copied cells": ALL,
+    "bare cells": ALL,
+    "stub below": ALL,
+    "backwards": ALL,
+    "renamed": [judge.UNANSWERED, *ALL[1:]],
+    "wrong": [judge.WRONG, *ALL[1:]],
+    "'=formula": ALL,
+    "empty": [judge.UNREADABLE] * 5,
+}
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("who", FAIR)
+def test_each_copy_of_a_hostile_class_gets_what_it_deserves(graded, who):
+    states, out = graded
+    if who == "spy" and cage.KINDS["room"] not in (out / "index.html").read_text(encoding="utf-8"):
+        pytest.skip("no name spaces here")
+    assert states[who] == FAIR[who]
+
+
+@pytest.mark.nightly
+def test_nothing_of_a_class_is_left_behind_and_each_has_a_page(graded):
+    states, out = graded
+    assert states.keys() == FAIR.keys()
+    running = [path.read_bytes() for path in Path("/proc").glob("[0-9]*/cmdline")]
+    assert not any(b"98765.25" in line for line in running)
+    links = re.findall(r'href="(students/[^"]+)"', (out / "index.html").read_text(encoding="utf-8"))
+    assert len(links) == len(FAIR)
+    assert all((out / link).is_file() for link in links)
+    assert "rows and columns" in (out / "index.html").read_text(encoding="utf-8")

@@ -93,7 +93,10 @@ class Chapter:
             return Grade(UNANSWERED, "The stub is as it was." if task.stub in [c["source"] for c in cells] else
                          f"Nothing with the name {task.name} was found.")  # fmt: skip
         try:
-            return desk.verdict(task, above)
+            grade = desk.verdict(task, above)
+            if grade.state == CRASHED:  # who knows what is left in there
+                desk.end()
+            return grade
         except TooSlow:
             desk.end()
             return Grade(SLOW, f"No answer within {task.seconds:.0f} s: is there a loop that never ends?")
