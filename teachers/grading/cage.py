@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import signal
@@ -120,6 +121,9 @@ class Process:
             os.chown(self.room, user, user)
         there, self.writing = os.pipe()
         self.reading, back = os.pipe()
+        for end in (there, back):
+            with suppress(OSError, AttributeError):  # only Linux has wider pipes, for maps
+                fcntl.fcntl(end, fcntl.F_SETPIPE_SZ, 2**20)
         words = [sys.executable, str(ROOT / "teachers" / "grading" / "student.py"), str(there), str(back)]
         words += [str(MEMORY), str(PROCESSES), inside, str(ROOT / "teachers")]
         start = started(cage, user)

@@ -82,7 +82,7 @@ class Wire:
             while rest:
                 self._wait(self.writing, write=True)
                 try:
-                    rest = rest[os.write(self.writing, rest[: 2**16]) :]
+                    rest = rest[os.write(self.writing, rest[: 2**20]) :]
                 except BrokenPipeError:
                     raise Gone from None
 
