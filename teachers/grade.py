@@ -15,6 +15,7 @@ import signal
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from multiprocessing.connection import wait
 from pathlib import Path
 
@@ -47,7 +48,10 @@ def grade_all(copies: list[Copy], chapter: Chapter, cage: Cage, scratch: Path, w
         for sentinel, (judge, copy, place, end) in list(running.items()):
             if judge.is_alive() and time.monotonic() < end:
                 continue
-            judge.kill()
+            if judge.is_alive():
+                judge.kill()
+                with suppress(OSError, ValueError):  # it cannot end its copy itself any more
+                    os.killpg(int((place / "leader").read_text()), signal.SIGKILL)
             judge.join()
             copy.grades = result(place, chapter)
             print(f"{copy.student}: {copy.points} of {len(chapter.tasks)}", flush=True)
@@ -63,11 +67,6 @@ def judged(copy: Copy, chapter: Chapter, cage: Cage, place: Path) -> None:
 
 def result(place: Path, chapter: Chapter) -> list[Grade]:
     """The grades that a judge has written; where it could not, the copy has crashed it."""
-    try:
-        if (leader := place / "leader").is_file():  # the judge was killed before it could end its copy
-            os.killpg(int(leader.read_text()), signal.SIGKILL)
-    except (OSError, ValueError):
-        pass
     try:
         return [Grade(**grade) for grade in json.loads((place / "grades.json").read_text(encoding="utf-8"))]
     except (OSError, ValueError):

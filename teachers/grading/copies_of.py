@@ -34,11 +34,7 @@ class Copy:
 
 def find(folder: Path) -> list[Copy]:
     """All copies in a folder, by student; a student without any has one that is unreadable."""
-    while (
-        len(inside := visible(folder)) == 1
-        and inside[0].is_dir()
-        and any(map(Path.is_dir, visible(inside[0])))
-    ):
+    while len(inside := visible(folder)) == 1 and inside[0].is_dir() and holds_a_class(inside[0]):
         folder = inside[0]  # a zip often holds one folder with everything
     copies = []
     for entry in inside:
@@ -48,6 +44,12 @@ def find(folder: Path) -> list[Copy]:
             unreadable(entry, "", "There is nothing in this folder.")
         ]
     return copies
+
+
+def holds_a_class(folder: Path) -> bool:
+    """Whether the only folder that was handed in is no student's: it has folders, or several notebooks."""
+    inside = visible(folder)
+    return any(map(Path.is_dir, inside)) or sum(path.suffix == ".ipynb" for path in inside) > 1
 
 
 def visible(folder: Path) -> list[Path]:

@@ -50,6 +50,7 @@ class Wire:
 
     def __init__(self, reading: int, writing: int, trusts: bool):
         self.reading, self.writing, self.trusts = reading, writing, trusts
+        os.set_blocking(writing, False)  # who does not read must not hold up who writes
         self.functions: list[Callable] = []
         self.deadline = float("inf")
         self.failed = ""  # what the last call across the wire stopped with
