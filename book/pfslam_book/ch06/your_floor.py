@@ -73,10 +73,8 @@ def few_pairs(every: int = 300) -> Drive:
 @cache
 def part_of(drive: Drive, step: int) -> Drive:
     """Keep one image pair of ``step`` of a drive, none from its start."""
-    index = {
-        name: getattr(drive.stream, name)[step // 2 :: step] for name in ("disparity_index", "rgb_index")
-    }
-    few = replace(drive.stream, **index)
+    stream, rows = drive.stream, slice(step // 2, None, step)
+    few = replace(stream, disparity_index=stream.disparity_index[rows], rgb_index=stream.rgb_index[rows])
     return replace(drive, stream=few, recording=replace(drive.recording, camera=few))
 
 
