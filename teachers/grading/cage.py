@@ -35,7 +35,8 @@ exec chroot "$room" "$@"
 """
 """A root of its own with Python and the book, both for reading only; nothing else of the machine is in it."""
 KINDS = {
-    "room": "Each copy ran without network, and saw no files but Python's and the book's.",
+    "room": "Each copy ran without network. It saw the system's programs, Python and the book, could change none of "
+    "them, and saw no other file.",
     "user": "Each copy ran as a user without a name and without rights. It could read what everybody may read, "
     "and had a network if this machine has one.",
     "limits": "Each copy ran with limits of time, memory and disk alone, as you: it could read your files and had "

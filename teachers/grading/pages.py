@@ -93,6 +93,8 @@ def plain(text: str) -> str:
 def write(out: Path, copies: list[Copy], chapters: dict[str, Chapter], cage: Cage) -> None:
     """Write all pages and the table."""
     (out / "students").mkdir(parents=True, exist_ok=True)
+    for old in (out / "students").glob("[0-9][0-9][0-9]-*.html"):
+        old.unlink()  # of another class
     names = []
     for k, copy in enumerate(copies, 1):
         names.append(f"students/{k:03d}-{re.sub(r'[^A-Za-z0-9]+', '-', copy.student)[:60].strip('-')}.html")
