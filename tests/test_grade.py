@@ -290,6 +290,15 @@ def test_a_patched_check_counts_nothing_and_the_printed_solutions_count(chapter,
     assert [g.state for g in chapter.measure(limits, tmp_path)] == [judge.RIGHT] * 5
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize("path", sorted((ROOT / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem)
+def test_the_printed_solutions_of_each_chapter_are_right(path, tmp_path):
+    """Arguments and answers of every exercise of the book cross the wire, whole programs among them."""
+    grades = judge.Chapter(path).measure(cage.best_cage(tmp_path), tmp_path)
+    assert grades
+    assert [grade for grade in grades if grade.state != judge.RIGHT] == []
+
+
 FIRST = """def cell_of(points, origin, resolution):
     import os, socket, subprocess, sys
     {before}
