@@ -221,7 +221,8 @@ class Encoder:
         return {"ellipsis": 0} if value is ... else self._object(value)
 
     def _object(self, value: Any) -> dict:
-        if self.wire.trusts:  # this end is in the cage: only data leaves it
+        known = callable(value) or dataclasses.is_dataclass(value) or hasattr(value, "__dict__")
+        if self.wire.trusts or not known:  # only data leaves the cage
             return {"opaque": repr(value)[:60]}
         home, name = (getattr(value, key, "") for key in ("__module__", "__qualname__"))
         if callable(value):
