@@ -370,7 +370,6 @@ def graded(tmp_path_factory):
             (folder / f"{who}.ipynb").write_text(notebook(answers, **changes), encoding="utf-8")
         (folder / "empty.ipynb").write_text("")
         patch.setenv("SECRET_OF_THE_TEACHER", "1")
-        patch.setattr(judge, "FIRST_SECONDS", 5.0)
         assert grade.main([str(folder), str(out)]) == 0
     with open(out / "grades.csv", newline="", encoding="utf-8-sig") as file:
         rows = {row["student"]: row for row in csv.DictReader(file)}

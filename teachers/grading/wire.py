@@ -64,12 +64,13 @@ class Wire:
             raise TooSlow
 
     def _read(self, size: int) -> bytearray:
-        data = bytearray()
-        while len(data) < size:
+        data = bytearray(size)
+        rest = memoryview(data)
+        while rest:
             self._wait(self.reading, write=False)
-            if not (part := os.read(self.reading, min(size - len(data), 2**20))):
+            if not (count := os.readv(self.reading, [rest])):
                 raise Gone
-            data += part
+            rest = rest[count:]
         return data
 
     def send(self, message: dict, arrays: list[np.ndarray]) -> None:
@@ -171,7 +172,7 @@ def error_of(names: list[str], text: str) -> Exception:
 def snapshot(thing: Any) -> Any:
     """Something that is equal to what it was before if the thing has not changed."""
     if isinstance(thing, np.ndarray):
-        return thing.tobytes()
+        return thing.tobytes()  # arrays may be large, and NaN is unlike itself
     return list(map(id, thing)) if isinstance(thing, list) else thing.bit_generator.state
 
 
