@@ -5,10 +5,8 @@ from __future__ import annotations
 import inspect
 import os
 import sys
-import traceback
+from contextlib import suppress
 from types import ModuleType
-
-MEGABYTE = 2**20
 
 
 def limit(memory: int, processes: int) -> None:
@@ -16,16 +14,14 @@ def limit(memory: int, processes: int) -> None:
     import resource
 
     for name, most in {
-        "RLIMIT_AS": memory * MEGABYTE,
-        "RLIMIT_FSIZE": 64 * MEGABYTE,
+        "RLIMIT_AS": memory * 2**20,
+        "RLIMIT_FSIZE": 64 * 2**20,
         "RLIMIT_NOFILE": 256,
         "RLIMIT_NPROC": processes,
         "RLIMIT_CORE": 0,
     }.items():
-        try:
+        with suppress(ValueError, OSError):  # macOS knows no bound of memory
             resource.setrlimit(getattr(resource, name), (most, most))
-        except (ValueError, OSError):  # macOS knows no bound of memory
-            print(f"{name} cannot be set here")
 
 
 class Copy:
@@ -72,14 +68,9 @@ def main() -> None:
     wire = Wire(reading, writing, trusts=True)
     wire.functions.append(Copy(wire).prepare)
     limit(memory, processes)
-    while True:
-        try:
+    with suppress(Gone):
+        while True:
             wire.serve(*wire.receive())
-        except Gone:
-            return
-        except Exception:
-            traceback.print_exc()
-            return
 
 
 if __name__ == "__main__":
