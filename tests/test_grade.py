@@ -183,8 +183,10 @@ if K > 3:
     scale = 2.0
 def answer(x):
     slow = 3
+    print(slow)
     return helper(x) * scale + slow + poses[0]
 answer.words = "b"
+print(slow)
 show(answer)
 """
 

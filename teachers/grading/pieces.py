@@ -65,8 +65,8 @@ def _changed(part: ast.AST) -> Iterable[ast.Name]:
     """The name whose object a part of a statement may change: ``a[0] = 1``, ``a.b = 1``, ``a.append(1)``."""
     if isinstance(part, ast.Subscript | ast.Attribute) and isinstance(part.ctx, ast.Store):
         inner = part.value
-    elif isinstance(part, ast.Expr) and isinstance(part.value, ast.Call):  # no answer is asked for
-        inner = part.value.func
+    elif isinstance(part, ast.Expr) and isinstance(getattr(part.value, "func", None), ast.Attribute):
+        inner = part.value.func.value  # called for what it does, and not for its answer
     else:
         return
     while isinstance(inner, ast.Subscript | ast.Attribute):
