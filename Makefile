@@ -12,6 +12,7 @@ SITE := _build/html
 NOTEBOOKS := $(sort $(wildcard notebooks/*.ipynb))
 WORKERS ?= 2
 SEED ?= 1
+FOLDER ?= copies
 # One thread for each worker: two workers of two threads would only wait for one another.
 PYTEST := OPENBLAS_NUM_THREADS=1 "$(BIN)/python" -m pytest -q -n $(WORKERS)
 # Each worker imports all files that it is told of, and the runner of notebooks takes seconds to import.
@@ -20,7 +21,7 @@ USUAL := not nightly and not browser and not lab
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test quick nightly lint types unit notebooks check-book check-lab lab bench studies
-.PHONY: notebook-outputs strip copies student solutions exam wheel release smoke unlocked lowest lock clean
+.PHONY: notebook-outputs strip copies student solutions exam grade wheel release smoke unlocked lowest lock clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' Makefile
@@ -112,6 +113,9 @@ solutions: copies  ## Write the chapters with their solutions into _build/soluti
 
 exam: $(STAMP)  ## Write an exam paper and its key into _build/exam (SEED=7 for another)
 	@"$(BIN)/python" teachers/exam.py $(SEED) _build/exam
+
+grade: $(STAMP)  ## Grade the students' copies in FOLDER: pages with hints and grades.csv, into _build/grade
+	@"$(BIN)/python" teachers/grade.py "$(FOLDER)" _build/grade
 
 # Wheel and source distribution carry the students' copies of the chapters, which `pfslam lab` opens.
 wheel: $(STAMP) copies

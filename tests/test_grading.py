@@ -42,12 +42,16 @@ def submitted(copy, answers):
 
 
 def of_everybody(copy, right):
-    """What four students hand in, and the points that each of their checks deserves."""
+    """What six students hand in; the first has copied every cell."""
     wrong = {n: answer.replace("return ", "return 3 + ") for n, answer in right.items()}
     half = dict(list(right.items())[:2])
     crashing = right | {"1": "1 / 0"}
     kinds = {"right": right, "wrong": wrong, "half": half, "crashing": crashing, "untouched": {}}
-    return {who: submitted(copy, answers) for who, answers in kinds.items()}
+    handed_in = {who: submitted(copy, answers) for who, answers in kinds.items()}
+    cells = [
+        twin for cell in handed_in["right"]["cells"] for twin in (cell, {**cell, "id": f"{cell['id']}-copy"})
+    ]
+    return {"a copier": {**handed_in["right"], "cells": cells}, **handed_in}
 
 
 @pytest.mark.nightly
@@ -78,4 +82,4 @@ def test_nbgrader_gives_a_point_for_each_check_that_passes(tmp_path):
     assert all(STUB in source(cell) for cell in exercises(released).values())
     with open(tmp_path / "grades.csv", newline="", encoding="utf-8") as file:
         points = {row["student_id"]: float(row["score"]) for row in csv.DictReader(file)}
-    assert points == {"right": 4, "wrong": 0, "half": 2, "crashing": 3, "untouched": 0}
+    assert points == {"a copier": 4, "right": 4, "wrong": 0, "half": 2, "crashing": 3, "untouched": 0}

@@ -63,7 +63,7 @@ def test_they_are_not_in_the_site_nor_in_the_wheel():
         assert "{include} ../teachers" not in page.read_text(encoding="utf-8")
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     written = [line.split()[-1] for line in makefile.splitlines() if "teachers/" in line]
-    assert written == ["_build/solutions", "_build/exam"]
+    assert written == ["_build/solutions", "_build/exam", "_build/grade"]
 
 
 # ---- the pencil's numbers, found in another way

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -70,15 +70,15 @@ def few_pairs(every: int = 300) -> Drive:
     return load_drive("hall", every)
 
 
+@cache
 def part_of(drive: Drive, step: int) -> Drive:
     """Keep one image pair of ``step`` of a drive, none from its start."""
-    index = {
-        name: getattr(drive.stream, name)[step // 2 :: step] for name in ("disparity_index", "rgb_index")
-    }
-    few = replace(drive.stream, **index)
+    stream, rows = drive.stream, slice(step // 2, None, step)
+    few = replace(stream, disparity_index=stream.disparity_index[rows], rgb_index=stream.rgb_index[rows])
     return replace(drive, stream=few, recording=replace(drive.recording, camera=few))
 
 
+@lru_cache(32)
 def painted(drive: Drive, path: Trajectory, spec: GridSpec, way: Way = BOOK) -> np.ndarray:
     """Paint a drive as the chapter does, or in another way: colours ``(H, W, 3)``, black where nothing is seen."""
     stream, canvas = drive.stream, np.full(spec.shape, EMPTY)
