@@ -26,7 +26,6 @@ from pfslam.texture import FloorTexture
 if TYPE_CHECKING:
     from pfslam.beyond.loops.closing import Revision
 
-VERDICTS = {True: "ok", False: "FAILED", None: "-"}
 INFINITE = "that are infinite"
 RATES = ("seconds", "per second", "longest gap")
 
@@ -43,13 +42,18 @@ def text_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def check_table(findings: Iterable[Finding]) -> str:
     """Set the answers of a check-up as a table."""
-    rows = ((VERDICTS[f.ok], f.question, f.found, f.expected) for f in findings)
+    rows = ((f.severity, f.question, f.found, f.expected) for f in findings)
     return text_table(("verdict", "question", "found", "expected"), rows)
 
 
 def remedies(findings: Iterable[Finding]) -> list[str]:
-    """List the answers that spoil a run, each in one line with what to do."""
+    """List the wrong answers for which it is known what to do, each in one line with that."""
     return [f"{f.question} found {f.found}, expected {f.expected}: {f.remedy}" for f in findings if f.remedy]
+
+
+def stops(findings: Iterable[Finding]) -> list[str]:
+    """List the answers that make a run impossible, each in one line with what to do."""
+    return remedies(finding for finding in findings if finding.severity == "stop")
 
 
 def topic_table(topics: Mapping[str, tuple[str, int]], chosen: Collection[str]) -> str:
@@ -134,7 +138,7 @@ def summarise(
 ) -> dict[str, Any]:
     """Collect the figures of a run: counts, what was dropped and why, and the errors where the truth is known."""
     dropped = recording.dropped | (result.dropped if result else {}) | (texture.dropped if texture else {})
-    doubts = [{"from": float(odometry.t[0]), "to": None, "reason": reason} for reason in remedies(findings)]
+    doubts = [{"from": float(odometry.t[0]), "to": None, "reason": reason} for reason in stops(findings)]
     summary: dict[str, Any] = {
         "scans_recorded": 0 if recording.lidar is None else len(recording.lidar.t),
         "scans": len(result.trajectory) if result else 0,
@@ -227,7 +231,9 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
     dropped = summary.get("dropped", {}).items()
     lines += [f"left out: {count} {reason}" for reason, count in dropped if UNREADABLE in reason]
     for check in summary.get("checks_failed", ()):
-        lines.append(f"check failed: {check['question']} {check['found']}, expected {check['expected']}")
+        told = "note" if check["severity"] == "note" else "check failed"
+        remedy = f": {check['remedy']}" if check["remedy"] else ""
+        lines.append(f"{told}: {check['question']} {check['found']}, expected {check['expected']}{remedy}")
     if stretches := summary["distrust"]:
         begin = stretches[0]["from"] if recording.lidar is None else recording.lidar.t[0]
         lines.append(_warning(stretches, begin))
