@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,13 @@ from pfslam_book.show.faults import clockwise, late_scans
 
 import pfslam
 from pfslam.__main__ import main
+from pfslam.beyond.localization import (
+    EXPLAINED_SHARE,
+    LocalizationConfig,
+    LocalizationInfo,
+    LocalizationResult,
+)
+from pfslam.cli.words import closing_words_of_search
 from pfslam.errors import DataError
 from pfslam.evaluation.checkup import check_up
 from pfslam.evaluation.corrections import find_corrections, self_seen
@@ -231,3 +239,30 @@ def test_a_wrong_answer_is_a_note_a_warning_or_a_stop(drive, tmp_path, capsys):
     answer = json.loads(capsys.readouterr().out)
     severities = {check["question"]: check["severity"] for check in answer["checks"]}
     assert (answer["failed"], severities["How far do ranges scatter?"]) == (0, "note")
+
+
+# ---- where in a known map
+
+
+def searched(explained):
+    """A search that agrees on one place from its fifth second on, and how much of each scan the map explains."""
+    infos = [
+        LocalizationInfo(float(t), np.zeros(3), float(t >= 5), None, 500, explained=share)
+        for t, share in enumerate(explained)
+    ]
+    path = Trajectory(np.arange(float(len(infos))), np.zeros((len(infos), 3)))
+    return LocalizationResult(path, tuple(infos), LocalizationConfig(), {})
+
+
+def test_a_place_is_judged_by_the_path_since_it_was_found():
+    """A few bad seconds at the end do not count more than others, and those of the search do not count."""
+    good, bad = EXPLAINED_SHARE + 0.08, EXPLAINED_SHARE - 0.08
+    changed_at_the_end = searched([0.2] * 5 + [good] * 50 + [bad] * 10)
+    assert changed_at_the_end.found
+    assert changed_at_the_end.explained == pytest.approx((50 * good + 10 * bad) / 60)
+    fits_at_the_end = searched([0.2] * 5 + [bad] * 50 + [good] * 10)
+    assert not fits_at_the_end.found
+    words = closing_words_of_search(BOX, fits_at_the_end, Path("out"))
+    share, needed = int(100 * fits_at_the_end.explained), round(100 * EXPLAINED_SHARE)
+    assert f"explains {share} % of the beams on the way, and {needed} % are needed" in words
+    assert searched([0.9] * 4).explained == 0.0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pfslam.beyond.localization import LocalizationResult
+from pfslam.beyond.localization import EXPLAINED_SHARE, LocalizationResult
 from pfslam.errors import printable
 from pfslam.evaluation.calibration import calibrate
 from pfslam.evaluation.checkup import Finding
@@ -204,6 +204,7 @@ def summarise_search(recording: Recording, result: LocalizationResult) -> dict[s
         "located_share": float(result.located.mean()),
         "located_at_end": bool(result.located[-1]),
         "explained": result.explained,
+        "explained_needed": EXPLAINED_SHARE,
         "found": result.found,
         "particles": {"most": max(numbers), "fewest": min(numbers), "mean": float(np.mean(numbers))},
         "dropped": recording.dropped | result.dropped,
@@ -267,11 +268,12 @@ def closing_words_of_search(recording: Recording, result: LocalizationResult, ou
         seconds = result.found_at - result.trajectory.t[0]
         x, y, theta = result.trajectory.poses[-1]
         place = f"({x:.2f} m, {y:.2f} m, {np.degrees(theta):.0f} deg)"
-        fit = f"the map explains {100 * result.explained:.0f} % of the last beams"
+        fit = f"the map explains {int(100 * result.explained)} % of the beams on the way"
+        needed = f"{100 * EXPLAINED_SHARE:.0f} % are needed"
         if result.found:
-            lines.append(f"found after {seconds:.1f} s; now at {place}; {fit}")
+            lines.append(f"found after {seconds:.1f} s; now at {place}; {fit} ({needed})")
         elif result.located[-1]:
-            lines.append(f"not found: at {place} {fit}, too few; is it the map of this building?")
+            lines.append(f"not found: seems to be at {place}, but {fit}, and {needed}")
         else:
             lines.append(f"not sure at the end: seemed found after {seconds:.1f} s; last guess {place}")
             lines.append("is it the map of this building?")
