@@ -49,10 +49,12 @@ STEP_METRES, STEP_RADIANS = 0.1, 0.1
 """A scan is used after moving or turning by at least this much: scans from one place say the same."""
 NEAR_METRES, NEAR_RADIANS = 1.0, 0.5
 """A particle counts for the estimate if it lies no farther from it than this."""
-EXPLAINED_METRES, EXPLAINED_SHARE = 0.1, 0.85
-"""A beam is explained if a wall is so near its end (m), and a place is believed if this share is, along the path.
+EXPLAINED_METRES, EXPLAINED_SHARE = 0.1, 0.9
+"""A beam is explained if a wall is so near its end (m), and a place is believed if that share is, along the path.
 
-TODO
+In three halls that had changed (people, other doors, glass, a map good to 4 cm) 91 to 92 % were, but only 88 to 91 %
+in the last ten seconds alone. In wrong buildings the cloud often agrees on one place, too. There 54 to 76 % were, and
+90 % in one of long corridors, where the cloud parted again.
 """
 AT_ONCE = 10_000
 """Particles that are scored together; more would only take memory."""
