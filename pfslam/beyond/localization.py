@@ -53,7 +53,7 @@ EXPLAINED_METRES, EXPLAINED_SHARE = 0.1, 0.9
 """A beam is explained if a wall is so near its end (m), and a place is believed if that share is, along the path.
 
 In three halls that had changed (people, other doors, glass, a map good to 4 cm) 91 to 92 % were, but only 88 to 91 %
-in the last ten seconds alone. In wrong buildings the cloud often agrees on one place, too. There 54 to 76 % were, and
+in the last ten seconds alone. In wrong buildings the cloud often agrees on one place, too. There 54 to 83 % were, and
 90 % in one of long corridors, where the cloud parted again.
 """
 AT_ONCE = 10_000
