@@ -176,8 +176,8 @@ ANOTHER_SCENE = {
     # Both maps are as sharp, and one of the two is a twentieth too large: only the wheels can contradict.
     "ranges a twentieth too short": (lambda r: scaled_ranges(r, 0.95), 0.95, STRAIGHT),
     "ranges a twentieth too long": (lambda r: scaled_ranges(r, 1.05), 1.05, STRAIGHT),
-    "loose by a degree": (lambda r: loose(1.0, r), 1.0, r"turned by \+0 deg, swaying by \d deg"),
-    "loose by three degrees": (lambda r: loose(3.0, r), 1.0, r"turned by \+0 deg, swaying by \d deg"),
+    "loose by a degree": (lambda r: loose(1.0, r), 1.0, r"turned by \+0 deg, swaying by \d\.\d deg"),
+    "loose by three degrees": (lambda r: loose(3.0, r), 1.0, r"turned by \+0 deg, swaying by \d\.\d deg"),
     "a scene that stands still": (still, 0.0, STRAIGHT),
 }
 
@@ -268,11 +268,6 @@ def halved(recording):
 
 
 SPOILT = {
-    "LiDAR backwards": (lambda r: turned(r, 180), "the LiDAR seems mounted +180 deg from what is stated"),
-    "LiDAR elsewhere": (
-        lambda r: shifted(r, 0.3, 0.0),
-        "the LiDAR seems to sit x -0.3 m, y +0.0 m from where",
-    ),
     "counts times forty": (halved, "is the odometry in m"),
     "a day later": (
         lambda r: replace(
@@ -284,7 +279,7 @@ SPOILT = {
 
 
 @pytest.mark.parametrize("name", SPOILT)
-def test_a_run_stops_at_what_spoils_it_and_goes_on_if_asked_to(drive, name, tmp_path, capsys):
+def test_a_run_stops_at_what_makes_it_impossible_and_goes_on_if_asked_to(drive, name, tmp_path, capsys):
     spoil, words = SPOILT[name]
     pfslam.save(spoil(first_seconds(drive, 30.0)), tmp_path / "drive.npz")
     line = ["run", str(tmp_path / "drive.npz"), "--out", str(tmp_path / "out"), "--quiet"]

@@ -33,7 +33,7 @@ def cast(poses, angles):
     return ranges
 
 
-def robot(seed, noise=0.01, seconds=60.0, **wrong):
+def robot(seed, noise=0.01, seconds=60.0, sweep=0.0, **wrong):
     """A minute's drive on a loop of changing curvature, with the faults ``TRUE``, or others."""
     true, rng = TRUE | wrong, np.random.default_rng(seed)
     t, dt = np.arange(0.0, seconds, 0.02), 0.02
@@ -59,10 +59,13 @@ def robot(seed, noise=0.01, seconds=60.0, **wrong):
     odometry = Trajectory(t, path(shown * np.column_stack([slip[:, 0], slip[:, 0], slip[:, 1]])))
     stamps, angles = np.arange(2.0, seconds - 2.0, 0.1), np.linspace(-0.5 * VIEW, 0.5 * VIEW, 180)
     sits = [PLACE[0] + true["ahead"], PLACE[1] + true["left"], true["yaw"]]
-    ranges = cast(compose(truth.at(stamps), sits), angles) + noise * rng.standard_normal(
-        (len(stamps), len(angles))
-    )
-    lidar = LidarModel(-0.5 * VIEW, 0.5 * VIEW, 180, 0.05, 30.0, (*PLACE, 0.3))
+    ranges = cast(compose(truth.at(stamps), sits), angles)
+    if sweep:  # each beam from where the LiDAR is at its own time
+        times = np.linspace(-0.5 * sweep, 0.5 * sweep, len(angles))
+        beams = zip(angles, times, strict=True)
+        ranges = np.hstack([cast(compose(truth.at(stamps + late), sits), [angle]) for angle, late in beams])
+    ranges += noise * rng.standard_normal((len(stamps), len(angles)))
+    lidar = LidarModel(-0.5 * VIEW, 0.5 * VIEW, 180, 0.05, 30.0, (*PLACE, 0.3), sweep)
     scans = LidarScans(stamps + true["late"], ranges.astype(np.float32))
     return Recording("made", replace(RobotModel(), lidar=lidar), lidar=scans, odometry=odometry)
 
@@ -81,6 +84,17 @@ def test_each_number_is_found_within_its_error_and_the_errors_are_honest():
     typical = np.sqrt(np.mean(np.square(away), axis=0))
     assert (typical > 0.4).all(), typical
     assert (typical < 1.8).all(), typical
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_beams_that_come_one_after_the_other_bias_nothing(seed):
+    """As long as it is known how long a sweep takes."""
+    made = robot(seed, sweep=0.2)
+    number, error = values(fit_mounting(made)).T
+    assert (np.abs(number - list(TRUE.values())) < np.maximum(5.0 * error, 0.003)).all(), (number, error)
+    lidar = replace(made.robot.lidar, sweep=0.0)
+    at_once = values(fit_mounting(replace(made, robot=replace(made.robot, lidar=lidar))))
+    assert (at_once[:3, 1] > 3.0 * error[:3]).all()
 
 
 GROSS = {

@@ -49,10 +49,12 @@ STEP_METRES, STEP_RADIANS = 0.1, 0.1
 """A scan is used after moving or turning by at least this much: scans from one place say the same."""
 NEAR_METRES, NEAR_RADIANS = 1.0, 0.5
 """A particle counts for the estimate if it lies no farther from it than this."""
-EXPLAINED_METRES, EXPLAINED_SHARE, LAST_SECONDS = 0.1, 0.9, 10.0
-"""A beam is explained if a wall is so near its end (m). In the right building nearly all are, over the last seconds.
+EXPLAINED_METRES, EXPLAINED_SHARE = 0.1, 0.9
+"""A beam is explained if a wall is so near its end (m), and a place is believed if that share is, along the path.
 
-In wrong buildings the cloud often agrees on one place, too, where by chance up to 88 % of them were.
+In three halls that had changed (people, other doors, glass, a map good to 4 cm) 91 to 92 % were, but only 88 to 91 %
+in the last ten seconds alone. In wrong buildings the cloud often agrees on one place, too. There 54 to 83 % were, and
+90 % in one of long corridors, where the cloud parted again.
 """
 AT_ONCE = 10_000
 """Particles that are scored together; more would only take memory."""
@@ -302,13 +304,13 @@ class LocalizationResult:
 
     @property
     def explained(self) -> float:
-        """The share of the beams that the map explained in the last seconds: how well the place fits in the end."""
-        used = [info for info in self.infos if info.used]
-        return float(np.mean([info.explained for info in used if info.t >= used[-1].t - LAST_SECONDS] or 0.0))
+        """The share of the beams that the map has explained since the pose was found; 0 if it never was."""
+        since = np.inf if self.found_at is None else self.found_at
+        return float(np.mean([info.explained for info in self.infos if info.used and info.t >= since] or 0.0))
 
     @property
     def found(self) -> bool:
-        """Whether the cloud agrees on one place in the end, and the map explains nearly all that is seen from there."""
+        """Whether the cloud agrees on one place in the end, and the map explains most of what was seen on the way."""
         return bool(self.located[-1] and self.explained >= EXPLAINED_SHARE)
 
     @property

@@ -26,9 +26,10 @@ from pfslam.cli.figures import picture_of_search, report_figures
 from pfslam.cli.lab import lab_command as lab_command
 from pfslam.cli.page import Clouds, Outcome, write_pictures
 from pfslam.cli.parser import DOUBTED, FAULT, HAZARDS, SPOILED, TOPICS, build_parser
-from pfslam.cli.requested import given, requested_run, requested_search, selection
+from pfslam.cli.requested import CORRECTED, given, requested_run, requested_search, selected, selection
 from pfslam.errors import DataError, need
-from pfslam.evaluation.checkup import Finding, check_up
+from pfslam.evaluation.checkup import Finding
+from pfslam.evaluation.corrections import NEUTRAL, find_corrections
 from pfslam.io.bags import BagOptions, choose_topics
 from pfslam.io.course import save_course
 from pfslam.io.datasets import dataset_name, is_bag, load
@@ -68,11 +69,30 @@ def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
 
 
 def load_dataset(arguments: Namespace) -> Recording:
-    """Load the data set that the command line names, or the part of it that is wanted."""
+    """Load the data set that the command line names, or the part of it that is wanted, as it is stated to be."""
+    return select(load_whole(arguments), **selected(arguments))
+
+
+def load_whole(arguments: Namespace) -> Recording:
+    """Load the whole data set that the command line names."""
     bar = progress_bar("loading", getattr(arguments, "quiet", False))
-    whole = load(arguments.dataset, arguments.data, bag=bag_options(arguments), progress=bar)
-    span = {"start": arguments.start, "until": arguments.until}
-    return select(whole, **span, limits=arguments.range, masks=arguments.mask)
+    return load(arguments.dataset, arguments.data, bag=bag_options(arguments), progress=bar)
+
+
+def load_corrected(arguments: Namespace) -> tuple[Recording, list[Finding]]:
+    """Load what is wanted of a data set and put right what it says itself; also return its check-up.
+
+    Its notes then tell what was put right, and the arguments state it, so that ``selection`` keeps it.
+    """
+    whole = load_whole(arguments)
+    recording = select(whole, **selected(arguments))
+    known = {name for name, option in CORRECTED.items() if getattr(arguments, option) not in (None, "auto")}
+    found, lines, findings = find_corrections(recording, known)
+    if found:
+        for name in CORRECTED.keys() - known:
+            setattr(arguments, CORRECTED[name], (NEUTRAL | found)[name])
+        recording = select(whole, **selected(arguments))
+    return replace(recording, notes=(*recording.notes, *lines)), findings
 
 
 def bag_options(arguments: Namespace) -> BagOptions:
@@ -112,13 +132,12 @@ def run_command(arguments: Namespace) -> int:
     arguments.quiet |= arguments.json
     out, seconds = out_folder(arguments), dict[str, float]()
     with timed(seconds, "load"):
-        recording = load_dataset(arguments)
+        recording, findings = load_corrected(arguments)
     wants_texture = has_images(recording) if arguments.texture is None else arguments.texture
     check_possible(recording, wants_texture, arguments.loops)
     check_writable(out)
     check_free(out, files_of_run(recording, wants_texture, arguments.loops), arguments.force)
-    findings = check_up(recording)
-    if words.remedies(findings) and not arguments.anyway:
+    if words.stops(findings) and not arguments.anyway:
         return stopped(findings)
     with timed(seconds, "dead_reckoning"):
         odometry = dead_reckoning(recording)
@@ -167,8 +186,8 @@ def finished(
 
 
 def stopped(findings: list[Finding]) -> int:
-    """Say what would spoil a run, and return the exit code of a run that is not begun."""
-    lines = [*words.remedies(findings), "nothing was run; add --anyway to run all the same"]
+    """Say what makes a run impossible, and return the exit code of a run that is not begun."""
+    lines = [*words.stops(findings), "nothing was run; add --anyway to run all the same"]
     print(*(f"pfslam: {line}" for line in lines), sep="\n", file=sys.stderr)
     return SPOILED
 
@@ -224,7 +243,7 @@ def locate_command(arguments: Namespace) -> int:
     out, files = out_folder(arguments, "-located"), ["trajectory.tum", "located.png", SUMMARY]
     check_writable(out)
     with timed(seconds, "load"):
-        recording = load_dataset(arguments)
+        recording, _ = load_corrected(arguments)
     check_free(out, files, arguments.force)
     with timed(seconds, "locate"):
         rng, bar = np.random.default_rng(seed), progress_bar("locating")
@@ -266,12 +285,12 @@ def print_json(content: dict[str, Any]) -> None:
 
 
 def check_command(arguments: Namespace) -> int:
-    """Print the check-up of a data set; the exit code is 1 if a check failed."""
-    recording = load_dataset(arguments)
-    findings = check_up(recording)
-    failed = sum(finding.ok is False for finding in findings)
+    """Print the check-up of a data set as a run would use it; the exit code is 1 if more than a note was made."""
+    recording, findings = load_corrected(arguments)
+    failed = sum(finding.severity in ("warning", "stop") for finding in findings)
     if arguments.json:
-        print_json({"dataset": recording.name, "failed": failed, "checks": list(map(asdict, findings))})
+        answer = {"dataset": recording.name, "failed": failed, "notes": list(recording.notes)}
+        print_json(answer | {"checks": list(map(asdict, findings))})
         return 1 if failed else 0
     said = [*words.remedies(findings), *words.said_by_the_loader(recording)]
     print(words.check_table(findings), *said, sep="\n")

@@ -30,6 +30,12 @@ HAZARDS = {
 """Options of ``simulate`` without a value: the amount that each stands for, and its help."""
 
 
+MENDED = {
+    "--scan-delay": ("S", "scans were taken S s before their stamps; 0 keeps them"),
+    "--lidar-yaw": ("DEG", "the LiDAR looks DEG degrees to the left of what is stated; 0 keeps its yaw"),
+    "--odometry-scale": ("F", "the robot drives F times as far as its odometry says; 1 keeps its ways"),
+}
+"""Options whose numbers scans and odometry tell: the unit of each, and its help."""
 FILES = {
     "bash": "_shtab_compgen_files",
     "zsh": "_files",
@@ -100,6 +106,11 @@ def number(text: str) -> int | float:
     raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a number")
 
 
+def number_or_auto(text: str) -> int | float | str:
+    """Convert text to a number, but for the word that leaves the number to be found."""
+    return text if text == "auto" else number(text)
+
+
 SEED = whole(0, 2**63 - 1)
 YES_OR_NO = argparse.BooleanOptionalAction
 
@@ -168,10 +179,18 @@ def selection_parser() -> Parser:
     parts.add_argument("--until", type=number, metavar="S", help="until S s after the first scan")
     limits = "least and largest range (m) to use (default: as the LiDAR says)"
     parts.add_argument("--range", type=number, nargs=2, metavar=("MIN", "MAX"), help=limits)
-    mask = "leave out beams that see the robot itself: a sector in degrees, as in `info`; may be given several times"
-    parts.add_argument(
-        "--mask", type=number, nargs=2, action="append", default=[], metavar=("LOW", "HIGH"), help=mask
+    mask = (
+        "leave out beams: a sector in degrees, as in `info`; may be given several times (default: the beams "
+        "that see the robot itself, which `run`, `locate` and `check` find)"
     )
+    parts.add_argument("--mask", type=number, nargs=2, action="append", metavar=("LOW", "HIGH"), help=mask)
+    parts.add_argument("--no-mask", dest="mask", action="store_const", const=[], help="use all beams")
+    mend = parser.add_argument_group(
+        "to put right",
+        "`run`, `locate` and `check` find these themselves (auto); a number is taken as it is.",
+    )
+    for option, (unit, what) in MENDED.items():
+        mend.add_argument(option, type=number_or_auto, metavar=f"{unit}|auto", help=what)
     bags = parser.add_argument_group("for ROS bags", "Topics are found by their type if they are not named.")
     for name, kind in TOPICS.items():
         bags.add_argument(f"--{name}", metavar="TOPIC", help=f"the topic of {kind} to use")

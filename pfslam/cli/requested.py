@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pfslam.beyond.localization import LocalizationConfig
-from pfslam.cli.parser import TOPICS, UsageError, selection_parser
+from pfslam.cli.parser import MENDED, TOPICS, UsageError, selection_parser
 from pfslam.errors import DataError
 from pfslam.io.files import read_text
 from pfslam.methods import METHODS, preset
@@ -25,8 +25,11 @@ SELECTION = {
     "mask": "--mask",
     "lidar_at": "--lidar-at",
 }
+SELECTION |= {option[2:].replace("-", "_"): option for option in MENDED}
 SELECTION |= {"odom_frame": "--odom-frame"} | {name: f"--{name}" for name in TOPICS}
 """The options that say what is used of a data set, by the names of their values."""
+CORRECTED = {"masks": "mask", "delay": "scan_delay", "yaw": "lidar_yaw", "scale": "odometry_scale"}
+"""The options of what the drive itself can tell, by the names that ``select`` has for them."""
 
 
 def requested_run(arguments: Namespace) -> tuple[str, int, bool, Any]:
@@ -85,12 +88,21 @@ def _set_values(arguments: Namespace, command: str) -> dict[str, Any]:
     return values
 
 
+def selected(arguments: Namespace) -> dict[str, Any]:
+    """Return what a command line says for ``select``; what is to be found out is not among it."""
+    stated = {name: getattr(arguments, option) for name, option in CORRECTED.items()}
+    stated = {name: value for name, value in stated.items() if value not in (None, "auto")}
+    return {"start": arguments.start, "until": arguments.until, "limits": arguments.range} | stated
+
+
 def selection(arguments: Namespace) -> list[str]:
     """Return the words of a command line that say what is used of its data set."""
     words: list[Any] = []
     for name, option in SELECTION.items():
         value = getattr(arguments, name)
-        for each in value if name == "mask" else [value]:
+        values = [value] if name != "mask" or value is None else value
+        words += [] if values else ["--no-mask"]
+        for each in values:
             words += [] if each is None else [option, *(each if isinstance(each, list) else [each])]
     return list(map(str, words))
 
@@ -102,7 +114,7 @@ def take_selection(arguments: Namespace, words: Any) -> None:
     except (UsageError, TypeError, AttributeError) as error:
         expected = "words of a command line, such as --from 20"
         raise DataError(arguments.config, "selection", error, expected) from None
-    for name in (name for name in SELECTION if getattr(arguments, name) in (None, [])):
+    for name in (name for name in SELECTION if getattr(arguments, name) is None):
         setattr(arguments, name, before[name])
 
 

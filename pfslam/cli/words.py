@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pfslam.beyond.localization import LocalizationResult
+from pfslam.beyond.localization import EXPLAINED_SHARE, LocalizationResult
 from pfslam.errors import printable
 from pfslam.evaluation.calibration import calibrate
 from pfslam.evaluation.checkup import Finding
@@ -26,7 +26,6 @@ from pfslam.texture import FloorTexture
 if TYPE_CHECKING:
     from pfslam.beyond.loops.closing import Revision
 
-VERDICTS = {True: "ok", False: "FAILED", None: "-"}
 INFINITE = "that are infinite"
 RATES = ("seconds", "per second", "longest gap")
 
@@ -43,13 +42,18 @@ def text_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def check_table(findings: Iterable[Finding]) -> str:
     """Set the answers of a check-up as a table."""
-    rows = ((VERDICTS[f.ok], f.question, f.found, f.expected) for f in findings)
+    rows = ((f.severity, f.question, f.found, f.expected) for f in findings)
     return text_table(("verdict", "question", "found", "expected"), rows)
 
 
 def remedies(findings: Iterable[Finding]) -> list[str]:
-    """List the answers that spoil a run, each in one line with what to do."""
+    """List the wrong answers for which it is known what to do, each in one line with that."""
     return [f"{f.question} found {f.found}, expected {f.expected}: {f.remedy}" for f in findings if f.remedy]
+
+
+def stops(findings: Iterable[Finding]) -> list[str]:
+    """List the answers that make a run impossible, each in one line with what to do."""
+    return remedies(finding for finding in findings if finding.severity == "stop")
 
 
 def topic_table(topics: Mapping[str, tuple[str, int]], chosen: Collection[str]) -> str:
@@ -134,7 +138,7 @@ def summarise(
 ) -> dict[str, Any]:
     """Collect the figures of a run: counts, what was dropped and why, and the errors where the truth is known."""
     dropped = recording.dropped | (result.dropped if result else {}) | (texture.dropped if texture else {})
-    doubts = [{"from": float(odometry.t[0]), "to": None, "reason": reason} for reason in remedies(findings)]
+    doubts = [{"from": float(odometry.t[0]), "to": None, "reason": reason} for reason in stops(findings)]
     summary: dict[str, Any] = {
         "scans_recorded": 0 if recording.lidar is None else len(recording.lidar.t),
         "scans": len(result.trajectory) if result else 0,
@@ -200,6 +204,7 @@ def summarise_search(recording: Recording, result: LocalizationResult) -> dict[s
         "located_share": float(result.located.mean()),
         "located_at_end": bool(result.located[-1]),
         "explained": result.explained,
+        "explained_needed": EXPLAINED_SHARE,
         "found": result.found,
         "particles": {"most": max(numbers), "fewest": min(numbers), "mean": float(np.mean(numbers))},
         "dropped": recording.dropped | result.dropped,
@@ -227,7 +232,9 @@ def closing_words(recording: Recording, summary: dict[str, Any], out: Path) -> s
     dropped = summary.get("dropped", {}).items()
     lines += [f"left out: {count} {reason}" for reason, count in dropped if UNREADABLE in reason]
     for check in summary.get("checks_failed", ()):
-        lines.append(f"check failed: {check['question']} {check['found']}, expected {check['expected']}")
+        told = "note" if check["severity"] == "note" else "check failed"
+        remedy = f": {check['remedy']}" if check["remedy"] else ""
+        lines.append(f"{told}: {check['question']} {check['found']}, expected {check['expected']}{remedy}")
     if stretches := summary["distrust"]:
         begin = stretches[0]["from"] if recording.lidar is None else recording.lidar.t[0]
         lines.append(_warning(stretches, begin))
@@ -261,11 +268,12 @@ def closing_words_of_search(recording: Recording, result: LocalizationResult, ou
         seconds = result.found_at - result.trajectory.t[0]
         x, y, theta = result.trajectory.poses[-1]
         place = f"({x:.2f} m, {y:.2f} m, {np.degrees(theta):.0f} deg)"
-        fit = f"the map explains {100 * result.explained:.0f} % of the last beams"
+        fit = f"the map explains {int(100 * result.explained)} % of the beams on the way"
+        needed = f"{100 * EXPLAINED_SHARE:.0f} % are needed"
         if result.found:
-            lines.append(f"found after {seconds:.1f} s; now at {place}; {fit}")
+            lines.append(f"found after {seconds:.1f} s; now at {place}; {fit} ({needed})")
         elif result.located[-1]:
-            lines.append(f"not found: at {place} {fit}, too few; is it the map of this building?")
+            lines.append(f"not found: seems to be at {place}, but {fit}, and {needed}")
         else:
             lines.append(f"not sure at the end: seemed found after {seconds:.1f} s; last guess {place}")
             lines.append("is it the map of this building?")

@@ -1,7 +1,8 @@
 """Questions to ask of a recording before a filter runs: each takes a second, and each finds a fault that costs days.
 
 A check compares two instruments that must agree, or one with what is possible. It proves nothing, but it shows where to
-look. An answer that spoils a run comes with a remedy, and the command ``run`` stops at it.
+look. A wrong answer is a note where a run can do with it, a warning where the run may suffer, and a stop where it would
+be impossible; the command ``run`` stops only then.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ from pfslam.refined.health import LONGEST_PAUSE, farther_than_usual
 from pfslam.refined.outliers import NOISY
 
 FASTEST = 10.0
-"""Speed (m/s) that no wheel of a robot indoors reaches, not even over one reading."""
+"""Speed (m/s) that no wheel of a robot indoors reaches."""
+LEAST_SPAN = 0.2
+"""Seconds over which poses tell a speed: stamps are often wrong by some milliseconds."""
 LARGEST_REST_RATE = 0.01
 """Yaw rate at rest (rad/s) above which a gyro's bias is worth taking off: a third of a degree in half a second."""
 SAME_TURN = 1e-3
@@ -54,12 +57,18 @@ class Finding:
     found: str
     expected: str
     remedy: str = ""
-    """What to do about an answer that spoils a run; empty where a run can do with it."""
+    """What to do about a wrong answer, where that is known."""
+    severity: str = "warning"
+    """How bad a wrong answer is, ``note``, ``warning`` or ``stop``; ``ok`` or ``-`` where it is not wrong."""
+
+    def __post_init__(self):
+        if self.ok is not False:
+            object.__setattr__(self, "severity", "ok" if self.ok else "-")
 
 
-def check_up(recording: Recording) -> list[Finding]:
-    """Ask all questions, in the order in which to mend what they find."""
-    mounting = fit_mounting(recording)
+def check_up(recording: Recording, mounting: Mounting | None = None) -> list[Finding]:
+    """Ask all questions, in the order in which to mend what they find; ``mounting`` is its fit, if there is one."""
+    mounting = mounting or fit_mounting(recording)
     turns, clock = check_scans(recording, mounting)
     scene = check_scene(mounting)
     return [
@@ -101,7 +110,8 @@ def check_gaps(recording: Recording) -> Finding:
     found = f"{longest:.2f} s ({name})" + (", no farther than usual" if ok and longest > limit else "")
     jumped = longest > LONGEST_PAUSE
     remedy = "did the clock jump? run the parts before and after it one by one" if jumped else ""
-    return Finding("How long is the longest gap?", ok, found, f"below {limit:.1f} s", remedy)
+    severity = "stop" if jumped else "warning"
+    return Finding("How long is the longest gap?", ok, found, f"below {limit:.1f} s", remedy, severity)
 
 
 def _lost(recording: Recording, t: np.ndarray) -> np.ndarray:
@@ -119,10 +129,14 @@ def _lost(recording: Recording, t: np.ndarray) -> np.ndarray:
 def check_speed(recording: Recording) -> Finding:
     """Check the largest count of any wheel as a speed: running totals and counters that wrap give impossible ones.
 
-    Jumps that were left out when the recording was loaded were impossible, too.
+    Jumps that were left out when the recording was loaded were impossible, too. A few impossible speeds are a warning,
+    since scans bridge them.
     """
     if (odometry := recording.odometry) is not None:
-        speed = np.abs(between(odometry.poses[:-1], odometry.poses[1:])[:, 0]) / np.diff(odometry.t)
+        second = np.searchsorted(odometry.t, odometry.t[:-1] + LEAST_SPAN).clip(max=len(odometry.t) - 1)
+        poses, t = odometry.poses, odometry.t
+        span = np.maximum(t[second] - t[:-1], LEAST_SPAN)
+        speed = np.abs(between(poses[:-1], poses[second])[:, 0]) / span
     else:
         encoders, _ = recording.wheels_and_gyro()
         way = np.abs(encoders.counts).max(axis=1) * recording.robot.encoders.metres_per_count
@@ -132,14 +146,13 @@ def check_speed(recording: Recording) -> Finding:
     found, expected = f"{fastest:.1f} m/s", f"below {FASTEST:.0f} m/s"
     found += f" and {left_out} {JUMPS}" if left_out else ""
     remedy = "is the odometry in m, each reading of its own, and its clock never set back?" if often else ""
-    return Finding(
-        "How fast was a wheel at most?", fastest <= FASTEST and not left_out, found, expected, remedy
-    )
+    ok, severity = fastest <= FASTEST and not left_out, "stop" if often else "warning"
+    return Finding("How fast was a wheel at most?", ok, found, expected, remedy, severity)
 
 
 def check_rest(recording: Recording) -> Finding:
-    """Check what the gyro shows while the robot stands."""
-    answer = partial(Finding, "What does the gyro show at rest?")
+    """Check what the gyro shows while the robot stands; a filter can do with it, because scans mend the heading."""
+    answer = partial(Finding, "What does the gyro show at rest?", severity="note")
     expected = f"within {LARGEST_REST_RATE:.2f} rad/s of 0"
     if recording.imu is None or (recording.encoders is None and recording.odometry is None):
         return answer(None, "no gyro", expected)
@@ -185,8 +198,12 @@ def check_beams(recording: Recording) -> Finding:
 
 
 def check_scatter(recording: Recording) -> Finding:
-    """Check that the ranges of neighbouring beams on a wall agree: noise smears walls, and bends the heading."""
-    answer, expected = partial(Finding, "How far do ranges scatter?"), f"{100 * NOISY:.1f} cm or less"
+    """Check that the ranges of neighbouring beams on a wall agree: noise smears walls, and bends the heading.
+
+    A run takes robust settings where they do not.
+    """
+    answer = partial(Finding, "How far do ranges scatter?", severity="note")
+    expected = f"{100 * NOISY:.1f} cm or less"
     if recording.lidar is None:
         return answer(None, "no LiDAR", expected)
     scatter = recording.range_scatter()
@@ -196,14 +213,11 @@ def check_scatter(recording: Recording) -> Finding:
 def check_scans(recording: Recording, mounting: Mounting) -> list[Finding]:
     """Check that successive scans turn as the gyro says, or the odometry, and at the same time by both clocks.
 
-    An upside-down LiDAR or a flipped gyro gives a factor of -1. Readings that are far apart do not set a clock better
-    than to half of their period.
+    An upside-down LiDAR or a flipped gyro gives a factor of -1.
     """
     other = "gyro" if recording.odometry is None else "odometry"
-    odometry = recording.odometry or recording.encoders
-    period = float(np.median(np.diff(odometry.t))) if odometry is not None and len(odometry.t) > 1 else 0.0
-    tolerance = max(LATE, 0.5 * period)
-    turns, clock = mounting.turns.within(1.0, 0.2), mounting.late.within(0.0, tolerance)
+    tolerance = clock_tolerance(recording)
+    turns, clock = same_turns(mounting), mounting.late.within(0.0, tolerance)
     turned = "too few scans in turns" if turns is None else f"factor {mounting.turns.value:+.2f}"
     late = f"scans {1000 * mounting.late.value:+z.0f} ms late"
     late = "too even or too sparse to tell" if clock is None else late
@@ -211,6 +225,33 @@ def check_scans(recording: Recording, mounting: Mounting) -> list[Finding]:
         Finding(f"Do scans turn as the {other} does?", turns, turned, "a factor of 0.8 to 1.2"),
         Finding(f"Do scans and {other} share a clock?", clock, late, f"within {tolerance:.2f} s"),
     ]
+
+
+def clock_tolerance(recording: Recording) -> float:
+    """Return the offset (s) of clocks that is no fault: far readings set no clock better than to half their period."""
+    odometry = recording.odometry or recording.encoders
+    period = float(np.median(np.diff(odometry.t))) if odometry is not None and len(odometry.t) > 1 else 0.0
+    return max(LATE, 0.5 * period)
+
+
+def same_turns(mounting: Mounting) -> bool | None:
+    """Tell whether scans turn as the odometry does."""
+    return mounting.turns.within(1.0, 0.2)
+
+
+def same_ways(mounting: Mounting) -> bool | None:
+    """Tell whether scans move as far as the odometry does."""
+    return mounting.ways.within(1.0, 0.03)
+
+
+def same_direction(mounting: Mounting) -> bool | None:
+    """Tell whether scans move in the direction of the odometry; None where they sway, whose mean direction is chance.
+
+    Degrees are judged as they are printed.
+    """
+    if same_ways(mounting) is None or np.rad2deg(mounting.sway) >= WIDEST_SWAY:
+        return None
+    return Estimate(*np.rad2deg(mounting.yaw).round().tolist()).within(0.0, WIDEST_YAW)
 
 
 def check_kept(recording: Recording) -> Finding:
@@ -221,13 +262,14 @@ def check_kept(recording: Recording) -> Finding:
     if recording.lidar is None:
         remedy = "make LaserScan messages of them, as pointcloud_to_laserscan and laser_proc do"
         ok, remedy, found = (False, remedy, "; ".join(others)) if others else (None, "", "no LiDAR")
-        return answer(ok, found, "LaserScan messages", remedy)
+        return answer(ok, found, "LaserScan messages", remedy, "stop")
     kept, lost = len(recording.lidar.t), recording.dropped.get("scans with the stamp of another", 0)
     remedy = "record again with stamps that tell one message from the next" if lost > 2 * kept else ""
     found = f"{kept} kept, {lost} doubles"
     if far := (apart := _way_between_scans(recording)) > FARTHEST_APART:
         found += f", one every {apart:.1f} m"
-    return answer(not (remedy or far), found, f"most kept, {FARTHEST_APART:.1f} m apart or less", remedy)
+    expected, severity = f"most kept, {FARTHEST_APART:.1f} m apart or less", "stop" if remedy else "warning"
+    return answer(not (remedy or far), found, expected, remedy, severity)
 
 
 def _way_between_scans(recording: Recording) -> float:
@@ -242,13 +284,16 @@ def check_scene(mounting: Mounting) -> Finding:
     """Check that the scene moves as the odometry says: as far, in the direction of the mounting, without swaying."""
     answer = partial(Finding, "Does the scene move as odometry says?")
     expected = f"a factor of 0.97 to 1.03, within {WIDEST_YAW:.0f} deg, steady"
-    if (ways := mounting.ways.within(1.0, 0.03)) is None:
+    if (ways := same_ways(mounting)) is None:
         return answer(None, "too few scans to compare", expected)
-    yaw, error = np.rad2deg(mounting.yaw).round().tolist()  # as it is printed: what is said is what is judged
-    ahead, sway = Estimate(yaw, error).within(0.0, WIDEST_YAW), float(np.rad2deg(mounting.sway))
-    found = f"factor {mounting.ways.value:z.2f}, turned by {0.0 if ahead is None else yaw:+z.0f} deg"
-    if sway >= WIDEST_SWAY:  # then its mean direction says nothing about the mounting
-        return answer(False, f"{found}, swaying by {sway:.0f} deg", expected)
+    ahead, (yaw, error) = same_direction(mounting), np.rad2deg(mounting.yaw).round().tolist()
+    sway = float(np.rad2deg(mounting.sway))
+    known = error <= WIDEST_YAW
+    found = f"factor {mounting.ways.value:z.2f}, turned by {yaw if known else 0.0:+z.0f} deg"
+    if sway >= WIDEST_SWAY:  # which scans mend, one by one
+        return answer(
+            False, f"{found}, swaying by {sway:.1f} deg", expected, "", "note" if ways else "warning"
+        )
     remedy = f"the LiDAR seems mounted {yaw:+.0f} deg from what is stated: correct its yaw"
     return answer(ways and ahead is not False, found, expected, remedy if ahead is False else "")
 
@@ -272,7 +317,7 @@ def check_place(mounting: Mounting, after: Sequence[Finding] = ()) -> Finding:
 
 def check_images(recording: Recording) -> Finding:
     """Check how many colour images have a depth image within a tenth of a second."""
-    answer = partial(Finding, "Do images have partners?")
+    answer = partial(Finding, "Do images have partners?", severity="note")
     if recording.camera is None or not len(recording.camera.rgb_index):
         return answer(None, "no images", "95 % or more")
     pairs = image_pairs(recording.camera)

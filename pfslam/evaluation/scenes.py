@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pfslam.poses import Trajectory, between, wrap_angle
+from pfslam.poses import Trajectory, between, compose, wrap_angle
 from pfslam.recording import Recording
 from pfslam.sensors import LidarModel, beam_directions
 
@@ -72,8 +72,8 @@ class Matcher:
     trust: np.ndarray
 
     @classmethod
-    def of(cls, recording: Recording, first: np.ndarray, second: np.ndarray) -> Matcher:
-        """Take the points, NaN where a beam saw nothing, and fit the lines.
+    def of(cls, recording: Recording, path: Trajectory, first: np.ndarray, second: np.ndarray) -> Matcher:
+        """Take the points, NaN where a beam saw nothing, and fit the lines, all as from the stamps of the scans.
 
         A line with normal n at distance d meets the beam with direction u at r = d / (n u). So 1 / r = (n / d) u is
         linear in n / d, and noise of the range leaves the direction of the beam alone.
@@ -97,6 +97,12 @@ class Matcher:
         distance = 1.0 / np.hypot(x, y)
         normal = np.stack([x, y], axis=-1) * distance[..., None]
         points = after * beam_directions(lidar)[some]
+        if lidar.sweep:
+            x, y, turn = np.moveaxis(moved_meanwhile(recording, path, first), -1, 0)
+            normal = _rotated(normal, turn)
+            distance = distance + (normal * np.stack([x, y], axis=-1)).sum(axis=-1)
+            meanwhile = moved_meanwhile(recording, path, second)[:, some]
+            points = _rotated(points, meanwhile[..., 2]) + meanwhile[..., :2]
         return cls(lidar, points, normal, distance, found / (1.0 + (left / typical) ** 2))
 
     def gaps(self, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -135,6 +141,21 @@ class Matcher:
             moves = moves - np.clip(np.linalg.solve(H, weighted @ gap[..., None])[..., 0], -0.2, 0.2)
         variance = (weight * gap**2).sum(axis=1) / weight.sum(axis=1).clip(1e-9) + 1e-6
         return moves, np.linalg.inv(H) * variance[:, None, None], (trust > 0.0).mean(axis=1) > OVERLAP
+
+
+def moved_meanwhile(recording: Recording, path: Trajectory, scans: np.ndarray) -> np.ndarray:
+    """Return how the LiDAR moved from the stamp of each scan to each of its beams ``(P, B, 3)``, by the odometry."""
+    lidar, t = recording.robot.lidar, recording.scans().t[scans]
+    sits = np.array([*lidar.position_b[:2], 0.0])
+    times = t[:, None] + lidar.sweep * np.linspace(-0.5, 0.5, lidar.beams)
+    there = compose(path.at(times.ravel()), sits).reshape(*times.shape, 3)
+    return between(compose(path.at(t), sits)[:, None], there)
+
+
+def _rotated(vectors: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Rotate vectors ``(..., 2)`` by angles ``(...)`` (rad)."""
+    c, s, (x, y) = np.cos(turn), np.sin(turn), np.moveaxis(vectors, -1, 0)
+    return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
 def all_round(lidar: LidarModel) -> bool:

@@ -1,4 +1,4 @@
-"""The part of a drive that is to be used: a span of time, limits of the ranges, and beams that see the robot itself."""
+"""What is used of a drive, and how: a span of time, ranges and beams; a clock, a direction and a scale put right."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from pfslam.errors import DataError
-from pfslam.recording import Recording, RgbdStream, chosen
+from pfslam.poses import Trajectory
+from pfslam.recording import LidarScans, Recording, RgbdStream, chosen
 from pfslam.settings import changed
 
 ROUND_OFF = 1e-3
@@ -24,23 +25,53 @@ def select(
     until: float | None = None,
     limits: Sequence[float] | None = None,
     masks: Sequence[Sequence[float]] = (),
+    delay: float = 0.0,
+    yaw: float = 0.0,
+    scale: float = 1.0,
 ) -> Recording:
     """Return a recording of what is wanted; scans and ranges that are left out are counted in its ``dropped``.
 
     ``start`` and ``until`` are seconds after the first reading of the LiDAR (without one, of the odometry), ``limits``
     the least and the largest range (m) that are believed, and ``masks`` sectors (degrees in the LiDAR's frame, counted
-    counter-clockwise from the first angle to the second, both included) whose beams are not. Raises ``DataError``
-    where nothing would be left.
+    counter-clockwise from the first angle to the second, both included) whose beams are not. Scans were taken ``delay``
+    s before their stamps, the LiDAR looks ``yaw`` degrees to the left of what is stated, and the robot drives ``scale``
+    times as far as its odometry says. Angles of masks are those that were stated. Raises ``DataError`` where nothing
+    would be left, and for numbers that no robot has.
     """
+    stated = {"--scan-delay": (delay, abs(delay) < np.inf, "seconds")}
+    stated["--lidar-yaw"] = yaw, abs(yaw) <= 360.0, "degrees, at most one turn"
+    stated["--odometry-scale"] = scale, 0.0 < scale < np.inf, "a factor above 0"
+    for option, (value, possible, expected) in stated.items():
+        if not possible:
+            raise DataError(recording.name, option, value, expected)
+    if delay:
+        scans = recording.scans()
+        recording = replace(recording, lidar=LidarScans(scans.t - delay, scans.ranges))
     if start is not None or until is not None:
         recording = _within(recording, start or 0.0, np.inf if until is None else until)
     if limits is not None:
-        least, most = limits
-        lidar = changed(
-            recording.robot.lidar, {"range_min": least, "range_max": most}, recording.name, "--range "
-        )
-        recording = replace(recording, robot=replace(recording.robot, lidar=lidar))
-    return _masked(recording, masks) if masks else recording
+        recording = _with_lidar(recording, "--range ", range_min=limits[0], range_max=limits[1])
+    recording = _masked(recording, masks) if masks else recording
+    if yaw:
+        low, high = np.radians(yaw) + [recording.robot.lidar.angle_min, recording.robot.lidar.angle_max]
+        recording = _with_lidar(recording, "--lidar-yaw ", angle_min=low, angle_max=high)
+    return recording if scale == 1.0 else _scaled(recording, scale)
+
+
+def _with_lidar(recording: Recording, option: str, **values: Any) -> Recording:
+    lidar = changed(recording.robot.lidar, values, recording.name, option)
+    return replace(recording, robot=replace(recording.robot, lidar=lidar))
+
+
+def _scaled(recording: Recording, scale: float) -> Recording:
+    """Let every way of the odometry be so many times as long; its turns stay."""
+    if (odometry := recording.odometry) is not None:
+        poses = odometry.poses * [scale, scale, 1.0]
+        return replace(recording, odometry=Trajectory(odometry.t, poses))
+    robot = recording.robot
+    longer = {"metres_per_count": scale * robot.encoders.metres_per_count}
+    wheels = changed(robot.encoders, longer, recording.name, "--odometry-scale ")
+    return replace(recording, robot=replace(robot, encoders=wheels))
 
 
 def _within(recording: Recording, start: float, until: float) -> Recording:

@@ -120,7 +120,7 @@ def judged(case: Case) -> dict[str, Any]:
         "scatter_m": log.range_scatter(),
         "complaints": "; ".join(f"{f.question} {f.found}" for f in findings if f.ok is False),
     }
-    if any(finding.remedy for finding in findings):
+    if any(finding.severity == "stop" for finding in findings):
         return told | {"exit": SPOILED}
     result = run(case.label, case.get("method"))
     metres, radians = off(published, result.trajectory)
@@ -182,7 +182,7 @@ def kept(result: RefinedResult, published: Trajectory) -> dict[str, np.ndarray]:
 if __name__ == "__main__":
     stored = {}
     for building in LOGS:
-        if not any(finding.remedy for finding in check_up(log_of(building)[0])):
+        if not any(finding.severity == "stop" for finding in check_up(log_of(building)[0])):
             arrays = kept(run(building, FIRST), log_of(building)[1])
             stored |= {f"{building}, {name}": values for name, values in arrays.items()}
     with atomic_write(KEPT) as file:

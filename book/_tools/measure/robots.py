@@ -331,7 +331,7 @@ def judged(case: Case) -> dict[str, Any]:
     findings = check_up(recording)
     told = {
         "failed": sum(f.ok is False for f in findings),
-        "stopped": int(any(f.remedy for f in findings)),
+        "stopped": int(any(f.severity == "stop" for f in findings)),
     }
     result = run_slam(recording, keep_particles=False)
     error = trajectory_error(result.trajectory, recording.true_path())
