@@ -42,6 +42,7 @@ class Task:
     check: str
     solution: str
     space: dict = field(repr=False)
+    known: dict = field(repr=False)  # what the check is given beside the answer
     seconds: float = float("inf")
 
 
@@ -60,9 +61,11 @@ class Chapter:
         (name,) = used & {name for statement in statements(stub) for name in statement.makes}
         above = [s for cell in self.cells[: self.cells.index(check.strip())] for s in statements(cell)]
         space = run(needed([s for s in above if name not in s.makes], used - {name}), ModuleType("chapter"))
+        known = {n: space[n] for n in used - {name} if not isinstance(space[n], ModuleType)}
         call = ast.parse(solution).body[-1].value  # what the printed solution hands to the same check
         printed = call.args[[ast.unparse(a) for a in ast.parse(check).body[-1].value.args].index(name)]
-        return Task(number, name, stub.strip(), check, f"{solution}\n{name} = {ast.unparse(printed)}", space)
+        answer = f"{solution}\n{name} = {ast.unparse(printed)}"
+        return Task(number, name, stub.strip(), check, answer, space, known)
 
     def solved(self) -> list[dict]:
         """A copy in which every answer is the printed solution."""
@@ -134,12 +137,12 @@ class Desk:
         if self.process is None:
             self.process = Process(self.cage, self.scratch, self.user)
             self.wire = Wire(self.process.reading, self.process.writing, trusts=False)
-            self.wire.call(0, [], "")  # until Python is there: its start is not the student's time
+            self.wire.call(0, [], "", {})  # until Python is there: its start is not the student's time
         wire = self.wire
         wire.functions.clear()
         wire.deadline = time.monotonic() + task.seconds
         try:
-            made = wire.call(0, cells, task.name)
+            made = wire.call(0, cells, task.name, task.known)
         except Exception as error:
             return Grade(CRASHED, f"The cells stop with {type(error).__name__}: {error}")
         if not isinstance(made, dict) or "missing" in made:

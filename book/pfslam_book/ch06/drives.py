@@ -104,6 +104,7 @@ class Judge:
         return self.spec.resolution * float(np.median(moved)) if len(moved) else np.nan
 
 
+@lru_cache(8)
 def judge_for(drive: Drive, spec: GridSpec, margin: int = 20) -> Judge:
     """Prepare what the truth says about the floor, on those cells of ``spec`` that the building takes up."""
     floor = drive.simulation.world.free_area(spec)
@@ -113,8 +114,7 @@ def judge_for(drive: Drive, spec: GridSpec, margin: int = 20) -> Judge:
     floor = floor[window]
     x, y = np.array(spec.origin) + low * spec.resolution
     cut = GridSpec((float(x), float(y)), spec.resolution, floor.shape)
-    stream, truth = drive.stream, drive.truth
-    t = stream.disparity_t[stream.disparity_index]
-    poses = truth.at(t[truth.covers(t)])
+    t = drive.stream.disparity_t[drive.stream.disparity_index]
+    poses = drive.truth.at(t[drive.truth.covers(t)])
     visible = visible_floor(cut, poses, drive.recording.robot.camera, ~floor, VISIBLE_TO)
     return Judge(cut, drive.simulation.floor_image(cut), floor, visible & floor, window)
