@@ -147,14 +147,10 @@ def build_parser() -> Parser:
         command("locate", "where a robot is in a known map, from its drive", known, dataset, force, as_json)
     )
     command("report", "the report's figures for a data set", dataset, out, force)
-    add = command("convert", "write a data set into one .npz file, which loads without ROS", dataset, force)
-    add("out", type=Path, metavar="OUT", help="the file to write, NAME.npz")
-    add("--images", action=YES_OR_NO, default=True, help="keep the images (default: all that there are)")
-    add = command("study", "many runs over parameters, seeds and data sets", force)
-    add("file", type=Path, metavar="FILE", help="what to run, in TOML")
-    add("--out", type=Path, metavar="DIR", help="folder to write to (default out/NAME)")
-    jobs = "processes (default: one on each core)"
-    add("--jobs", type=whole(1, 10_000), default=-1, metavar="N", help=jobs)
+    _add_convert(
+        command("convert", "write a data set into one .npz file, which loads without ROS", dataset, force)
+    )
+    _add_study(command("study", "many runs over parameters, seeds and data sets", force))
     _add_lab(command("lab", "the book's chapters as notebooks, in JupyterLab"))
     add = command("completion", "a script with which a shell completes commands and options")
     add("shell", choices=tuple(FILES), help='`eval "$(pfslam completion bash)"` in ~/.bashrc')
@@ -248,6 +244,18 @@ def _add_locate(add) -> None:
     particles = "most particles after the first scan (default 10000); the first scan has ten times as many"
     add("--particles", type=number, metavar="N", help=particles)
     _add_settings(add, "search", "sigma=0.1 or inject=false")
+
+
+def _add_convert(add) -> None:
+    add("out", type=Path, metavar="OUT", help="the file to write, NAME.npz")
+    add("--images", action=YES_OR_NO, default=True, help="keep the images (default: all that there are)")
+
+
+def _add_study(add) -> None:
+    add("file", type=Path, metavar="FILE", help="what to run, in TOML")
+    add("--out", type=Path, metavar="DIR", help="folder to write to (default out/NAME)")
+    jobs = "processes (default: one on each core)"
+    add("--jobs", type=whole(1, 10_000), default=-1, metavar="N", help=jobs)
 
 
 def _add_lab(add) -> None:
