@@ -57,9 +57,11 @@ class Modules(SphinxDirective):
 
 
 def module_of_owner(app, module: str, name: str) -> str | None:
-    """The module in which an attribute is written: that of its class, even if its value is a class of another one."""
+    """The module in which a name is written, even if its value is of another one's class; functions know their own."""
     owner = name.rpartition(".")[0]
-    return attrgetter(owner)(import_module(module)).__module__ if owner else None
+    if owner:
+        return attrgetter(owner)(import_module(module)).__module__
+    return None if hasattr(getattr(import_module(module), name, None), "__qualname__") else module
 
 
 def setup(app):

@@ -365,6 +365,7 @@ def setup(app):
     app.add_js_file("predict.js", loading_method="defer")
     app.add_js_file("night.js", loading_method="defer")
     app.add_js_file("zoom.js", loading_method="defer")
+    app.add_js_file("wide.js", loading_method="defer")
     app.add_directive("math", Math, override=True)
     app.add_transform(LinkToSource)
     app.connect("config-inited", read_in_parallel)

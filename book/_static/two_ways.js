@@ -66,7 +66,10 @@
       moved = true;
       turn("Workshop");
     }
-    if (moved) goal.scrollIntoView({behavior: "instant"});
+    if (!moved) return;
+    const come = () => goal.scrollIntoView({behavior: "instant"});
+    come();
+    if (document.readyState !== "complete") window.addEventListener("load", come, {once: true}); // pictures push it down
   }
 
   const head = document.querySelector(".article-header-buttons");
