@@ -286,6 +286,7 @@ def write_array_header_1_0_without_magic(file, header):
         ("Hokuyo7.npz", "angle_min", (2**24,)),
         ("truth7.npz", "pose", (2**22, 4)),
         ("box.npz", "lidar.ranges", (2**24,)),
+        ("Encoders7.npz", "time_stamps", (2**26,)),
     ],
 )
 def test_an_array_that_does_not_fit_its_stamps_is_refused_before_it_takes_memory(
@@ -299,7 +300,7 @@ def test_an_array_that_does_not_fit_its_stamps_is_refused_before_it_takes_memory
     monkeypatch.setattr(
         np.lib.npyio.NpzFile, "__getitem__", lambda file, key: read.append(key) or getitem(file, key)
     )
-    with pytest.raises(DataError, match=f"{name}: {key}: found float64 of shape"):
+    with pytest.raises(DataError, match=f"{name}: {key}: found (float64 of shape|a row of)"):
         pfslam.load("7" if name != "box.npz" else tmp_path / name, tmp_path)
-    assert read
+    assert read or key == "time_stamps"
     assert key not in read

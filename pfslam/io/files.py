@@ -26,6 +26,8 @@ from pfslam.errors import DataError
 
 MAX_FIELD_BYTES = 8 * 2**30
 """Largest array that is read from an archive: ten hours of scans in double precision fit."""
+MAX_ROW_BYTES = 8 * 10 * 3600 * 1000
+"""Largest array of one dimension: the stamps of ten hours at a thousand a second."""
 MAX_TEXT_BYTES = 2**30
 MAX_PNG_BYTES = 64 * 2**20
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
@@ -179,6 +181,8 @@ def _stated(path: str | Path, archive: NpzFile, name: str) -> np.ndarray:
         raise DataError(path, name, f"a damaged array ({error})", PLAIN) from error
     if dtype.kind not in "biuf":
         raise DataError(path, name, f"an array of {dtype}", PLAIN)
+    if stated.ndim < 2 and stated.nbytes > MAX_ROW_BYTES:
+        raise DataError(path, name, f"a row of {stated.nbytes} bytes", f"at most {MAX_ROW_BYTES} bytes")
     return stated
 
 
