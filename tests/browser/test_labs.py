@@ -103,7 +103,7 @@ class Hand:
                 self.point(self.page.get_by_role("button", name=name, exact=True))
 
     def choose(self, label: str) -> None:
-        control = self.page.get_by_label(label, exact=True)
+        control = self.page.get_by_label(re.compile(rf"^\s*{re.escape(label)}"))  # its key comes after it
         if self.by == "key":
             control.press("Space")
         else:
