@@ -6,10 +6,11 @@ numbers while the bag is read.
 
 from __future__ import annotations
 
+import heapq
 from array import array
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
@@ -151,8 +152,7 @@ def _opened(path: Path, place: list[str]) -> Iterator[tuple[Any, dict[str, str],
     inside = sorted(path.iterdir()) if path.is_dir() else []
     for part in (path, *inside):
         check_ends(part)
-    from rosbags import rosbag2
-    from rosbags.highlevel import AnyReader
+    from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     limit_unpacking()
@@ -169,12 +169,34 @@ def _opened(path: Path, place: list[str]) -> Iterator[tuple[Any, dict[str, str],
     store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
     decode: Any = store.deserialize_ros1 if is_old else store.deserialize_cdr
     try:
-        with AnyReader(old) if is_old else rosbag2.Reader(path) as reader:
+        with ExitStack() as opened:
+            reader: Any = (
+                _Parts([opened.enter_context(rosbag1.Reader(part)) for part in old]) if is_old else None
+            )
+            reader = reader or opened.enter_context(rosbag2.Reader(path))
             kinds = {c.topic: TF if c.msgtype == OLD_TF else c.msgtype for c in reader.connections}
             yield reader, kinds, decode
     except Exception as error:  # the library raises many kinds for a damaged bag
         what = ": ".join(filter(None, (type(error).__name__, str(error))))
         raise DataError(path, place[0], what, expected) from error
+
+
+class _Parts:
+    """The files of one recording of ROS 1, read as one: their messages in the order in which they arrived."""
+
+    def __init__(self, readers: list[Any]):
+        self.readers = readers
+        self.connections = [c for reader in readers for c in reader.connections]
+
+    def messages(self, chosen: Iterable[Any], *span: Any) -> Iterator[Any]:
+        """Yield connection, time of arrival and bytes of the messages of some topics."""
+        topics = {c.topic for c in chosen}
+        of_each = (
+            reader.messages([c for c in reader.connections if c.topic in topics], *span)
+            for reader in self.readers
+            if any(c.topic in topics for c in reader.connections)  # of none chosen, all would be read
+        )
+        return heapq.merge(*of_each, key=lambda message: message[1])
 
 
 class _Columns:
