@@ -147,7 +147,7 @@ def moved_meanwhile(recording: Recording, path: Trajectory, scans: np.ndarray) -
     """Return how the LiDAR moved from the stamp of each scan to each of its beams ``(P, B, 3)``, by the odometry."""
     lidar, t = recording.robot.lidar, recording.scans().t[scans]
     sits = np.array([*lidar.position_b[:2], 0.0])
-    times = t[:, None] + lidar.sweep * np.linspace(-0.5, 0.5, lidar.beams)
+    times = np.clip(t[:, None] + lidar.sweep * np.linspace(-0.5, 0.5, lidar.beams), *path.t[[0, -1]])
     there = compose(path.at(times.ravel()), sits).reshape(*times.shape, 3)
     return between(compose(path.at(t), sits)[:, None], there)
 
