@@ -82,6 +82,19 @@ def test_nothing_of_anybody_elses_is_replaced_or_deleted(drive, again, capsys, w
     assert contents(again) == before
 
 
+def test_results_of_another_command_stay(drive, again, capsys):
+    before = contents(again)
+    line = ["locate", str(again / "map.yaml"), str(drive), "--particles", "500", "--out", str(again)]
+    assert main(line) == 2
+    assert (
+        "trajectory.tum: file: found a file that this command did not write there" in capsys.readouterr().err
+    )
+    assert main(["report", str(drive), "--out", str(again)]) == 0
+    assert {name: contents(again)[name] for name in before} == before
+    main([*line, "--force"])
+    assert {"map.yaml", "map.pgm", "located.png"} <= set(contents(again))
+
+
 def test_force_replaces_what_the_run_writes_and_leaves_the_rest(drive, done, again):
     (again / "thesis.png").write_bytes(b"three years")
     (again / "map.pgm").write_bytes(b"mine")
@@ -126,7 +139,7 @@ def test_simulated_data_never_replace_a_data_set_but_may_be_written_again(tmp_pa
     save_course(box_recording(images=0), 20, tmp_path)
     before = contents(tmp_path)
     assert main(line) == 2
-    assert "20.npz: file: found a file that was not written there" in capsys.readouterr().err
+    assert "20.npz: file: found a file that this command did not write there" in capsys.readouterr().err
     assert contents(tmp_path) == before
     assert main([*line, "--force"]) == 0
     simulated = contents(tmp_path)
@@ -153,7 +166,7 @@ def test_the_table_of_a_study_is_replaced_as_long_as_nobody_has_changed_it(drive
     assert main(line) == 0
     (out / "mine.csv").write_text("my notes")
     assert main(line) == 2
-    assert "mine.csv: file: found a file that was not written there" in capsys.readouterr().err
+    assert "mine.csv: file: found a file that this command did not write there" in capsys.readouterr().err
     assert (out / "mine.csv").read_text() == "my notes"
     assert main([*line, "--force"]) == 0
 

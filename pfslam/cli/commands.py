@@ -121,7 +121,7 @@ def simulate_command(arguments: Namespace) -> None:
         simulation = simulate(arguments.name, arguments.seed, progress=bar, hazards=hazards)
     number, recording = simulation.config.number, simulation.recording
     extras, bar = {name: getattr(simulation, name) for name in ("z", "pitch", "roll")}, progress_bar("images")
-    with results_in(arguments.out, arguments.force) as folder:
+    with results_in(arguments.out, "simulate", arguments.force) as folder:
         save_course(recording, number, folder, arguments.images, truth_extras=extras, progress=bar)
     print(f"set {number} ({arguments.name}) is in {arguments.out}")
 
@@ -136,7 +136,7 @@ def run_command(arguments: Namespace) -> int:
     wants_texture = has_images(recording) if arguments.texture is None else arguments.texture
     check_possible(recording, wants_texture, arguments.loops)
     check_writable(out)
-    check_free(out, files_of_run(recording, wants_texture, arguments.loops), arguments.force)
+    check_free(out, files_of_run(recording, wants_texture, arguments.loops), "run", arguments.force)
     if words.stops(findings) and not arguments.anyway:
         return stopped(findings)
     with timed(seconds, "dead_reckoning"):
@@ -173,11 +173,13 @@ def finished(
 ) -> int:
     """Write and tell what came out of a run, and return the exit code."""
     summary = words.summarise(*outcome, findings)
-    with results_in(out, arguments.force) as folder:
+    with results_in(out, "run", arguments.force) as folder:
         with timed(seconds, "write"):
             files = write_results(folder, *outcome[1:])
             files += write_pictures(folder, about | summary, outcome, clouds)
-        text = write_summary(folder, about | {"seconds": seconds, "files": [*files, SUMMARY]} | summary)
+        text = write_summary(
+            folder, "run", about | {"seconds": seconds, "files": [*files, SUMMARY]} | summary
+        )
     if arguments.json:
         print(text, end="")
     elif not arguments.quiet:
@@ -244,7 +246,7 @@ def locate_command(arguments: Namespace) -> int:
     check_writable(out)
     with timed(seconds, "load"):
         recording, _ = load_corrected(arguments)
-    check_free(out, files, arguments.force)
+    check_free(out, files, "locate", arguments.force)
     with timed(seconds, "locate"):
         rng, bar = np.random.default_rng(seed), progress_bar("locating")
         result = locate(grid, recording, config, rng=rng, progress=bar, keep_particles=False)
@@ -252,10 +254,10 @@ def locate_command(arguments: Namespace) -> int:
     about |= {"selection": selection(arguments)}
     about |= {"config": replace(config, every=config.every or recording.default_every)}
     about |= {"seconds": seconds, "files": files} | words.summarise_search(recording, result)
-    with results_in(out, arguments.force) as folder:
+    with results_in(out, "locate", arguments.force) as folder:
         write_tum(folder / "trajectory.tum", result.trajectory)
         write_png(folder / "located.png", picture_of_search(grid, result))
-        text = write_summary(folder, about)
+        text = write_summary(folder, "locate", about)
     print(text.rstrip() if arguments.json else words.closing_words_of_search(recording, result, out))
     return 0 if result.found else FAULT
 
@@ -312,7 +314,7 @@ def report_command(arguments: Namespace) -> None:
     need("matplotlib", "plots")
     out, recording, count = out_folder(arguments), load_dataset(arguments), 0
     check_writable(out)
-    with results_in(out, arguments.force) as folder:
+    with results_in(out, "report", arguments.force) as folder:
         for name, figure in report_figures(recording, progress=progress_bar("figures")):
             with atomic_write(folder / f"{name}.png") as file:
                 figure.savefig(file, format="png", dpi=150)
