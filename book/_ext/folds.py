@@ -1,7 +1,7 @@
 """What a chapter's page shows of its code, and what its folds are called.
 
-Out of sight are the lines that only draw (the notebook has them), calls that only show a laboratory, what a picture
-says to those who cannot see it, and sentences that point at a fold. A listing of the package is a link to the page
+Out of sight are the lines that only draw, with what a picture says to those who cannot see it (the notebook has them),
+calls that only show a laboratory, and sentences that point at a fold. A listing of the package is a link to the page
 that shows it. Every other fold is named by what is in it.
 """
 
@@ -10,13 +10,12 @@ import re
 from pathlib import Path
 
 import api_pages
+from copies import POINTER
 from docutils import nodes
 from two_ways import cells, draws, tags
 
-POINTER = "Open the cell below for a solution."
 LISTED = re.compile(r"# (pfslam(?:\.[a-z]\w*)+)\.([\w.]+)$", re.MULTILINE)  # as `show_source` begins
 DEFAULT = "Show the code"  # nb_code_prompt_show
-DRAWN_BY = ("show", "show_lab")
 SOLUTION = re.compile(r"solution-(\d+)")
 
 
@@ -33,7 +32,6 @@ def tidy(app, doctree) -> None:
             cell.remove(source_of(cell))
         else:
             name_fold(cell)
-            shorten(cell)
             join_answer(cell)
     for line in list(doctree.findall(nodes.paragraph)):
         if line.astext().strip() == POINTER:
@@ -76,33 +74,6 @@ def listed(cell: nodes.container, known: set[str]) -> nodes.paragraph | None:
     line = nodes.paragraph("", "As the package does it: ", classes=["pfslam-package", "pfslam-workshop"])
     line += nodes.reference("", "", nodes.literal("", found[2]), refuri=page, internal=True)
     return line
-
-
-def shorten(cell: nodes.container) -> None:
-    """Leave out of the code what the picture says to those who cannot see it."""
-    block = next(iter(cell.findall(nodes.literal_block)), None) if source_of(cell) is not None else None
-    if block is not None and (text := without_words(block.astext())) != block.astext():
-        block.rawsource = text
-        block.children = []
-        block += nodes.Text(text)
-
-
-def without_words(text: str) -> str:
-    """``show(figure, "words")`` as ``show(figure)``, in the code of a cell."""
-    try:
-        calls = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)]
-    except SyntaxError:
-        return text
-    lines = text.splitlines(keepends=True)
-    for call in calls:
-        if isinstance(call.func, ast.Name) and call.func.id in DRAWN_BY and len(call.args) > 1:
-            last, words = call.args[-2], call.args[-1]
-            if isinstance(words, ast.Constant | ast.JoinedStr):
-                first, end = last.end_lineno - 1, words.end_lineno - 1
-                kept = lines[first].encode()[: last.end_col_offset].decode()
-                kept += lines[end].encode()[words.end_col_offset :].decode()
-                lines[first : end + 1] = [kept, *[""] * (end - first)]
-    return "".join(lines)
 
 
 def name_fold(cell: nodes.container) -> None:

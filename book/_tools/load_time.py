@@ -22,9 +22,8 @@ new PerformanceObserver(seen => tasks.push(...seen.getEntries().map(task => task
   .observe({type: 'longtask', buffered: true});"""
 # The time from the first request to the end of loading, the time blocked until then (ms), and the elements of the page.
 FOUND = """async () => {
-  const drawn = await window.MathJax?.startup?.promise?.then(() => performance.now());
   await new Promise(done => setTimeout(done, 300));
-  const ready = Math.max(performance.getEntriesByType('navigation')[0].loadEventEnd, drawn ?? 0);
+  const ready = performance.getEntriesByType('navigation')[0].loadEventEnd;
   return [ready, tasks.reduce((sum, task) => sum + task - 50, 0), document.querySelectorAll('*').length];
 }"""
 
