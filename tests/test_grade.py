@@ -5,6 +5,7 @@ import json
 import os
 import re
 import socket
+import subprocess
 import sys
 import threading
 import time
@@ -290,6 +291,36 @@ def test_a_patched_check_counts_nothing_and_the_printed_solutions_count(chapter,
     cells = [{"source": stubs.get(cell, cell).strip(), "check": ""} for cell in chapter.cells]
     assert [g.state for g in chapter.judge(cells, limits, tmp_path)] == [judge.UNANSWERED] * 5
     assert [g.state for g in chapter.measure(limits, tmp_path)] == [judge.RIGHT] * 5
+
+
+STARTS_A_COPY = """import subprocess, sys
+from pathlib import Path
+sys.path[:0] = sys.argv[2:]
+from grading.cage import Cage, started
+cage, loop = Cage("room"), "import time\\ntime.sleep(600)  # " + sys.argv[1]
+subprocess.run(cage.command(sys.argv[1], [sys.executable, "-c", loop], 65000), **started(cage, 65000))"""
+
+
+def test_who_kills_the_grading_ends_the_copies(tmp_path):
+    """A copy is a process with another user's rights in a world of its own; it must not live longer than its judge."""
+    if cage.best_cage(tmp_path).kind != "room":
+        pytest.skip("no user namespaces here")
+    room = tmp_path / "room"
+    room.mkdir()
+
+    def alive():
+        lines = (path.read_bytes() for path in Path("/proc").glob("[0-9]*/cmdline") if path.exists())
+        return sum(str(room).encode() in line and b"time.sleep(600)" in line for line in lines)
+
+    judge = subprocess.Popen([sys.executable, "-c", STARTS_A_COPY, str(room), *sys.path])
+    deadline = time.monotonic() + 60.0
+    while alive() < 2 and time.monotonic() < deadline:  # what makes the room, and the copy in it
+        time.sleep(0.1)
+    judge.kill()
+    judge.wait()
+    while alive() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert alive() == 0
 
 
 @pytest.mark.nightly

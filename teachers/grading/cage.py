@@ -64,9 +64,11 @@ class Cage:
         places = ["/usr", "/bin", "/lib", "/lib64", "/etc/ld.so.cache", "/dev/null", "/dev/urandom", *PATHS]
         places += [str(cache_folder())]
         places += [str(program.resolve().parents[1]), sys.base_prefix, sys.prefix]
-        rights = ["setpriv", "--no-new-privs", "--bounding-set=-all", "--inh-caps=-all"]
+        rights = ["setpriv", "--pdeathsig=KILL", "--no-new-privs", "--bounding-set=-all", "--inh-caps=-all"]
         rights += [f"--reuid={user}", f"--regid={user}", "--clear-groups"] if root else []
-        spaces = ["unshare", "--net", "--mount", "--ipc", "--pid", "--fork", "--kill-child"]
+        # Who stops the grading, by Ctrl-C or otherwise, stops the copies too.
+        spaces = ["setpriv", "--pdeathsig=KILL"]
+        spaces += ["unshare", "--net", "--mount", "--ipc", "--pid", "--fork", "--kill-child"]
         spaces += [] if root else ["--map-root-user"]
         places = list(dict.fromkeys(place for place in places if os.path.lexists(place)))
         return [*spaces, "sh", "-c", ROOM, "sh", room, str(DISK), *places, "--", *rights, *words]
