@@ -25,7 +25,8 @@ def blocks(language: str) -> list[str]:
 
 
 (TEXT,) = blocks("markdown")
-ANSWER, PART, TRIED = blocks("python")
+ANSWER, PART = blocks("python")
+(TRIED,) = blocks("pycon")
 
 
 def printed(command: str) -> list[str]:
