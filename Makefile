@@ -118,7 +118,7 @@ grade: $(STAMP)  ## Grade the students' copies in FOLDER: pages with hints and g
 	@"$(BIN)/python" teachers/grade.py "$(FOLDER)" _build/grade
 
 # Wheel and source distribution carry the students' copies of the chapters, which `pfslam lab` opens.
-wheel: $(STAMP) copies
+wheel: $(STAMP) copies  ## Write both kinds of copies, and into dist the wheel with the students'
 	@rm -rf build book/pfslam_book/chapters
 	@mkdir book/pfslam_book/chapters
 	@cp _build/student/*.ipynb book/pfslam_book/chapters/

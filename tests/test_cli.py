@@ -491,8 +491,8 @@ def test_a_package_that_is_missing_or_too_old_is_one_line(data, tmp_path, monkey
 
 def has_worker(process):
     """Whether a process has started one of joblib's, as Linux tells."""
-    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-    return any("popen_loky" in Path(f"/proc/{child}/cmdline").read_text() for child in children)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_bytes().decode().split()
+    return any(b"popen_loky" in Path(f"/proc/{child}/cmdline").read_bytes() for child in children)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")

@@ -100,13 +100,18 @@ def commands(job: dict) -> list[str]:
     return [step["run"] for step in job["steps"] if "run" in step]
 
 
+TARGETS = set(re.findall(r"^([\w.-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+
+
+def unknown_targets(lines: list[str]) -> set[str]:
+    made = [word for line in lines if line.startswith("make ") for word in line.split()[1:]]
+    return {word for word in made if "=" not in word} - TARGETS
+
+
 def test_every_workflow_is_yaml_with_jobs_and_every_target_exists():
-    targets = set(re.findall(r"^([\w.-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
     for path in (ROOT / ".github" / "workflows").iterdir():
         for job in workflow(path.stem)["jobs"].values():
-            for line in commands(job):
-                made = line.split()[1:] if line.startswith("make ") else []
-                assert {word for word in made if "=" not in word} <= targets
+            assert unknown_targets(commands(job)) == set()
 
 
 def test_tags_are_tested_and_nothing_cuts_a_publication_short():
@@ -117,8 +122,48 @@ def test_tags_are_tested_and_nothing_cuts_a_publication_short():
     assert "github.ref_type != 'tag'" in cancelled
     publish = ci["jobs"]["publish"]
     assert publish["concurrency"]["cancel-in-progress"] is False
-    assert set(publish["needs"]) == set(ci["jobs"]) - {"publish"}
+    assert set(publish["needs"]) == set(ci["jobs"]) - {"publish", "colab"}
+    assert ci["jobs"]["colab"]["needs"] == "publish"
     assert any(line.startswith("make lowest") for line in commands(ci["jobs"]["lowest"]))
+
+
+def test_gitlab_publishes_what_github_does():
+    jobs = yaml.safe_load((ROOT / ".gitlab-ci.yml").read_text(encoding="utf-8"))
+    here, there = jobs["pages"]["script"], commands(workflow("ci")["jobs"]["whole"])
+    assert unknown_targets(here) == set()
+    assert here == [*there, "mv _build/html public"]
+    assert jobs["pages"]["artifacts"] == {"paths": ["public"]}
+    assert jobs["branch"]["script"] == ["bash .ci/run"]
+
+
+def test_colab_has_a_branch_with_its_copies_and_nothing_else(tmp_path):
+    """The commands of the workflow, beside a repository that takes what is pushed."""
+    clone, notebook = tmp_path / "clone", Path("notebooks/00_first.ipynb")
+
+    def git(*words: str) -> str:
+        name = ("-c", "user.name=ada", "-c", "user.email=ada@localhost")
+        done = subprocess.run(["git", *name, *words], cwd=clone, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    clone.mkdir()
+    git("init", "-q", "--bare", str(tmp_path / "origin"))
+    git("init", "-q")
+    git("remote", "add", "origin", str(tmp_path / "origin"))
+    for path, text in ((notebook, "the book's"), (Path(".gitignore"), "_build/\n"), (Path("Makefile"), "")):
+        (clone / path).parent.mkdir(exist_ok=True)
+        (clone / path).write_text(text, encoding="utf-8")
+    git("add", "--all")
+    git("commit", "-qm", "the book")
+    (push,) = commands(workflow("ci")["jobs"]["colab"])
+    for copy in ("the first copy", "the second copy"):
+        written = clone / "_build" / "colab" / notebook
+        written.parent.mkdir(parents=True, exist_ok=True)
+        written.write_text(copy, encoding="utf-8")
+        subprocess.run(["bash", "-eo", "pipefail", "-c", push], cwd=clone, check=True, capture_output=True)
+        git("fetch", "-q", "origin", "+refs/heads/colab:refs/remotes/origin/colab")
+        assert git("ls-tree", "-r", "--name-only", "origin/colab").split() == [notebook.as_posix()]
+        assert git("show", f"origin/colab:{notebook.as_posix()}") == copy
 
 
 def test_what_is_released_has_been_tested_and_its_wheel_has_run():

@@ -28,6 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "_tools"))
 import api_pages
 import copies
 import plain
+from addresses import COLAB, Addresses, addresses
 from hero import write_hero
 from icons import cut_icons
 from pfslam_book.show import lab
@@ -236,6 +237,8 @@ def name_command(app, doctree) -> None:
     chapter = CHAPTER.match(app.env.docname)
     if chapter:
         line = nodes.paragraph("", "Run this chapter: ", classes=["pfslam-run"])
+        for words, address in known_addresses(app).runs(app.env.docname).items():
+            line += [nodes.reference("", words, refuri=address), nodes.Text(", ")]
         line += nodes.literal("", f"pfslam lab {chapter[1]}")
         line += nodes.Text(" (")
         line += nodes.reference("", "how to", refuri="../book/install.html", internal=True)
@@ -244,17 +247,23 @@ def name_command(app, doctree) -> None:
         title.parent.insert(title.parent.index(title) + 1, line)
 
 
+def known_addresses(app) -> Addresses:
+    """What the settings of the book name, or the host on which it is built."""
+    settings = yaml.safe_load(Path(app.confdir, "_config.yml").read_text(encoding="utf-8"))
+    return addresses(settings, os.environ)
+
+
 def show_addresses(app, config) -> None:
-    """Buttons for the repository, and for running a chapter in the cloud, appear with their addresses.
+    """A button for the repository appears with its address, and whatever needs the address of the site.
 
     Jupyter Book hands the theme either its own options or ours, not both.
     """
-    settings = yaml.safe_load(Path(app.confdir, "_config.yml").read_text(encoding="utf-8"))
-    repository, launch = settings.get("repository", {}), settings.get("launch_buttons", {})
-    if repository.get("url"):
-        found = {"repository_url": repository["url"], "repository_branch": repository.get("branch", "main")}
-        found |= {"use_repository_button": True, "use_issues_button": True, "launch_buttons": launch}
-        config.html_theme_options |= found
+    known = known_addresses(app)
+    config.html_baseurl = known.site
+    if known.repository:
+        found = {"repository_url": known.repository, "repository_branch": known.branch}
+        found |= {"repository_provider": known.provider}
+        config.html_theme_options |= found | {"use_repository_button": True, "use_issues_button": True}
 
 
 def describe_page(app, pagename, templatename, context, doctree) -> None:
@@ -298,14 +307,17 @@ def offer_notebooks(app, error) -> None:
     if error is not None or app.builder.format != "html":
         return
     place = copies.Place(Path(app.srcdir), site=app.config.html_baseurl)
+    colab, known = Path(app.outdir).parent / "colab", known_addresses(app)
     for page in app.env.found_docs:
         path = Path(app.env.doc2path(page))
         if path.suffix == ".ipynb":
             numbers = app.env.metadata[page].get("numbers", [])
-            notebook = copies.full_copy(json.loads(path.read_text(encoding="utf-8")), numbers, place)
+            chapter = json.loads(path.read_text(encoding="utf-8"))
             offered = Path(app.outdir, "_sources", f"{page}.ipynb")
-            offered.write_text(json.dumps(notebook, indent=1, ensure_ascii=False), encoding="utf-8")
+            copies.write_notebook(offered, copies.full_copy(chapter, numbers, place))
             copies.write_numbers(path, numbers)
+            if COLAB in known.runs(page):
+                copies.write_notebook(colab / f"{page}.ipynb", copies.colab_copy(chapter, numbers, place))
 
 
 def draw_hero(app, error) -> None:

@@ -15,6 +15,7 @@ import argparse
 import ast
 import hashlib
 import json
+import os
 import re
 import sys
 from collections.abc import Iterable, Iterator
@@ -22,9 +23,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import yaml
+from addresses import addresses
 from plain import Place, plain_markdown
 from strip import folded
 
+from pfslam import __version__
 from pfslam.errors import DataError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,6 +41,11 @@ EVAL = re.compile(r"\{eval\}`([^`]+)`")
 OPEN = re.compile(r"\*\*Exercise (\d+)[^*]*(?:explore and explain|open)[^*]*\*\*")
 FOUND = "found"
 """The tag of what follows an open question: how we looked, and what may be found."""
+INSTALL = """# Run this cell first: it brings the book's code to Colab, and lets Colab show its laboratories.
+%pip install -q anywidget "pfslam[plots,ros,study] @ {wheel}"
+from google.colab import output
+
+output.enable_custom_widget_manager()"""
 YOUR_ANSWER = "*Your answer: what you tried, what you saw, and why.*"
 
 
@@ -110,6 +118,14 @@ def _marked(cell: dict, name: str, *, grade=False, solution=False, locked=False)
     mark = {"grade_id": name, "grade": grade, "solution": solution, "locked": locked, "task": False}
     mark |= {"schema_version": 3} | ({"points": 1} if grade else {})
     return {**cell, "metadata": {**cell["metadata"], "nbgrader": mark}}
+
+
+def colab_copy(notebook: dict, numbers: Iterable[str], place: Place) -> dict:
+    """The students' copy with a first cell for Colab, which has no pfslam: it installs the wheel beside the site."""
+    wheel = f"{place.site}/pfslam-{__version__}-py3-none-any.whl"
+    cell = {"cell_type": "code", "id": "install", "metadata": {}, "outputs": [], "execution_count": None}
+    copy = student_copy(notebook, numbers, place)
+    return {**copy, "cells": [{**cell, "source": INSTALL.format(wheel=wheel)}, *copy["cells"]]}
 
 
 def solution_cells(notebook: dict) -> list[dict]:
@@ -196,21 +212,22 @@ def _value(client, path: Path, expression: str) -> str:
     return ast.literal_eval(text) if text[0] in "'\"" else text
 
 
-def site_address() -> str:
-    """Where the site is published, from ``html: baseurl`` of the book's settings; empty if nowhere."""
-    settings = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))
-    return settings["html"].get("baseurl", "")
+def write_notebook(path: Path, notebook: dict) -> None:
+    """Write a notebook, and the folder that it lies in."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(notebook, indent=1, ensure_ascii=False)
+    path.write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
 def write_copies(out: Path, notebooks: list[Path], numbers: list[list[str]]) -> None:
     """Write both copies of each chapter below ``out``."""
-    place = Place(ROOT, frozenset(path.name for path in notebooks), site_address())
+    settings = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))
+    site = addresses(settings, os.environ).site
+    place = Place(ROOT, frozenset(path.name for path in notebooks), site)
     for path, values in zip(notebooks, numbers, strict=True):
         notebook = json.loads(path.read_text(encoding="utf-8"))
         for kind, copy in (("student", student_copy), ("solutions", full_copy)):
-            text = json.dumps(copy(notebook, values, place), indent=1, ensure_ascii=False)
-            (out / kind).mkdir(parents=True, exist_ok=True)
-            (out / kind / path.name).write_text(text + "\n", encoding="utf-8", newline="\n")
+            write_notebook(out / kind / path.name, copy(notebook, values, place))
 
 
 def main(arguments: list[str] | None = None) -> int:

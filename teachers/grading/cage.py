@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 import signal
@@ -125,7 +124,9 @@ class Process:
         there, self.writing = os.pipe()
         self.reading, back = os.pipe()
         for end in (there, back):
-            with suppress(OSError, AttributeError):  # only Linux has wider pipes, for maps
+            with suppress(ImportError, OSError, AttributeError):  # only Linux has wider pipes, for maps
+                import fcntl
+
                 fcntl.fcntl(end, fcntl.F_SETPIPE_SZ, 2**20)
         words = [sys.executable, str(ROOT / "teachers" / "grading" / "student.py"), str(there), str(back)]
         words += [str(MEMORY), str(PROCESSES), inside, str(ROOT / "teachers")]

@@ -11,6 +11,7 @@ from urllib.parse import quote_plus, unquote, urldefrag
 
 import pytest
 from pfslam_book.show.night import NIGHT
+from windows_names import refused
 
 pytestmark = pytest.mark.browser
 
@@ -137,6 +138,12 @@ def test_the_site_is_light(site):
     folders = {"notebooks": 2e6, "api": 0.3e6}
     limits = {path: folders.get(path.parent.name, 1e6) for path in site.rglob("*.html")}
     assert [path.name for path, limit in limits.items() if path.stat().st_size > limit] == []
+
+
+def test_windows_takes_every_file_of_the_site(site):
+    """Unpacked from its archive where a browser puts it."""
+    names = [path.relative_to(site).as_posix() for path in site.rglob("*") if path.is_file()]
+    assert refused(names, f"C:\\Users\\{20 * 'u'}\\Downloads\\pfslam-site\\pfslam-site\\") == []
 
 
 # What students type, and the place that has to be the first they are led to.
