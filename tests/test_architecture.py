@@ -171,10 +171,10 @@ def lines_of_code(path):
 @pytest.mark.parametrize(
     ("pattern", "most"),
     [
-        ("**/*.py", 9717),
+        ("**/*.py", 9846),
         ("*.py", 1500),
         ("beyond/loops/*.py", 265),
-        ("io/bags.py", 279),
+        ("io/bags.py", 297),
         ("io/topics.py", 174),
     ],
 )

@@ -464,8 +464,6 @@ REFUSED = [
     (partial(mounted, "laser", (0, 0, 1), (0, 0, 0, 0)), NO_POSE),
     (partial(mounted, "laser", (0, 0, np.nan), LEVEL), NO_POSE),
     (partial(moving, "/tf_static", "base_link", "laser"), "place of the LiDAR: found no fixed chain"),
-    (partial(moving, "/odom", "world", "base_link"), "odometry: found world -> base_link on /tf, expected"),
-    (partial(without, "/odom"), "odometry: found none, expected nav_msgs/Odometry, or odom -> base_link"),
     (list, "odometry: found none, expected nav_msgs/Odometry, or odom -> base_link"),
     (only_no_poses, r"/odom at 1300000000\.200: found only messages that are no poses"),
     (partial(every_scan, angle_increment=0.1), "/scan.* beams over at most one turn"),

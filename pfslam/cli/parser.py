@@ -187,6 +187,8 @@ def selection_parser() -> Parser:
     )
     for option, (unit, what) in MENDED.items():
         mend.add_argument(option, type=number_or_auto, metavar=f"{unit}|auto", help=what)
+    alone = "let scans alone tell how the robot moved (default: where there is no odometry)"
+    mend.add_argument("--no-odometry", action="store_const", const=[], help=alone)
     bags = parser.add_argument_group("for ROS bags", "Topics are found by their type if they are not named.")
     for name, kind in TOPICS.items():
         bags.add_argument(f"--{name}", metavar="TOPIC", help=f"the topic of {kind} to use")

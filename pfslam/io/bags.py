@@ -60,7 +60,8 @@ COUNTED = {*OTHERS, *(kind for kind, _ in USES.values())}
 class BagOptions:
     """What a bag does not say by itself: the topics to use, by name, and the LiDAR's place ``(x, y, yaw)`` m, rad.
 
-    With ``odom_frame`` the odometry is read from /tf, and is that of a robot in this frame.
+    With ``odom_frame`` the odometry is read from /tf, and is that of a robot in this frame. Without ``odometry`` none
+    is read.
     """
 
     scan: str | None = None
@@ -70,6 +71,7 @@ class BagOptions:
     depth: str | None = None
     odom_frame: str | None = None
     lidar_at: tuple[float, float, float] | None = None
+    odometry: bool = True
 
 
 def load_bag(
@@ -79,7 +81,7 @@ def load_bag(
 
     Header stamps count; the bag's own time takes their place only where all of them are zero. Messages are put in the
     order of their stamps; of those with the same stamp the first counts. ``progress`` wraps the messages as they are
-    read. Raises ``DataError`` naming topic and time.
+    read. A bag of scans without odometry is read all the same. Raises ``DataError`` naming topic and time.
     """
     path, options = Path(path), options or BagOptions()
     log, listed = Log(path), list_topics(path)
@@ -92,13 +94,14 @@ def load_bag(
     # Taken out where they are used, so that an hour of them is not held twice.
     read = {use: _ordered(log, topics.pop(name)) for use, name in chosen.items() if use != "info"}
     frames = _read_frames(log, (topics.pop(name) for name in trees))
-    odometry, base = _odometry(log, read.pop("odom", None), frames, options.odom_frame)
+    odometry, base = _odometry(log, read.pop("odom", None), frames, options, "scan" in read)
     imu = _imu(log, read.pop("imu"), frames, base) if "imu" in read else None
-    odometry, notes = with_better_headings(odometry, imu)
-    log.notes += notes
+    if odometry is not None:
+        odometry, notes = with_better_headings(odometry, imu)
+        log.notes += notes
     model, lidar, eye, camera = LidarModel(), None, RgbdModel(), None
     if "scan" in read:
-        T = _place_of_lidar(log, read["scan"], frames, base, options)
+        T = _place_of_lidar(log, read["scan"], frames, base, options, odometry is not None)
         model, lidar = _scans(log, read["scan"], T)
     if "info" in chosen:
         info = topics[chosen["info"]].contents[0]
@@ -115,7 +118,7 @@ def choose_topics(log: Log, topics: Mapping[str, tuple[str, int]], options: BagO
     chosen = {}
     for use, (kind, usual) in USES.items():
         named = getattr(options, use)
-        if use == "odom" and options.odom_frame:
+        if use == "odom" and (options.odom_frame or not options.odometry):
             continue
         found = [name for name, (its, number) in topics.items() if its == kind and number]
         if named:
@@ -197,10 +200,22 @@ def _is_fixed(rows: np.ndarray) -> bool:
     return bool(away.max() <= MOVED and cosine.min() >= np.cos(0.5 * MOVED))
 
 
-def _odometry(log: Log, topic: Topic | None, frames: Frames, asked: str | None) -> tuple[Trajectory, str]:
-    """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames."""
+def _usual_base(frames: Frames) -> str:
+    """Return the frame of the robot where no odometry names it."""
+    return "base_footprint" if any("base_footprint" in pair for pair in frames) else "base_link"
+
+
+def _odometry(
+    log: Log, topic: Topic | None, frames: Frames, options: BagOptions, has_scans: bool
+) -> tuple[Trajectory | None, str]:
+    """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames.
+
+    A robot that ``has_scans`` can do without: then there is None, and a note where one was looked for.
+    """
+    usual, asked = _usual_base(frames), options.odom_frame
+    if not options.odometry:
+        return None, usual
     if topic is not None:
-        usual = "base_footprint" if any("base_footprint" in pair for pair in frames) else "base_link"
         base = topic.contents[0].child or usual
         topic = _poses(log, topic)
     else:
@@ -210,8 +225,12 @@ def _odometry(log: Log, topic: Topic | None, frames: Frames, asked: str | None) 
             pairs = [pair for pair in frames if pair[0].strip("/") == asked.strip("/")]
         if not pairs:
             moving = [f"{a} -> {b} on /tf" for (a, b), said in frames.items() if len(said.t) > 1]
+            found = ", ".join(moving) or "none"
             expected = f"{asked or 'nav_msgs/Odometry, or odom'} -> base_link on /tf"
-            raise DataError(log.path, "odometry", ", ".join(moving) or "none", expected)
+            if asked or not has_scans:
+                raise DataError(log.path, "odometry", found, expected)
+            log.notes.append(f"odometry: found {found}, looked for {expected}")
+            return None, usual
         parent, base = pair = min(pairs, key=lambda pair: ("base" not in pair[1], pair))
         log.notes.append(f"odometry is read from /tf: {parent} -> {base}")
         topic = _ordered(log, frames[pair])
@@ -235,8 +254,10 @@ def _imu(log: Log, topic: Topic, frames: Frames, base: str) -> Imu | None:
     return Imu(topic.t, rates @ R.T, pushes @ R.T)
 
 
-def _place_of_lidar(log: Log, topic: Topic, frames: Frames, base: str, options: BagOptions) -> np.ndarray:
-    """Find the transform ``(4, 4)`` of the LiDAR in the body frame."""
+def _place_of_lidar(
+    log: Log, topic: Topic, frames: Frames, base: str, options: BagOptions, needed: bool
+) -> np.ndarray:
+    """Find the transform ``(4, 4)`` of the LiDAR in the body frame; where it is not ``needed``, this may be its own."""
     if options.lidar_at is not None:
         x, y, yaw = options.lidar_at
         if abs(yaw) > 2.0 * np.pi:
@@ -246,6 +267,10 @@ def _place_of_lidar(log: Log, topic: Topic, frames: Frames, base: str, options: 
         return transform(rotation_matrix(yaw=yaw), (x, y, LidarModel().position_b[2]))
     frame = topic.contents[0].frame
     T = _find_place(frames, base, frame)
+    if T is None and not needed:
+        said = f"no fixed chain of frames from {base} to {frame}"
+        log.notes.append(f"{said}: the path is that of the LiDAR itself")
+        return transform(np.eye(3), (0.0, 0.0, LidarModel().position_b[2]))
     if T is None:
         there = ", ".join(f"{parent} -> {child}" for parent, child in sorted(frames)) or "no frames at all"
         found = f"no fixed chain of frames from {base} to {frame or 'a frame without a name'}, only {there}"
