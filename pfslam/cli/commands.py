@@ -111,8 +111,9 @@ def bag_options(arguments: Namespace) -> BagOptions:
     """Collect what the command line says about a bag."""
     place = None if arguments.lidar_at is None else tuple(arguments.lidar_at)
     topics = {name: getattr(arguments, name) for name in TOPICS}
+    heights = None if arguments.slice is None else tuple(arguments.slice)
     stated = {"odom_frame": arguments.odom_frame, "odometry": arguments.no_odometry is None}
-    return BagOptions(**topics, **stated, lidar_at=place)
+    return BagOptions(**topics, **stated, lidar_at=place, slice=heights)
 
 
 def out_folder(arguments: Namespace, suffix: str = "") -> Path:

@@ -259,9 +259,9 @@ def check_kept(recording: Recording) -> Finding:
     """Check that most scans could be kept and lie close, and that a bag without any holds no other kind of them."""
     answer = partial(Finding, "Are the scans all there?")
     said = (f"{count} {reason}" for reason, count in recording.dropped.items())
-    others = [line for line in said if "PointCloud2" in line or "MultiEcho" in line]
+    others = [line for line in said if "MultiEcho" in line]
     if recording.lidar is None:
-        remedy = "make LaserScan messages of them, as pointcloud_to_laserscan and laser_proc do"
+        remedy = "make LaserScan messages of them, as laser_proc does"
         ok, remedy, found = (False, remedy, "; ".join(others)) if others else (None, "", "no LiDAR")
         return answer(ok, found, "LaserScan messages", remedy, "stop")
     kept, lost = len(recording.lidar.t), recording.dropped.get("scans with the stamp of another", 0)

@@ -26,8 +26,7 @@ from pfslam.refined.matching import SearchConfig
 from pfslam.refined.noise import MotionNoise
 from pfslam.refined.record import RefinedStep
 from pfslam.refined.step import RefinedConfig
-from pfslam.refined.tilt import FLOOR_CLEARANCE
-from pfslam.sensors import STANDARD_GRAVITY
+from pfslam.sensors import FLOOR_CLEARANCE, STANDARD_GRAVITY
 
 FARTHEST_APART = 1.5
 """Metres from one scan to the next up to which they share walls enough; logs keep one a metre."""
