@@ -23,6 +23,7 @@ from pfslam.recording import Recording as Recording
 from pfslam.refined.floor import map_texture as map_texture
 from pfslam.refined.mapper import Mapper as Mapper
 from pfslam.refined.odometer import Odometer as Odometer
+from pfslam.refined.scan_odometry import with_scan_odometry as with_scan_odometry
 from pfslam.run import SlamResult as SlamResult
 from pfslam.run import run_slam as run_slam
 from pfslam.sensors import RobotModel as RobotModel

@@ -109,11 +109,14 @@ class Recording:
     """Readings left out while loading, by reason."""
     notes: tuple[str, ...] = ()
     """What the loader had to decide or saw, each in one line, for the user to read."""
+    scan_matched: bool = False
+    """Whether the odometry was made of the scans, because there is no other (``refined.scan_odometry``)."""
 
     def __post_init__(self):
-        if self.odometry is None and (self.encoders is None or self.imu is None):
+        only_scans = self.encoders is None and self.lidar is not None
+        if self.odometry is None and (self.encoders is None or self.imu is None) and not only_scans:
             found = "neither encoders with IMU nor odometry poses"
-            raise DataError(self.name, "odometry", found, "one of the two")
+            raise DataError(self.name, "odometry", found, "one of the two, or scans alone")
         if self.lidar is not None and self.lidar.ranges.shape[1] != self.robot.lidar.beams:
             beams = (f"{n} beams" for n in (self.lidar.ranges.shape[1], self.robot.lidar.beams))
             raise DataError(self.name, "lidar ranges", *beams)
@@ -122,7 +125,8 @@ class Recording:
         """The encoders and the IMU; ``DataError`` if the recording lacks one of them."""
         if self.encoders is None or self.imu is None:
             missing = "encoders" if self.encoders is None else "imu"
-            raise DataError(self.name, missing, "nothing", "a recording with encoders and IMU")
+            expected = "a recording with encoders and IMU; with_scan_odometry makes an odometry of scans"
+            raise DataError(self.name, missing, "nothing", expected)
         return self.encoders, self.imu
 
     def scans(self) -> LidarScans:
@@ -130,6 +134,13 @@ class Recording:
         if self.lidar is None:
             raise DataError(self.name, "lidar", "no scans", "a recording with LiDAR")
         return self.lidar
+
+    @property
+    def motion(self) -> str:
+        """What tells how the robot moved: "odometry", "encoders and gyro", or "scans" alone."""
+        if self.scan_matched or (self.odometry is None and self.encoders is None):
+            return "scans"
+        return "encoders and gyro" if self.odometry is None else "odometry"
 
     def streams(self) -> dict[str, Any]:
         """The streams of numbers that the recording has, by their names; images are not among them."""

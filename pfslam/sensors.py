@@ -23,6 +23,8 @@ MAX_RANGE = 1e4
 """Metres."""
 STEEPEST_DEG = 10.0
 """A LiDAR that leans more than this does not measure a floor plan."""
+FLOOR_CLEARANCE = 0.1
+"""What is lower than this above the ground under the robot (m) is taken to be floor, and no wall."""
 Coordinate = Annotated[float, Range(-1000.0, 1000.0)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 BeamAngle = Annotated[float, Range(-20.0, 20.0)]

@@ -69,6 +69,23 @@ class Messages:
         fields["ranges"] = np.array(ranges, dtype=np.float32, order="C")
         return self.make("sensor_msgs/msg/LaserScan", header=self.header(t, "laser"), **fields)
 
+    def cloud(self, t, points, frame="laser", kind="<f4", lead=0, tail=0, rows=1, padding=0):
+        """``points`` (N, 3) between ``lead`` and ``tail`` bytes each, in ``rows`` with ``padding`` bytes after them."""
+        size = np.dtype(kind).itemsize
+        records = np.full((len(points), lead + 3 * size + tail), 77, dtype=np.uint8)
+        records[:, lead : lead + 3 * size] = (
+            np.ascontiguousarray(points, kind).view(np.uint8).reshape(-1, 3 * size)
+        )
+        lines = np.pad(records.reshape(rows, -1), ((0, 0), (0, padding)))
+        about = {"height": rows, "width": len(points) // rows, "is_bigendian": kind[0] == ">"}
+        about |= {"point_step": records.shape[1], "row_step": lines.shape[1], "data": lines.ravel().copy()}
+        of = {"datatype": {4: 7, 8: 8}[size], "count": 1}
+        about["fields"] = [
+            self.make("sensor_msgs/msg/PointField", name=axis, offset=lead + k * size, **of)
+            for k, axis in enumerate("xyz")
+        ]
+        return self.make("sensor_msgs/msg/PointCloud2", header=self.header(t, frame), **about)
+
     def odometry(self, t, pose, child="base_link"):
         x, y, theta = pose
         turn = self.turn((0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2)))

@@ -171,11 +171,11 @@ def lines_of_code(path):
 @pytest.mark.parametrize(
     ("pattern", "most"),
     [
-        ("**/*.py", 9717),
+        ("**/*.py", 9988),
         ("*.py", 1500),
         ("beyond/loops/*.py", 265),
-        ("io/bags.py", 279),
-        ("io/topics.py", 174),
+        ("io/bags.py", 337),
+        ("io/topics.py", 184),
     ],
 )
 def test_what_is_to_be_read_stays_small(pattern, most):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bag_files import FORMATS, rows_of, write_bag
+from bag_files import FORMATS, Messages, rows_of, write_bag
 from box_recording import box_recording
 
 from pfslam.__main__ import main
@@ -140,15 +140,26 @@ def test_damaged_files(good, tmp_path, seed):
 
 @pytest.mark.parametrize("seed", range(CASES // 4))
 def test_bags_of_damaged_messages(tmp_path, seed):
-    """One number of one message, or of all of a kind, is spoiled."""
+    """One number of one message, or of all of a kind, is spoiled; every third bag has clouds in the place of scans."""
     rng, rows = np.random.default_rng(seed), rows_of(box_recording(2.0, images=0))
-    topic = rng.choice(["/scan", "/odom", "/tf_static"], p=[0.5, 0.3, 0.2])
+    rows = [as_cloud(row) if row[0] == "/scan" else row for row in rows] if seed % 3 == 2 else rows
+    scans = "/points" if seed % 3 == 2 else "/scan"
+    topic = rng.choice([scans, "/odom", "/tf_static"], p=[0.5, 0.3, 0.2])
     messages = [message for name, _, message in rows if name == topic]
     place, number = rng.random(), float(rng.choice(NUMBERS))
     for message in messages if rng.random() < 0.5 else [messages[rng.integers(len(messages))]]:
         spoil(message, place, number)
     path = write_bag(tmp_path / "drive", "mcap", rows)
     works_or_says_why(path, ["drive"])
+
+
+def as_cloud(row):
+    """The row of a scan with a cloud of its end points."""
+    _, arrived, scan = row
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+    points = scan.ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles), 0.0 * angles])
+    stamp = scan.header.stamp
+    return "/points", arrived, Messages().cloud(stamp.sec + stamp.nanosec * 1e-9, points)
 
 
 def spoil(message, place, number):

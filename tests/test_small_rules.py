@@ -14,8 +14,7 @@ from pfslam.refined.events import level_scan, levelled_event
 from pfslam.refined.map import OLD
 from pfslam.refined.outliers import OutlierConfig, WaitingScan, settle_hits
 from pfslam.refined.step import RefinedConfig, refined_step
-from pfslam.refined.tilt import FLOOR_CLEARANCE
-from pfslam.sensors import LidarModel
+from pfslam.sensors import FLOOR_CLEARANCE, LidarModel
 
 NOT_MOVED = (np.zeros(0),) * 3
 

@@ -46,6 +46,7 @@ from pfslam.recording import Recording
 from pfslam.refined.floor import map_texture
 from pfslam.refined.health import in_doubt
 from pfslam.refined.run import judged
+from pfslam.refined.scan_odometry import with_scan_odometry
 from pfslam.run import run_slam
 from pfslam.settings import changed, plain
 
@@ -76,7 +77,18 @@ def load_dataset(arguments: Namespace) -> Recording:
 def load_whole(arguments: Namespace) -> Recording:
     """Load the whole data set that the command line names."""
     bar = progress_bar("loading", getattr(arguments, "quiet", False))
-    return load(arguments.dataset, arguments.data, bag=bag_options(arguments), progress=bar)
+    options, named = bag_options(arguments), arguments.odom or arguments.odom_frame
+    if named and not options.odometry:
+        raise DataError(arguments.dataset, "--no-odometry", f"{named} as well", "one of the two")
+    return load(arguments.dataset, arguments.data, bag=options, odometry=options.odometry, progress=bar)
+
+
+def load_moving(arguments: Namespace, whole: Recording) -> Recording:
+    """Return what is wanted of the whole data set; where nothing else tells how the robot moved, its scans do."""
+    recording = select(whole, **selected(arguments))
+    if recording.motion != "scans":
+        return recording
+    return with_scan_odometry(recording, progress_bar("matching", getattr(arguments, "quiet", False)))
 
 
 def load_corrected(arguments: Namespace) -> tuple[Recording, list[Finding]]:
@@ -85,13 +97,13 @@ def load_corrected(arguments: Namespace) -> tuple[Recording, list[Finding]]:
     Its notes then tell what was put right, and the arguments state it, so that ``selection`` keeps it.
     """
     whole = load_whole(arguments)
-    recording = select(whole, **selected(arguments))
+    recording = load_moving(arguments, whole)
     known = {name for name, option in CORRECTED.items() if getattr(arguments, option) not in (None, "auto")}
     found, lines, findings = find_corrections(recording, known)
     if found:
         for name in CORRECTED.keys() - known:
             setattr(arguments, CORRECTED[name], (NEUTRAL | found)[name])
-        recording = select(whole, **selected(arguments))
+        recording = load_moving(arguments, whole)
     return replace(recording, notes=(*recording.notes, *lines)), findings
 
 
@@ -99,7 +111,9 @@ def bag_options(arguments: Namespace) -> BagOptions:
     """Collect what the command line says about a bag."""
     place = None if arguments.lidar_at is None else tuple(arguments.lidar_at)
     topics = {name: getattr(arguments, name) for name in TOPICS}
-    return BagOptions(**topics, odom_frame=arguments.odom_frame, lidar_at=place)
+    heights = None if arguments.slice is None else tuple(arguments.slice)
+    stated = {"odom_frame": arguments.odom_frame, "odometry": arguments.no_odometry is None}
+    return BagOptions(**topics, **stated, lidar_at=place, slice=heights)
 
 
 def out_folder(arguments: Namespace, suffix: str = "") -> Path:
@@ -312,7 +326,7 @@ def convert_command(arguments: Namespace) -> None:
 def report_command(arguments: Namespace) -> None:
     """Draw the report's figures as PNG files."""
     need("matplotlib", "plots")
-    out, recording, count = out_folder(arguments), load_dataset(arguments), 0
+    out, recording, count = out_folder(arguments), load_moving(arguments, load_whole(arguments)), 0
     check_writable(out)
     with results_in(out, "report", arguments.force) as folder:
         for name, figure in report_figures(recording, progress=progress_bar("figures")):

@@ -20,7 +20,7 @@ CODES = (
 CHECK_CODES = "Exit codes: 0 no check failed, 1 at least one did, 2 the data set cannot be read."
 
 IMAGES = {"rgb": "colour Image", "depth": "depth Image"}
-TOPICS = {"scan": "LaserScan", "odom": "Odometry", "imu": "Imu"} | IMAGES
+TOPICS = {"scan": "LaserScan or PointCloud2", "odom": "Odometry", "imu": "Imu"} | IMAGES
 HAZARDS = {
     "doors": (4, "four doors open or close while the robot does not see them"),
     "glass": (0.1, "a tenth of the walls is glass"),
@@ -187,6 +187,8 @@ def selection_parser() -> Parser:
     )
     for option, (unit, what) in MENDED.items():
         mend.add_argument(option, type=number_or_auto, metavar=f"{unit}|auto", help=what)
+    alone = "let scans alone tell how the robot moved (default: where there is no odometry)"
+    mend.add_argument("--no-odometry", action="store_const", const=[], help=alone)
     bags = parser.add_argument_group("for ROS bags", "Topics are found by their type if they are not named.")
     for name, kind in TOPICS.items():
         bags.add_argument(f"--{name}", metavar="TOPIC", help=f"the topic of {kind} to use")
@@ -194,6 +196,11 @@ def selection_parser() -> Parser:
     frame = (
         "take the odometry from /tf, in this frame, such as odom_combined (default: from Odometry messages)"
     )
+    heights = (
+        "make scans of a PointCloud2, of what is LOW to HIGH m above the floor (default: from 0.1 m up to as far "
+        "above the LiDAR)"
+    )
+    bags.add_argument("--slice", type=number, nargs=2, metavar=("LOW", "HIGH"), help=heights)
     bags.add_argument("--odom-frame", metavar="FRAME", help=frame)
     bags.add_argument("--lidar-at", type=number, nargs=3, metavar=("X", "Y", "YAW"), help=place)
     return parser

@@ -26,6 +26,7 @@ SELECTION = {
     "lidar_at": "--lidar-at",
 }
 SELECTION |= {option[2:].replace("-", "_"): option for option in MENDED}
+SELECTION |= {"no_odometry": "--no-odometry", "slice": "--slice"}
 SELECTION |= {"odom_frame": "--odom-frame"} | {name: f"--{name}" for name in TOPICS}
 """The options that say what is used of a data set, by the names of their values."""
 CORRECTED = {"masks": "mask", "delay": "scan_delay", "yaw": "lidar_yaw", "scale": "odometry_scale"}

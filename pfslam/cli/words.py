@@ -19,8 +19,9 @@ from pfslam.io.topics import TF
 from pfslam.poses import Trajectory
 from pfslam.recording import Recording
 from pfslam.refined.floor import UNREADABLE
-from pfslam.refined.health import alarms
+from pfslam.refined.health import Distrust, alarms
 from pfslam.refined.run import RefinedResult
+from pfslam.refined.scan_odometry import unaided
 from pfslam.texture import FloorTexture
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def describe(recording: Recording) -> str:
     """Say what a recording holds: its streams, its LiDAR, what was left out and what its loader had to say."""
     stamps = _stamps(recording)
     begin, end = min(t[0] for t in stamps.values()), max(t[-1] for t in stamps.values())
-    source = "encoders and gyro" if recording.odometry is None else "the odometry's poses"
+    source = "the odometry's poses" if recording.motion == "odometry" else recording.motion
     lines = [
         text_table(("stream", "readings", *RATES), ((name, *_rates(t)) for name, t in stamps.items())),
         f"time: {begin:.6f} to {end:.6f} s",
@@ -97,7 +98,7 @@ def described(recording: Recording) -> dict[str, Any]:
         for name, t in stamps.items()
     }
     content: dict[str, Any] = {"dataset": recording.name, "streams": streams}
-    content["motion"] = "encoders and gyro" if recording.odometry is None else "odometry"
+    content["motion"] = recording.motion
     if recording.lidar is not None:
         content |= {"lidar": recording.robot.lidar, "every": recording.default_every}
     return content | {"notes": list(recording.notes), "dropped": recording.dropped}
@@ -138,15 +139,15 @@ def summarise(
 ) -> dict[str, Any]:
     """Collect the figures of a run: counts, what was dropped and why, and the errors where the truth is known."""
     dropped = recording.dropped | (result.dropped if result else {}) | (texture.dropped if texture else {})
-    doubts = [{"from": float(odometry.t[0]), "to": None, "reason": reason} for reason in stops(findings)]
     summary: dict[str, Any] = {
+        "motion": recording.motion,
         "scans_recorded": 0 if recording.lidar is None else len(recording.lidar.t),
         "scans": len(result.trajectory) if result else 0,
         "updates": result.updates if result else 0,
         "resamplings": result.resamplings if result else 0,
         "lost": len(alarms(result.infos)) if result else 0,
         "second_look": bool(result and result.second_look),
-        "distrust": [*doubts, *(result.distrust if result else ())],
+        "distrust": _doubts(recording, odometry, result, findings),
         "covariance": _covariance(result, recording.truth) if result else None,
         "dropped": dropped,
         "notes": list(recording.notes),
@@ -167,6 +168,17 @@ def summarise(
         if known.any():
             summary |= {name: asdict(trajectory_error(path, truth)) for name, path in estimates.items()}
     return summary
+
+
+def _doubts(
+    recording: Recording, odometry: Trajectory, result: RefinedResult | None, findings: Sequence[Finding]
+) -> list[Distrust]:
+    """List when not to trust a run: what should have stopped it, what it tells itself, what no odometry told."""
+    doubts: list[Distrust] = [
+        {"from": float(odometry.t[0]), "to": None, "reason": reason} for reason in stops(findings)
+    ]
+    told = [*result.distrust, *unaided(recording, result.infos)] if result else []
+    return doubts + sorted(told, key=lambda doubt: doubt["from"])
 
 
 def _covariance(result: RefinedResult, truth: Trajectory | None) -> dict[str, float] | None:

@@ -23,6 +23,7 @@ from pfslam.poses import between
 from pfslam.recording import Recording, image_pairs
 from pfslam.refined.health import LONGEST_PAUSE, farther_than_usual
 from pfslam.refined.outliers import NOISY
+from pfslam.refined.scan_odometry import FARTHEST_APART
 
 FASTEST = 10.0
 """Speed (m/s) that no wheel of a robot indoors reaches."""
@@ -40,8 +41,6 @@ LATE = 0.02
 """Offset (s) between two clocks that a run can do with: a fast robot turns by a degree meanwhile."""
 WIDEST_YAW = 10.0
 """Degrees: so far a direction may seem off, where wheels slide sideways, without anything being mounted otherwise."""
-FARTHEST_APART = 1.5
-"""Metres from one scan to the next, by the median, up to which they share walls enough; logs keep one a metre."""
 WIDEST_SWAY = 0.5
 """Degrees by which scenes may turn to and fro: a loose LiDAR, or an odometry whose headings are all noise."""
 FARTHEST_PLACE = 0.15
@@ -130,8 +129,10 @@ def check_speed(recording: Recording) -> Finding:
     """Check the largest count of any wheel as a speed: running totals and counters that wrap give impossible ones.
 
     Jumps that were left out when the recording was loaded were impossible, too. A few impossible speeds are a warning,
-    since scans bridge them.
+    since scans bridge them. Of a path that scans have made it says nothing.
     """
+    if recording.scan_matched:
+        return Finding("How fast was a wheel at most?", None, "no odometry", f"below {FASTEST:.0f} m/s")
     if (odometry := recording.odometry) is not None:
         second = np.searchsorted(odometry.t, odometry.t[:-1] + LEAST_SPAN).clip(max=len(odometry.t) - 1)
         poses, t = odometry.poses, odometry.t
@@ -258,9 +259,9 @@ def check_kept(recording: Recording) -> Finding:
     """Check that most scans could be kept and lie close, and that a bag without any holds no other kind of them."""
     answer = partial(Finding, "Are the scans all there?")
     said = (f"{count} {reason}" for reason, count in recording.dropped.items())
-    others = [line for line in said if "PointCloud2" in line or "MultiEcho" in line]
+    others = [line for line in said if "MultiEcho" in line]
     if recording.lidar is None:
-        remedy = "make LaserScan messages of them, as pointcloud_to_laserscan and laser_proc do"
+        remedy = "make LaserScan messages of them, as laser_proc does"
         ok, remedy, found = (False, remedy, "; ".join(others)) if others else (None, "", "no LiDAR")
         return answer(ok, found, "LaserScan messages", remedy, "stop")
     kept, lost = len(recording.lidar.t), recording.dropped.get("scans with the stamp of another", 0)

@@ -64,11 +64,12 @@ class Mounting:
 def fit_mounting(recording: Recording) -> Mounting:
     """Fit how scans and odometry agree; all errors are infinite if there are too few scans that can be compared.
 
-    Every pair is matched twice, the second time from where the first fit expects it.
+    Scans always agree with an odometry that was made of them, which tells nothing. Every pair is matched twice, the
+    second time from where the first fit expects it.
     """
     one, zero = Estimate(1.0, np.inf), Estimate(0.0, np.inf)
     nothing = Mounting(one, zero, zero, one, zero, zero, zero, 0.0)
-    if recording.lidar is None or not recording.robot.lidar.increment:
+    if recording.lidar is None or recording.scan_matched or not recording.robot.lidar.increment:
         return nothing
     path, t = dead_reckoning(recording), recording.lidar.t
     x, y, _ = recording.robot.lidar.position_b

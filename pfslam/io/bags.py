@@ -2,8 +2,8 @@
 
 ROS 1 bags, ROS 2 bag folders (sqlite3 or mcap) and single mcap or db3 files are read through the pure Python library
 rosbags, the extra ``ros``, which is imported when a bag is opened and not before. The messages are the standard ones of
-ROS: LaserScan, Odometry, TFMessage, Imu, Image. What is left out is counted in ``recording.dropped``; what had to be
-decided or looks odd is said in ``recording.notes``.
+ROS: LaserScan or PointCloud2, Odometry, TFMessage, Imu, Image. What is left out is counted in ``recording.dropped``;
+what had to be decided or looks odd is said in ``recording.notes``.
 """
 
 from __future__ import annotations
@@ -18,9 +18,22 @@ from typing import Any
 import numpy as np
 
 from pfslam.errors import DataError, naming_source
+from pfslam.io.clouds import Slicer, without_blind_ends
 from pfslam.io.headings import with_better_headings
 from pfslam.io.loading import GRAVITY_LIMIT, LONGEST_SWEEP, POSE_LIMIT, Log
-from pfslam.io.topics import IMAGE, IMU, ODOMETRY, SCAN, TF, Beams, Topic, frame_of, list_topics, read_topics
+from pfslam.io.topics import (
+    CLOUD,
+    IMAGE,
+    IMU,
+    ODOMETRY,
+    SCAN,
+    TF,
+    Beams,
+    Topic,
+    frame_of,
+    list_topics,
+    read_topics,
+)
 from pfslam.io.upright import upright
 from pfslam.poses import Trajectory, chain_transforms, quaternion_to_rotation, rotation_matrix, transform
 from pfslam.recording import Imu, LidarScans, Recording, RgbdStream
@@ -41,6 +54,7 @@ MOVED = 0.01
 """A pair of frames that moves or turns by more than this (m, rad) is not fixed."""
 USES = {
     "scan": (SCAN, ("/scan",)),
+    "cloud": (CLOUD, ("/points",)),
     "odom": (ODOMETRY, ("/odom",)),
     "imu": (IMU, ("/imu/data", "/imu")),
     "depth": (IMAGE, ()),
@@ -51,8 +65,8 @@ INFO = "sensor_msgs/msg/CameraInfo"
 DEPTHS = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
 """Encodings of depth: the type of a pixel, and what one of it is in m."""
 COLOURS = {"rgb8", "bgr8", "rgba8", "bgra8"}
-OTHERS = [f"sensor_msgs/msg/{kind}" for kind in ("PointCloud2", "MultiEchoLaserScan", "CompressedImage")]
-COUNTED = {*OTHERS, *(kind for kind, _ in USES.values())}
+OTHERS = [f"sensor_msgs/msg/{kind}" for kind in ("MultiEchoLaserScan", "CompressedImage")]
+COUNTED = {CLOUD, *OTHERS, *(kind for kind, _ in USES.values())}
 """The types of messages that are counted where their topic is not read."""
 
 
@@ -60,7 +74,8 @@ COUNTED = {*OTHERS, *(kind for kind, _ in USES.values())}
 class BagOptions:
     """What a bag does not say by itself: the topics to use, by name, and the LiDAR's place ``(x, y, yaw)`` m, rad.
 
-    With ``odom_frame`` the odometry is read from /tf, and is that of a robot in this frame.
+    With ``odom_frame`` the odometry is read from /tf, and is that of a robot in this frame. Without ``odometry`` none
+    is read. ``slice`` has the heights (m) between which points of clouds make scans.
     """
 
     scan: str | None = None
@@ -70,6 +85,8 @@ class BagOptions:
     depth: str | None = None
     odom_frame: str | None = None
     lidar_at: tuple[float, float, float] | None = None
+    odometry: bool = True
+    slice: tuple[float, float] | None = None
 
 
 def load_bag(
@@ -79,27 +96,31 @@ def load_bag(
 
     Header stamps count; the bag's own time takes their place only where all of them are zero. Messages are put in the
     order of their stamps; of those with the same stamp the first counts. ``progress`` wraps the messages as they are
-    read. Raises ``DataError`` naming topic and time.
+    read. A bag of scans without odometry is read all the same. Raises ``DataError`` naming topic and time.
     """
     path, options = Path(path), options or BagOptions()
     log, listed = Log(path), list_topics(path)
     chosen = choose_topics(log, listed, options)
     trees = [name for name, (kind, _) in listed.items() if kind == TF]
+    cloud = chosen.pop("cloud", None)
     topics = read_topics(path, {*chosen.values(), *trees}, progress=progress)
     for name in chosen.values():
-        if not len(topics[name].t):
-            raise DataError(path, name, "no messages", f"{listed[name][1]}, as the index of the bag says")
+        _check_number(log, topics[name])
     # Taken out where they are used, so that an hour of them is not held twice.
     read = {use: _ordered(log, topics.pop(name)) for use, name in chosen.items() if use != "info"}
     frames = _read_frames(log, (topics.pop(name) for name in trees))
-    odometry, base = _odometry(log, read.pop("odom", None), frames, options.odom_frame)
+    odometry, base = _odometry(log, read.pop("odom", None), frames, options, bool(cloud or "scan" in read))
     imu = _imu(log, read.pop("imu"), frames, base) if "imu" in read else None
-    odometry, notes = with_better_headings(odometry, imu)
-    log.notes += notes
+    if odometry is not None:
+        odometry, notes = with_better_headings(odometry, imu)
+        log.notes += notes
     model, lidar, eye, camera = LidarModel(), None, RgbdModel(), None
+    scans = cloud or chosen.get("scan", "")
+    place = partial(_place_of_lidar, log, scans, frames, base, options, odometry is not None)
+    if cloud:
+        model, lidar = _slices(log, cloud, place, options.slice, progress)
     if "scan" in read:
-        T = _place_of_lidar(log, read["scan"], frames, base, options)
-        model, lidar = _scans(log, read["scan"], T)
+        model, lidar = _scans(log, read["scan"], place)
     if "info" in chosen:
         info = topics[chosen["info"]].contents[0]
         eye, camera = _images(log, read["depth"], read["rgb"], info, frames, base)
@@ -107,15 +128,25 @@ def load_bag(
     return Recording(path.stem, robot, imu=imu, odometry=odometry, lidar=lidar, camera=camera, **log.said())
 
 
+def _check_number(log: Log, topic: Topic) -> None:
+    """Raise ``DataError`` for a topic without messages."""
+    if not len(topic.t):
+        raise DataError(log.path, topic.name, "no messages", "those that the index of the bag names")
+
+
 def choose_topics(log: Log, topics: Mapping[str, tuple[str, int]], options: BagOptions) -> dict[str, str]:
     """Choose the topics for each use: the one named, the only one of its type, or one of the usual name.
 
+    Clouds are used where a slice of them is asked for, or their topic, or where there are no scans.
     Images are used where depth, with the word in its name, colour and the depth camera's description are all there.
     """
     chosen = {}
+    left = {"odom"} if options.odom_frame or not options.odometry else set()
+    left.add("scan" if _goes_by_clouds(topics, options) else "cloud")
     for use, (kind, usual) in USES.items():
-        named = getattr(options, use)
-        if use == "odom" and options.odom_frame:
+        option = "scan" if use == "cloud" else use
+        named = getattr(options, option)
+        if use in left:
             continue
         found = [name for name, (its, number) in topics.items() if its == kind and number]
         if named:
@@ -125,8 +156,8 @@ def choose_topics(log: Log, topics: Mapping[str, tuple[str, int]], options: BagO
         best = fit if len(fit) == 1 else [name for name in usual if name in fit]
         if best:
             chosen[use] = best[0]
-        elif named or (fit and use in ("scan", "odom")):
-            field, expected = f"--{use} {named or 'NAME'}", f"one topic of {kind.rpartition('/')[2]}"
+        elif named or (fit and option in ("scan", "odom")):
+            field, expected = f"--{option} {named or 'NAME'}", f"one topic of {kind.rpartition('/')[2]}"
             raise DataError(log.path, field, ", ".join(found) or "none", expected)
     info = chosen.get("depth", "").rpartition("/")[0] + "/camera_info"
     if "rgb" in chosen and info in topics and topics[info][0] == INFO and topics[info][1]:
@@ -137,6 +168,14 @@ def choose_topics(log: Log, topics: Mapping[str, tuple[str, int]], options: BagO
         if kind in COUNTED and name not in chosen.values():
             log.leave_out(f"messages of {kind.rpartition('/')[2]} on {name}, which is not read", number)
     return chosen
+
+
+def _goes_by_clouds(topics: Mapping[str, tuple[str, int]], options: BagOptions) -> bool:
+    """Whether scans are to be made of clouds."""
+    kinds = {name.lstrip("/"): kind for name, (kind, number) in topics.items() if number}
+    if options.slice is not None or options.scan is not None:
+        return options.slice is not None or kinds.get(str(options.scan).lstrip("/")) == CLOUD
+    return CLOUD in kinds.values() and SCAN not in kinds.values()
 
 
 Frames = dict[tuple[str, str], Topic]
@@ -197,10 +236,22 @@ def _is_fixed(rows: np.ndarray) -> bool:
     return bool(away.max() <= MOVED and cosine.min() >= np.cos(0.5 * MOVED))
 
 
-def _odometry(log: Log, topic: Topic | None, frames: Frames, asked: str | None) -> tuple[Trajectory, str]:
-    """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames."""
+def _usual_base(frames: Frames) -> str:
+    """Return the frame of the robot where no odometry names it."""
+    return "base_footprint" if any("base_footprint" in pair for pair in frames) else "base_link"
+
+
+def _odometry(
+    log: Log, topic: Topic | None, frames: Frames, options: BagOptions, has_scans: bool
+) -> tuple[Trajectory | None, str]:
+    """Return the odometry and the frame that it moves: from Odometry messages, else from the tree of frames.
+
+    A robot that ``has_scans`` can do without: then there is None, and a note where one was looked for.
+    """
+    usual, asked = _usual_base(frames), options.odom_frame
+    if not options.odometry:
+        return None, usual
     if topic is not None:
-        usual = "base_footprint" if any("base_footprint" in pair for pair in frames) else "base_link"
         base = topic.contents[0].child or usual
         topic = _poses(log, topic)
     else:
@@ -210,8 +261,12 @@ def _odometry(log: Log, topic: Topic | None, frames: Frames, asked: str | None) 
             pairs = [pair for pair in frames if pair[0].strip("/") == asked.strip("/")]
         if not pairs:
             moving = [f"{a} -> {b} on /tf" for (a, b), said in frames.items() if len(said.t) > 1]
+            found = ", ".join(moving) or "none"
             expected = f"{asked or 'nav_msgs/Odometry, or odom'} -> base_link on /tf"
-            raise DataError(log.path, "odometry", ", ".join(moving) or "none", expected)
+            if asked or not has_scans:
+                raise DataError(log.path, "odometry", found, expected)
+            log.notes.append(f"odometry: found {found}, looked for {expected}")
+            return None, usual
         parent, base = pair = min(pairs, key=lambda pair: ("base" not in pair[1], pair))
         log.notes.append(f"odometry is read from /tf: {parent} -> {base}")
         topic = _ordered(log, frames[pair])
@@ -235,8 +290,13 @@ def _imu(log: Log, topic: Topic, frames: Frames, base: str) -> Imu | None:
     return Imu(topic.t, rates @ R.T, pushes @ R.T)
 
 
-def _place_of_lidar(log: Log, topic: Topic, frames: Frames, base: str, options: BagOptions) -> np.ndarray:
-    """Find the transform ``(4, 4)`` of the LiDAR in the body frame."""
+def _place_of_lidar(
+    log: Log, name: str, frames: Frames, base: str, options: BagOptions, needed: bool, frame: str
+) -> np.ndarray:
+    """Find the transform ``(4, 4)`` of a LiDAR's frame in the body's; where it is not ``needed``, they may be the same.
+
+    ``name`` is that of its topic.
+    """
     if options.lidar_at is not None:
         x, y, yaw = options.lidar_at
         if abs(yaw) > 2.0 * np.pi:
@@ -244,19 +304,26 @@ def _place_of_lidar(log: Log, topic: Topic, frames: Frames, base: str, options: 
             raise DataError(log.path, "--lidar-at, YAW", f"{yaw:g}", expected)
         log.notes.append(f"the LiDAR is taken to be at x {x:g} m, y {y:g} m, yaw {yaw:g} rad, as asked for")
         return transform(rotation_matrix(yaw=yaw), (x, y, LidarModel().position_b[2]))
-    frame = topic.contents[0].frame
     T = _find_place(frames, base, frame)
+    if T is None and not needed:
+        said = f"no fixed chain of frames from {base} to {frame}"
+        log.notes.append(f"{said}: the path is that of the LiDAR itself")
+        return transform(np.eye(3), (0.0, 0.0, LidarModel().position_b[2]))
     if T is None:
         there = ", ".join(f"{parent} -> {child}" for parent, child in sorted(frames)) or "no frames at all"
         found = f"no fixed chain of frames from {base} to {frame or 'a frame without a name'}, only {there}"
         expected = "one on /tf_static, or --lidar-at X Y YAW"
-        raise DataError(log.path, f"{topic.name}, place of the LiDAR", found, expected)
+        raise DataError(log.path, f"{name}, place of the LiDAR", found, expected)
     return T
 
 
-def _scans(log: Log, topic: Topic, T: np.ndarray) -> tuple[LidarModel, LidarScans]:
-    """Describe the LiDAR, at ``T (4, 4)`` on the robot, and arrange its scans counter-clockwise, seen from above."""
+def _scans(log: Log, topic: Topic, place: Callable[[str], np.ndarray]) -> tuple[LidarModel, LidarScans]:
+    """Describe the LiDAR, whose frame has a ``place (4, 4)`` on the robot, and arrange its scans.
+
+    They are then counter-clockwise, seen from above.
+    """
     frame = topic.contents[0].frame
+    T = place(frame)
     same = [beams.frame == frame for beams in topic.contents]
     topic = topic.keep(log, same, f"of other frames than {frame}")
     usable = [_has_angles(beams) for beams in topic.contents]
@@ -277,6 +344,20 @@ def _scans(log: Log, topic: Topic, T: np.ndarray) -> tuple[LidarModel, LidarScan
         model, step = LidarModel.mounted(T, _ends(usual), ranges.shape[1], limits, sweep)
     # ROS stamps the first beam, this package the middle one.
     return model, LidarScans(topic.t + 0.5 * sweep, np.ascontiguousarray(ranges[:, ::step]))
+
+
+def _slices(
+    log: Log,
+    name: str,
+    place: Callable[[str], np.ndarray],
+    heights: tuple[float, float] | None,
+    progress: Callable | None,
+) -> tuple[LidarModel, LidarScans]:
+    """Read the clouds of a topic as scans, and describe the level scanner that would have made them."""
+    slicer = Slicer(log, name, place, heights)
+    topic = read_topics(log.path, [name], progress=progress, slicer=slicer)[name]
+    _check_number(log, topic)
+    return _scans(log, without_blind_ends(log, _ordered(log, topic)), slicer.level)
 
 
 def _limits(log: Log, name: str, beams: Beams, ranges: np.ndarray) -> tuple[float, float]:

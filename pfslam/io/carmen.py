@@ -66,11 +66,14 @@ def load_carmen(path: str | Path) -> Recording:
     elif log.odometry and not any(scan.poses for scan in log.scans):
         rows = np.array(log.odometry)
         rows = rows[log.in_order("poses of the odometry", rows[:, 0])]
-    else:
+    elif any(scan.poses for scan in log.scans):
         raise DataError(log.path, "odometry", "none for some scans", "poses in the scans, or ODOM lines")
-    for key, values in (("stamps", lidar.t), ("odometry.t", rows[:, 0]), ("odometry.pose", rows[:, 1:])):
+    else:
+        rows = np.zeros((0, 4))
+    columns = {"odometry.t": rows[:, 0], "odometry.pose": rows[:, 1:]} if len(rows) else {}
+    for key, values in ({"stamps": lidar.t} | columns).items():
         check_size(log.path, key, values)
-    odometry, robot = Trajectory(rows[:, 0], rows[:, 1:]), RobotModel(lidar=_lidar(log))
+    odometry, robot = Trajectory(*columns.values()) if columns else None, RobotModel(lidar=_lidar(log))
     return Recording(log.path.stem, robot, odometry=odometry, lidar=lidar, **log.said())
 
 

@@ -30,6 +30,7 @@ def load(
     data_dir: str | Path | None = None,
     *,
     bag: BagOptions | None = None,
+    odometry: bool = True,
     progress: Callable | None = None,
 ) -> Recording:
     """Load the recording that ``dataset`` names.
@@ -38,15 +39,17 @@ def load(
     images, rendered when it is read (``simulate`` gives all). A number is a set in the course format, whose
     files lie in ``data_dir`` (None: ``$PFSLAM_DATA``, else ``data/``). Anything else is a path: of a ROS bag, of an
     ``.npz`` file that ``save`` wrote, of a folder with one set in the course format, or of a CARMEN log. ``bag`` says
-    what a bag does not. ``progress`` may wrap the work of simulating or of reading a bag, as tqdm does. Raises
-    ``DataError`` for what is none of these.
+    what a bag does not. Without ``odometry`` none is kept, as if only scans told how the robot moved. ``progress`` may
+    wrap the work of simulating or of reading a bag, as tqdm does. Raises ``DataError`` for what is none of these.
 
     >>> from pfslam import load
     >>> recording = load("hall")
     >>> recording.lidar.ranges.shape[1]
     1081
     """
-    return without_jumps(_load(str(dataset), data_dir, bag, progress))
+    bag = bag if odometry else replace(bag or BagOptions(), odometry=False)
+    found = _load(str(dataset), data_dir, bag, progress)
+    return without_jumps(found if odometry else replace(found, odometry=None, encoders=None))
 
 
 def _load(
@@ -54,7 +57,7 @@ def _load(
 ) -> Recording:
     """Load a recording as it was logged."""
     reads = _reader(text)
-    if bag not in (None, BagOptions()) and reads is not load_bag:
+    if bag not in (None, BagOptions(), BagOptions(odometry=False)) and reads is not load_bag:
         expected = "a .bag, .mcap or .db3 file or its folder"
         raise DataError(text[:200], "options for ROS bags", "no ROS bag", expected)
     if text in BUILT_IN:

@@ -65,6 +65,8 @@ def _with_lidar(recording: Recording, option: str, **values: Any) -> Recording:
 
 def _scaled(recording: Recording, scale: float) -> Recording:
     """Let every way of the odometry be so many times as long; its turns stay."""
+    if recording.motion == "scans":
+        raise DataError(recording.name, "--odometry-scale", scale, "a drive with odometry")
     if (odometry := recording.odometry) is not None:
         poses = odometry.poses * [scale, scale, 1.0]
         return replace(recording, odometry=Trajectory(odometry.t, poses))

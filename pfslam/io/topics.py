@@ -23,7 +23,7 @@ from pfslam.io.files import check_ends
 from pfslam.io.loading import Log
 from pfslam.io.packed import limit_unpacking
 
-SCAN, IMAGE, IMU = (f"sensor_msgs/msg/{kind}" for kind in ("LaserScan", "Image", "Imu"))
+SCAN, CLOUD, IMAGE, IMU = (f"sensor_msgs/msg/{kind}" for kind in ("LaserScan", "PointCloud2", "Image", "Imu"))
 ODOMETRY, TF, OLD_TF = "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 INDEX = "metadata.yaml"
 MENDED = dict.fromkeys((".bag", ".active"), "`rosbag reindex` mends one that was cut off")
@@ -71,13 +71,17 @@ class Beams(NamedTuple):
     range_max: float
 
 
+Slicer = Callable[[Any], tuple[Beams, np.ndarray]]
+"""Makes a scan of a cloud: its beams, and their ranges ``(beams,)`` float32 (m)."""
+
+
 @dataclass(frozen=True, eq=False)
 class Topic:
     """The messages of one topic: their stamps and when they reached the bag (s), and what is kept of them.
 
     Of the types in ``NUMBERS`` that is ``rows (K, n)``, and ``Names`` as contents; a TFMessage is one message for each
-    of its pairs of frames. Of scans, ``rows`` are the ranges, ``(K, beams)`` float32, or ``(K,)`` arrays where not all
-    have as many, and the contents are ``Beams``.
+    of its pairs of frames. Of scans and clouds, ``rows`` are the ranges, ``(K, beams)`` float32, or ``(K,)`` arrays
+    where not all have as many, and the contents are ``Beams``.
     """
 
     name: str
@@ -124,17 +128,22 @@ def list_topics(path: Path) -> dict[str, tuple[str, int]]:
 
 
 def read_topics(
-    path: Path, wanted: Collection[str], at: float | None = None, progress: Callable | None = None
+    path: Path,
+    wanted: Collection[str],
+    at: float | None = None,
+    progress: Callable | None = None,
+    slicer: Slicer | None = None,
 ) -> dict[str, Topic]:
     """Read topics of a bag, by when their messages reached it.
 
-    Of images, the pixels are kept only where one is read alone: what reached the bag ``at`` this time (s).
+    Of images, the pixels are kept only where one is read alone: what reached the bag ``at`` this time (s). A
+    ``slicer`` makes scans of clouds.
     """
     span = (None, None) if at is None else (int((at - NEAR) * 1e9), int((at + NEAR) * 1e9))
     place = ["bag"]
     with _opened(path, place) as (reader, kinds, decode):
         chosen = [c for c in reader.connections if c.topic in wanted]
-        found = {c.topic: _Columns(kinds[c.topic], at is not None) for c in chosen}
+        found = {c.topic: _Columns(kinds[c.topic], at is not None, slicer) for c in chosen}
         messages = reader.messages(chosen, *span) if chosen else ()
         if progress:
             messages = progress(messages, total=sum(c.msgcount for c in chosen))
@@ -176,6 +185,8 @@ def _opened(path: Path, place: list[str]) -> Iterator[tuple[Any, dict[str, str],
             reader = reader or opened.enter_context(rosbag2.Reader(path))
             kinds = {c.topic: TF if c.msgtype == OLD_TF else c.msgtype for c in reader.connections}
             yield reader, kinds, decode
+    except DataError:
+        raise
     except Exception as error:  # the library raises many kinds for a damaged bag
         what = ": ".join(filter(None, (type(error).__name__, str(error))))
         raise DataError(path, place[0], what, expected) from error
@@ -202,9 +213,10 @@ class _Parts:
 class _Columns:
     """Messages of one topic while they are read: numbers in plain arrays, whatever else in a list."""
 
-    def __init__(self, kind: str, with_pixels: bool):
-        self.kind, self.with_pixels = kind, with_pixels
-        self.t, self.arrived, self.rows = array("d"), array("d"), array("f" if kind == SCAN else "d")
+    def __init__(self, kind: str, with_pixels: bool, slicer: Slicer | None):
+        self.kind, self.with_pixels, self.slicer = kind, with_pixels, slicer
+        self.is_scans = kind in (SCAN, CLOUD)
+        self.t, self.arrived, self.rows = array("d"), array("d"), array("f" if self.is_scans else "d")
         self.contents: list[Any] = []
         self.seen: dict[Any, Any] = {}
 
@@ -220,9 +232,9 @@ class _Columns:
             self.rows.extend(NUMBERS[self.kind](message))
             names = Names(frame_of(message), getattr(message, "child_frame_id", "").lstrip("/"))
             return self.seen.setdefault(names, names)
-        if self.kind == SCAN:
-            self.rows.frombytes(message.ranges.tobytes())
-            beams = Beams(frame_of(message), len(message.ranges), *SWEEP(message))
+        if self.is_scans:
+            beams, ranges = self.slicer(message) if self.slicer else _scan(message)
+            self.rows.frombytes(ranges.tobytes())
             return self.seen.setdefault(beams, beams)
         if self.kind == IMAGE and not self.with_pixels:
             message.data = None
@@ -233,13 +245,18 @@ class _Columns:
         contents = np.fromiter(self.contents, dtype=object, count=len(self.contents))
         columns = self.t, self.arrived, self.rows
         t, arrived, rows = (np.frombuffer(c, c.typecode) if c else np.zeros(0, c.typecode) for c in columns)
-        numbers = [beams.number for beams in self.seen] if self.kind == SCAN else [1]
+        numbers = [beams.number for beams in self.seen] if self.is_scans else [1]
         if len(set(numbers)) < 2:
             rows = rows.reshape(len(t), len(rows) // max(len(t), 1))
         else:
             ends = np.cumsum([beams.number for beams in contents])
             rows = np.fromiter(np.split(rows, ends[:-1]), dtype=object, count=len(t))
         return Topic(name, self.kind, t, arrived, contents, rows)
+
+
+def _scan(message: Any) -> tuple[Beams, np.ndarray]:
+    """Return the beams of a LaserScan, and their ranges (m)."""
+    return Beams(frame_of(message), len(message.ranges), *SWEEP(message)), message.ranges
 
 
 def _stamp(message: Any) -> float:

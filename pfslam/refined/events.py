@@ -12,8 +12,8 @@ from pfslam.io.jumps import JUMPS, joined, left_out, steps
 from pfslam.motion import Controls, controls, dead_reckoning, motion_model
 from pfslam.poses import Trajectory, apply_transform, between, rotation_matrix, transform
 from pfslam.recording import Recording
-from pfslam.refined.tilt import FLOOR_CLEARANCE, estimate_tilt
-from pfslam.sensors import LidarModel, beam_directions, scan_points
+from pfslam.refined.tilt import estimate_tilt
+from pfslam.sensors import FLOOR_CLEARANCE, LidarModel, beam_directions, scan_points
 
 LEVEL = (0.0, 0.0)
 """Pitch and roll (rad) of a body that does not lean."""

@@ -393,7 +393,7 @@ def _along(run: Columns) -> Iterator[Distrust]:
     found = along - along[since] > ALONG_METRES
     if found.any():
         driven_so = f"{ALONG_METRES:.0f} m driven where no wall shows the way along"
-        reason = f"{driven_so}: the wheels alone tell how far"
+        reason = f"{driven_so}: scans do not tell how far"
         yield {"from": float(run["t"][int(np.argmax(found))]), "to": None, "reason": reason}
 
 

@@ -23,8 +23,6 @@ TIME_CONSTANT = 2.0
 """Below this time (s) the gyro is trusted, above it the accelerometer."""
 LEVEL_BELOW = float(np.deg2rad(2.5))
 """A smaller pitch or roll (rad) counts as level: on a flat floor the estimate sways by up to 2 degrees."""
-FLOOR_CLEARANCE = 0.1
-"""Beams that end lower than this above the ground under the robot (m) are taken to have struck the floor."""
 
 
 @dataclass(frozen=True, eq=False)
