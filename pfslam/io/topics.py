@@ -134,7 +134,7 @@ def read_topics(
     place = ["bag"]
     with _opened(path, place) as (reader, kinds, decode):
         chosen = [c for c in reader.connections if c.topic in wanted]
-        found = {c.topic: _Columns(kinds[c.topic], at is not None) for c in chosen}
+        found = {c.topic: Columns(kinds[c.topic], at is not None) for c in chosen}
         messages = reader.messages(chosen, *span) if chosen else ()
         if progress:
             messages = progress(messages, total=sum(c.msgcount for c in chosen))
@@ -199,7 +199,7 @@ class _Parts:
         return heapq.merge(*of_each, key=lambda message: message[1])
 
 
-class _Columns:
+class Columns:
     """Messages of one topic while they are read: numbers in plain arrays, whatever else in a list."""
 
     def __init__(self, kind: str, with_pixels: bool):
@@ -211,7 +211,7 @@ class _Columns:
     def add(self, arrived: float, message: Any) -> None:
         """Keep of a message what will be used."""
         for part in message.transforms if self.kind == TF else (message,):
-            self.t.append(_stamp(part) if hasattr(part, "header") else arrived)
+            self.t.append(stamp_of(part) if hasattr(part, "header") else arrived)
             self.arrived.append(arrived)
             self.contents.append(self._kept(part))
 
@@ -242,7 +242,7 @@ class _Columns:
         return Topic(name, self.kind, t, arrived, contents, rows)
 
 
-def _stamp(message: Any) -> float:
+def stamp_of(message: Any) -> float:
     """Return the time in a message's header, in seconds, rounded once."""
     return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
 
