@@ -440,7 +440,7 @@ def test_the_node_ends_with_a_save(tmp_path, monkeypatch):
 
 
 def test_parameters_that_cannot_be_end_the_node_in_one_line():
-    for mode, words in (("lifelong", "expected mapping or localization"), ("localization", "map")):
+    for mode, words in (("lifelong", "expected mapping or localization"), ("localization", "the map to")):
         with installed(mode=mode):
             with pytest.raises(SystemExit) as ended:
                 importlib.import_module("pfslam_ros.node").main([])
@@ -470,7 +470,7 @@ def test_the_check_up_names_the_parameters_that_put_a_robot_right(tmp_path):
         replace(hall, encoders=None, imu=None, odometry=odometry, truth=None), delay=-0.15, yaw=-20.0
     )
     wrong = replace(wrong, lidar=LidarScans(wrong.lidar.t[::4], wrong.lidar.ranges[::4]))
-    rows = messages_through(write_bag(tmp_path / "drive", "mcap", rows_of(first_seconds(wrong, 60.0))))
+    rows = messages_through(write_bag(tmp_path / "drive", "mcap", rows_of(first_seconds(wrong, 25.0))))
     core = Core(Parameters(odom_topic="odom"))
     drives = []
     for row in rows:

@@ -87,6 +87,10 @@ class Drive:
     odometry: list[tuple[float, np.ndarray]] = field(default_factory=list)
     scans: list[tuple[float, np.ndarray]] = field(default_factory=list)
 
+    def wants(self, t: float) -> bool:
+        """Whether what is of time ``t`` (s) is still of use; a second more than needed, for poses after the scans."""
+        return not self.scans or t < self.scans[0][0] + CHECK_AFTER + LATE
+
 
 class Core:
     """SLAM, or localization, of one robot: ``on_...`` take messages, and ``due`` yields the steps they allow."""
@@ -96,6 +100,8 @@ class Core:
         if parameters.mode not in (MAPPING, LOCALIZATION):
             raise DataError("parameter", "mode", parameters.mode, f"{MAPPING} or {LOCALIZATION}")
         self.file = Path(parameters.map_file_name) if parameters.map_file_name else None
+        if parameters.mode == LOCALIZATION and not self.file:
+            raise DataError("parameter", "map_file_name", "nothing", "the map to localize in")
         self.known = known_map(parameters.map_file_name) if parameters.mode == LOCALIZATION else None
         self.saved: pfslam.Mapper | None = None
         self.frames: dict[tuple[str, str], Topic] = {}
@@ -284,14 +290,14 @@ class Core:
         driven = pose * [self.parameters.odometry_scale, self.parameters.odometry_scale, 1.0]
         self.filter.add_odometry(t, driven)
         self.samples.append((t, pose))
-        if self.first and (not self.first.scans or t < self.first.scans[0][0] + CHECK_AFTER + LATE):
+        if self.first and self.first.wants(t):
             self.first.odometry.append((t, driven))
 
     def _use(self, message: Any) -> Any:
         """Give the filter a scan, if it is one of every so many; return its step."""
         assert self.scanner is not None
         t, ranges = self.scanner.time(message) + self.shift, self.scanner.ranges(message)
-        if self.first:
+        if self.first and self.first.wants(t):
             self.first.scans.append((t, ranges))
         self.scans += 1
         if (self.scans - 1) % self.scanner.every:
