@@ -46,6 +46,7 @@ ORDER = [
 WINGS = ("refined", "beyond", "evaluation", "study", "cli")
 MODULES = sorted(PACKAGE.rglob("*.py"))
 BOOK_MODULES = sorted(BOOK.rglob("*.py"))
+ROS_MODULES = sorted((ROOT / "pfslam_ros").rglob("*.py"))
 PLOTTING = {"matplotlib", "ipywidgets", "IPython", "PIL", "pfslam_book"}
 
 
@@ -139,7 +140,7 @@ NO_SEED = re.compile(r"default_rng\(\s*\)")
 
 def test_no_global_random_state_no_generator_without_seed_and_no_pickles():
     rules = (GLOBAL_RANDOM, PICKLES, NO_SEED)
-    sources = {label(path): path.read_text(encoding="utf-8") for path in MODULES + BOOK_MODULES}
+    sources = {label(path): path.read_text(encoding="utf-8") for path in MODULES + BOOK_MODULES + ROS_MODULES}
     assert not [(name, rule.pattern) for name, s in sources.items() for rule in rules if rule.search(s)]
 
 
@@ -182,6 +183,10 @@ def test_what_is_to_be_read_stays_small(pattern, most):
     assert sum(map(lines_of_code, PACKAGE.glob(pattern))) <= most
 
 
+def test_the_node_stays_small():
+    assert sum(map(lines_of_code, ROS_MODULES)) <= 640
+
+
 def test_helpers_of_the_book_stay_small():
     assert sum(map(lines_of_code, BOOK.rglob("*.py"))) <= 6235
     for exercises in (BOOK / "exercises").glob("ch*.py"):
@@ -195,7 +200,7 @@ def test_functions_are_short_enough_to_read():
     """``slam_step`` too, which is the algorithm of the report."""
     functions = [
         (f"{label(path)}: {node.name}", node.end_lineno - node.lineno + 1)
-        for path in MODULES
+        for path in MODULES + ROS_MODULES
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.FunctionDef)
     ]
@@ -205,7 +210,7 @@ def test_functions_are_short_enough_to_read():
 
 def test_public_names_say_what_they_are():
     silent = []
-    for path in MODULES:
+    for path in MODULES + ROS_MODULES:
         tree = ast.parse(path.read_text(encoding="utf-8"))
         nodes = [node for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
         public = [node for node in nodes if not node.name.startswith(("_", "main"))]

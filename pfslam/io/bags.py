@@ -120,7 +120,7 @@ def load_bag(
     if cloud:
         model, lidar = _slices(log, cloud, place, options.slice, progress)
     if "scan" in read:
-        model, lidar = _scans(log, read["scan"], place)
+        model, lidar = read_scans(log, read["scan"], place)
     if "info" in chosen:
         info = topics[chosen["info"]].contents[0]
         eye, camera = _images(log, read["depth"], read["rgb"], info, frames, base)
@@ -223,14 +223,14 @@ def _read_frames(log: Log, topics: Iterable[Topic]) -> Frames:
     return {pair: _poses(log, topic) for pair, topic in named.items()}
 
 
-def _find_place(frames: Frames, base: str, frame: str) -> np.ndarray | None:
+def find_place(frames: Frames, base: str, frame: str) -> np.ndarray | None:
     """Return the transform ``(4, 4)`` of ``frame`` in ``base``, None if no chain of fixed pairs joins them."""
-    fixed = {pair: said.rows[0] for pair, said in frames.items() if _is_fixed(said.rows)}
+    fixed = {pair: said.rows[0] for pair, said in frames.items() if is_fixed(said.rows)}
     places = {pair: transform(quaternion_to_rotation(row[3:]), row[:3]) for pair, row in fixed.items()}
     return chain_transforms(places, base, frame)
 
 
-def _is_fixed(rows: np.ndarray) -> bool:
+def is_fixed(rows: np.ndarray) -> bool:
     """Whether poses ``(K, 7)`` are one; a quaternion and its negative are the same turn."""
     away, cosine = np.abs(rows[:, :3] - rows[0, :3]), np.abs(rows[:, 3:] @ rows[0, 3:])
     return bool(away.max() <= MOVED and cosine.min() >= np.cos(0.5 * MOVED))
@@ -283,7 +283,7 @@ def _imu(log: Log, topic: Topic, frames: Frames, base: str) -> Imu | None:
     if len(topic.t) < 2:
         return None
     rates, pushes = topic.rows[:, :3], topic.rows[:, 3:]
-    T = _find_place(frames, base, frame)
+    T = find_place(frames, base, frame)
     R, taken = upright(pushes.mean(axis=0)) if T is None else (T[:3, :3], "")
     if T is None:
         log.notes.append(f"no chain of frames from {base} to {frame}: {topic.name} is taken for {taken}")
@@ -304,7 +304,7 @@ def _place_of_lidar(
             raise DataError(log.path, "--lidar-at, YAW", f"{yaw:g}", expected)
         log.notes.append(f"the LiDAR is taken to be at x {x:g} m, y {y:g} m, yaw {yaw:g} rad, as asked for")
         return transform(rotation_matrix(yaw=yaw), (x, y, LidarModel().position_b[2]))
-    T = _find_place(frames, base, frame)
+    T = find_place(frames, base, frame)
     if T is None and not needed:
         said = f"no fixed chain of frames from {base} to {frame}"
         log.notes.append(f"{said}: the path is that of the LiDAR itself")
@@ -317,7 +317,7 @@ def _place_of_lidar(
     return T
 
 
-def _scans(log: Log, topic: Topic, place: Callable[[str], np.ndarray]) -> tuple[LidarModel, LidarScans]:
+def read_scans(log: Log, topic: Topic, place: Callable[[str], np.ndarray]) -> tuple[LidarModel, LidarScans]:
     """Describe the LiDAR, whose frame has a ``place (4, 4)`` on the robot, and arrange its scans.
 
     They are then counter-clockwise, seen from above.
@@ -326,12 +326,12 @@ def _scans(log: Log, topic: Topic, place: Callable[[str], np.ndarray]) -> tuple[
     T = place(frame)
     same = [beams.frame == frame for beams in topic.contents]
     topic = topic.keep(log, same, f"of other frames than {frame}")
-    usable = [_has_angles(beams) for beams in topic.contents]
+    usable = [has_angles(beams) for beams in topic.contents]
     topic = topic.keep(log, usable, "without usable angles", "beams over at most one turn")
     for what, odd in (("not a number", np.isnan), ("infinite", np.isinf), ("zero", partial(np.equal, 0))):
         number = sum(int(np.count_nonzero(odd(ranges))) for ranges in topic.rows)
         log.leave_out(f"ranges on {topic.name} that are {what}", number)
-    usual, ranges = _at_usual_angles(log, topic)
+    usual, ranges = at_usual_angles(log, topic)
     between = np.median([beams.time_increment for beams in topic.contents])
     sweep, period = (ranges.shape[1] - 1) * float(between), np.median(np.diff(topic.t, append=np.inf))
     if not abs(sweep) <= min(LONGEST_SWEEP, 1.1 * period):
@@ -341,7 +341,7 @@ def _scans(log: Log, topic: Topic, place: Callable[[str], np.ndarray]) -> tuple[
         log.notes.append(f"{frame} hangs upside down: the beams of {topic.name} are put in the other order")
     limits = _limits(log, topic.name, usual, ranges)
     with naming_source(log.path, f"{topic.name}, "):
-        model, step = LidarModel.mounted(T, _ends(usual), ranges.shape[1], limits, sweep)
+        model, step = LidarModel.mounted(T, ends(usual), ranges.shape[1], limits, sweep)
     # ROS stamps the first beam, this package the middle one.
     return model, LidarScans(topic.t + 0.5 * sweep, np.ascontiguousarray(ranges[:, ::step]))
 
@@ -357,7 +357,7 @@ def _slices(
     slicer = Slicer(log, name, place, heights)
     topic = read_topics(log.path, [name], progress=progress, slicer=slicer)[name]
     _check_number(log, topic)
-    return _scans(log, without_blind_ends(log, _ordered(log, topic)), slicer.level)
+    return read_scans(log, without_blind_ends(log, _ordered(log, topic)), slicer.level)
 
 
 def _limits(log: Log, name: str, beams: Beams, ranges: np.ndarray) -> tuple[float, float]:
@@ -375,30 +375,30 @@ def _limits(log: Log, name: str, beams: Beams, ranges: np.ndarray) -> tuple[floa
     return least, most
 
 
-def _has_angles(beams: Beams) -> bool:
+def has_angles(beams: Beams) -> bool:
     """Whether a scan has beams at different angles, over at most one turn."""
     n, low, step = beams.number, abs(beams.angle_min), abs(beams.angle_increment)
     turns = (n - 1) * step <= 2.0 * np.pi + 0.02 and (step > 0.0 or n == 1)
     return bool(1 <= n <= MAX_BEAMS and low < 7.0 and turns)
 
 
-def _ends(beams: Beams) -> tuple[float, float]:
+def ends(beams: Beams) -> tuple[float, float]:
     """Return the angles (rad) of the first beam and of the last, as the scanner counts them."""
     return beams.angle_min, beams.angle_min + (beams.number - 1) * beams.angle_increment
 
 
-def _at_usual_angles(log: Log, topic: Topic) -> tuple[Beams, np.ndarray]:
+def at_usual_angles(log: Log, topic: Topic) -> tuple[Beams, np.ndarray]:
     """Put all scans at the angles of most, ``(K, beams)``, and return the beams of one of those as well.
 
     A scanner that spins freely varies its beams from turn to turn.
     """
-    shape_of = {beams: (beams.number, *np.round(_ends(beams), 4)) for beams in set(topic.contents)}
+    shape_of = {beams: (beams.number, *np.round(ends(beams), 4)) for beams in set(topic.contents)}
     shapes = [shape_of[beams] for beams in topic.contents]
     shape, alike = Counter(shapes).most_common(1)[0]
     usual = topic.contents[shapes.index(shape)]
     if alike == len(shapes):  # an hour of ranges is not copied
         return usual, np.stack(list(topic.rows)) if topic.rows.ndim == 1 else topic.rows
-    angles = np.linspace(*_ends(usual), usual.number)
+    angles = np.linspace(*ends(usual), usual.number)
     rows = [
         ranges if s == shape else nearest_ranges(angles, beams.angle_min, beams.angle_increment, ranges)
         for ranges, beams, s in zip(topic.rows, topic.contents, shapes, strict=True)
@@ -413,7 +413,7 @@ def _images(
 ) -> tuple[RgbdModel, RgbdStream | None]:
     """Describe the camera and give its images, or count them if they are not to be used."""
     frame = frame_of(depth.contents[0])
-    T_bo, K = _find_place(frames, base, frame), (info.k if hasattr(info, "k") else info.K).reshape(3, 3)
+    T_bo, K = find_place(frames, base, frame), (info.k if hasattr(info, "k") else info.K).reshape(3, 3)
     shapes = {(m.height, m.width) for m in (*depth.contents, *rgb.contents, info)}
     unread = {m.encoding for m in depth.contents} - {*DEPTHS} | {m.encoding for m in rgb.contents} - COLOURS
     if len(shapes) > 1 or frame_of(rgb.contents[0]) != frame:

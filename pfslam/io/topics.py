@@ -143,7 +143,7 @@ def read_topics(
     place = ["bag"]
     with _opened(path, place) as (reader, kinds, decode):
         chosen = [c for c in reader.connections if c.topic in wanted]
-        found = {c.topic: _Columns(kinds[c.topic], at is not None, slicer) for c in chosen}
+        found = {c.topic: Columns(kinds[c.topic], at is not None, slicer) for c in chosen}
         messages = reader.messages(chosen, *span) if chosen else ()
         if progress:
             messages = progress(messages, total=sum(c.msgcount for c in chosen))
@@ -210,7 +210,7 @@ class _Parts:
         return heapq.merge(*of_each, key=lambda message: message[1])
 
 
-class _Columns:
+class Columns:
     """Messages of one topic while they are read: numbers in plain arrays, whatever else in a list."""
 
     def __init__(self, kind: str, with_pixels: bool, slicer: Slicer | None):
@@ -223,7 +223,7 @@ class _Columns:
     def add(self, arrived: float, message: Any) -> None:
         """Keep of a message what will be used."""
         for part in message.transforms if self.kind == TF else (message,):
-            self.t.append(_stamp(part) if hasattr(part, "header") else arrived)
+            self.t.append(stamp_of(part) if hasattr(part, "header") else arrived)
             self.arrived.append(arrived)
             self.contents.append(self._kept(part))
 
@@ -259,7 +259,7 @@ def _scan(message: Any) -> tuple[Beams, np.ndarray]:
     return Beams(frame_of(message), len(message.ranges), *SWEEP(message)), message.ranges
 
 
-def _stamp(message: Any) -> float:
+def stamp_of(message: Any) -> float:
     """Return the time in a message's header, in seconds, rounded once."""
     return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
 
