@@ -118,7 +118,7 @@ def carmen(
 
 SOURCES = (
     Source(
-        "Broombot, a robot with a broom",
+        "Broombot",
         "YDLIDAR X4, 7.5 Hz",
         TUNING,
         "BradleyWood/Lidar-Dataset",
@@ -150,8 +150,8 @@ SOURCES = (
         {f"neato-{k}.bag": f"robot_localizer/bags/{k}.bag" for k in ("left_side", "middle", "right_side")},
     ),
     Source(
-        "Pioneer 3-DX, a computer science building",
-        "Hokuyo URG-04LX, 10 Hz",
+        "Pioneer 3-DX",
+        "726 beams, 10 Hz",
         UNTOUCHED,
         "LCCZK/MOB_Coursework_2",
         "MIT",
@@ -176,7 +176,7 @@ SOURCES = (
     ),
     Source(
         "robot in Wean Hall, Carnegie Mellon University",
-        "SICK LMS, 5 to 9 Hz",
+        "180 beams, 5 to 9 Hz",
         UNTOUCHED,
         "deanhgit/16-831_Lab1",
         "none stated",
