@@ -230,6 +230,12 @@ def test_a_wrong_answer_is_a_note_a_warning_or_a_stop(drive, tmp_path, capsys):
         log, BOX.lidar.ranges + np.random.default_rng(0).normal(0, 0.06, BOX.lidar.ranges.shape)
     )
     assert {f.severity for f in check_up(noisy) if f.ok is False} == {"note"}
+    seldom = np.where(np.arange(BOX.lidar.ranges.shape[1]) % 3, np.inf, BOX.lidar.ranges)
+    few, empty = with_ranges(log, seldom), with_ranges(log, np.full_like(seldom, np.inf))
+    said = [
+        {f.question: f.severity for f in check_up(r)}["How many beams return?"] for r in (log, few, empty)
+    ]
+    assert said == ["ok", "note", "warning"]
     mirrored = check_up(clockwise(drive))
     assert "warning" in {f.severity for f in mirrored if f.ok is False}
     assert {f.severity for f in mirrored if f.ok} == {"ok"}

@@ -1,13 +1,18 @@
 """The pages of real buildings and of trust: what is stored belongs to its study, and was prepared rightly."""
 
+import csv
+import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from conftest import ROOT
 from pfslam_book.show import logs
+from pfslam_book.show.tables import read_table
 
+import pfslam
 from pfslam.evaluation.trajectory import trajectory_error
 from pfslam.grid import GridSpec, OccupancyGrid
 from pfslam.poses import Trajectory, compose
@@ -17,6 +22,7 @@ from pfslam.sensors import LidarModel, RobotModel
 from pfslam.slam import SlamConfig
 
 sys.path.append(str(ROOT / "book" / "_tools"))
+from measure import unseen
 from measure.logs import LOGS, MARGIN, MOST_CELLS, SPARSE, by_the_metre, coarse, off
 from measure.robots import AMONG, laid_on, robot
 
@@ -113,3 +119,79 @@ def test_a_slip_that_scans_did_not_take_back_has_no_word():
     errors = [trajectory_error(look.trajectory, recording.true_path()).ate_max_m for look in (first, kept)]
     assert errors[0] < 0.3 < 0.5 < errors[1] < 1.0
     assert (bool(first.distrust), bool(kept.distrust)) == (True, False)
+
+
+def carmen_log(tmp_path, text):
+    (tmp_path / "made.log").write_text(text)
+    return pfslam.load(tmp_path / "made.log")
+
+
+def test_a_log_of_wean_hall_is_translated(tmp_path):
+    """Centimetres become metres; lines without a scan are left out."""
+    ranges = " ".join(["250"] * 179 + ["8183"])
+    text = f"O 0 0 0 .1\nL 100 200 .5 100 225 .5 {ranges} .2\nL 110 200 .5 110 225 .5 {ranges} .4\n"
+    log = carmen_log(tmp_path, unseen.wean(text))
+    np.testing.assert_allclose(log.odometry.poses, [[1.0, 2.0, 0.5], [1.1, 2.0, 0.5]])
+    assert log.scans().ranges[0, [0, -1]].tolist() == pytest.approx([2.5, 81.83])
+    assert log.odometry.t.tolist() == [0.2, 0.4]
+
+
+def test_a_log_of_the_rover_of_mines_is_translated(tmp_path):
+    """Both wheels turn once, then the right one alone by a quarter: a circle about the left one."""
+    ranges = " ".join(["1500"] * 682)
+    rest = " ".join(["0"] * 20)
+    counts = (0, 0), (2000, 2000), (2000, 2500)
+    lines = [f"{k}00000 0 {q[0]} {q[1]} {rest} {ranges} 9" for k, q in enumerate(counts, start=1)]
+    log = carmen_log(tmp_path, unseen.mines("\n".join(lines)))
+    turn = 0.5 * np.pi * 0.077 / 0.33
+    np.testing.assert_allclose(log.odometry.poses[1], [2 * np.pi * 0.077, 0.0, 0.0], atol=1e-5)
+    assert log.odometry.poses[2, 2] == pytest.approx(turn, abs=1e-5)
+    assert np.degrees(log.robot.lidar.angles[[0, -1]]).tolist() == pytest.approx([-120, 120], abs=1e-3)
+    assert log.robot.lidar.position_b[0] == 0.145
+    np.testing.assert_allclose(log.scans().ranges, 1.5)
+
+
+def test_a_log_of_broombot_is_translated(tmp_path):
+    """Its first line is left out; what no beam saw stays empty."""
+    lines = ["0, 90, 80, 1.0, 1.0", "0, 0, .1, 2.0, 0.0, 0.05, 3.0", "50, 90, .1, 2.0, 0.0, 0.0, 3.0"]
+    log = carmen_log(tmp_path, unseen.broombot("\n".join(lines)))
+    s = 0.5 * np.sqrt(0.5)
+    np.testing.assert_allclose(log.odometry.poses, [[0, 0, 0], [s, s, np.pi / 2]], atol=1e-5)
+    assert np.flatnonzero(log.scans().ranges[0]).tolist() == [0, 540]
+
+
+def test_the_tables_of_unseen_logs_are_those_of_the_study():
+    table = read_table("unseen")
+    assert set(table["label"]) == set(unseen.LOGS) == set(unseen.MAPS)
+    shown = {"": unseen.by_log(table), "_counts": unseen.counts(table), "_sources": unseen.sources()}
+    for name, rows in shown.items():
+        with open(unseen.TABLES / f"unseen{name}.csv", encoding="utf-8", newline="") as file:
+            assert [tuple(row) for row in csv.reader(file)] == rows
+
+
+def test_a_word_counts_where_the_map_is_wrong_and_against_the_run_where_it_is_right(monkeypatch):
+    names = list(unseen.LOGS)[:4]
+    monkeypatch.setattr(unseen, "MAPS", {name: (k < 2, "") for k, name in enumerate(names)})
+    table = {
+        "label": np.array(names),
+        "exit": np.array([0.0, 0.0, 3.0, 0.0]),
+        "failed": np.array([0.0, 1.0, 1.0, 0.0]),
+        "doubted": np.array([0.0, 0.0, np.nan, 0.0]),
+    }
+    assert unseen.counts(table)[-1] == ("all", "2", "1", "0", "2", "1")
+
+
+def test_logs_are_fetched_from_a_host(tmp_path, monkeypatch):
+    git = partial(subprocess.run, check=True, capture_output=True, text=True, cwd=tmp_path / "me" / "logs")
+    git.keywords["cwd"].mkdir(parents=True)
+    (git.keywords["cwd"] / "a.txt").write_text("one")
+    git(["git", "init", "--quiet"])
+    git(["git", "add", "a.txt"])
+    git(["git", "-c", "user.name=me", "-c", "user.email=me@here", "commit", "--quiet", "-m", "a log"])
+    commit = git(["git", "rev-parse", "HEAD"]).stdout.strip()
+    source = unseen.Source("r", "l", unseen.TUNING, "me/logs", "none", commit, {"a.log": "a.txt"}, str.upper)
+    monkeypatch.setattr(unseen, "SOURCES", (source, source._replace(files={"b/c.bag": "a.txt"}, read=None)))
+    monkeypatch.setenv("PFSLAM_DATA", str(tmp_path))
+    unseen.fetch(str(tmp_path))
+    assert (tmp_path / "unseen" / "a.log").read_text() == "ONE"
+    assert (tmp_path / "unseen" / "b" / "c.bag").read_text() == "one"

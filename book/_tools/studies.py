@@ -16,7 +16,7 @@ from tqdm import tqdm
 from pfslam.io.files import read_text, write_text
 from pfslam.study import Study, read_study, run_study
 
-MEASURED = ("ch05", "ch09", "ch10", "ch12", "elimination", "intel", "logs", "trust", "robots")
+MEASURED = ("ch05", "ch09", "ch10", "ch12", "elimination", "intel", "logs", "trust", "robots", "unseen")
 """Modules of ``measure`` with studies of their own."""
 
 
@@ -43,4 +43,5 @@ def refresh(name: str, folder: Path, jobs: int = -1) -> None:
 if __name__ == "__main__":
     for study in sys.argv[1:] or stored_studies():
         refresh(study, Path("out/studies"))
-    importlib.import_module("measure.trust").write_tables()
+    for module in ("trust", "unseen"):
+        importlib.import_module(f"measure.{module}").write_tables()

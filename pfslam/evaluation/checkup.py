@@ -188,14 +188,18 @@ def check_track(recording: Recording) -> Finding:
 
 
 def check_beams(recording: Recording) -> Finding:
-    """Check the share of beams that measured something, and count scans in which hardly any did."""
+    """Check the share of beams that measured something, and count scans in which hardly any did.
+
+    A small share is a note, because a scan is matched by the beams that it has. Empty scans cannot be matched.
+    """
     answer = partial(Finding, "How many beams return?")
     if recording.lidar is None:
         return answer(None, "no LiDAR", "half or more")
     valid = recording.robot.lidar.valid(recording.lidar.ranges).mean(axis=1)
-    ok = bool(valid.mean() >= 0.5 and (valid < 0.1).mean() < 0.01)
+    matched = bool((valid < 0.1).mean() < 0.01)
     found = f"{100 * valid.mean():.0f} %, {np.count_nonzero(valid < 0.1)} empty scans"
-    return answer(ok, found, "half or more")
+    severity = "note" if matched else "warning"
+    return answer(matched and bool(valid.mean() >= 0.5), found, "half or more", severity=severity)
 
 
 def check_scatter(recording: Recording) -> Finding:
@@ -276,8 +280,7 @@ def check_kept(recording: Recording) -> Finding:
 def _way_between_scans(recording: Recording) -> float:
     """Return the median way (m) from one scan to the next, where the robot drove."""
     path, t = dead_reckoning(recording), recording.scans().t
-    step = np.diff(path.at(t[path.covers(t)])[:, :2], axis=0)
-    ways = np.hypot(*step.T)
+    ways = np.hypot(*np.diff(path.at(t[path.covers(t)])[:, :2], axis=0).T)
     return float(np.median(ways[ways > STANDING])) if (ways > STANDING).any() else 0.0
 
 
@@ -289,8 +292,7 @@ def check_scene(mounting: Mounting) -> Finding:
         return answer(None, "too few scans to compare", expected)
     ahead, (yaw, error) = same_direction(mounting), np.rad2deg(mounting.yaw).round().tolist()
     sway = float(np.rad2deg(mounting.sway))
-    known = error <= WIDEST_YAW
-    found = f"factor {mounting.ways.value:z.2f}, turned by {yaw if known else 0.0:+z.0f} deg"
+    found = f"factor {mounting.ways.value:z.2f}, turned by {yaw if error <= WIDEST_YAW else 0.0:+z.0f} deg"
     if sway >= WIDEST_SWAY:  # which scans mend, one by one
         return answer(
             False, f"{found}, swaying by {sway:.1f} deg", expected, "", "note" if ways else "warning"

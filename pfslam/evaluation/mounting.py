@@ -78,7 +78,9 @@ def fit_mounting(recording: Recording) -> Mounting:
         first, second = pairs_of_scans(recording, path, apart)
         if len(first) < LEAST_PAIRS:
             return nothing
-        matcher = Matcher.of(recording, path, first, second)
+        # Where scans are late, the motion during a sweep is the odometry's of as much earlier.
+        then = Trajectory(path.t + np.clip(values[2], -LATEST, LATEST), path.poses)
+        matcher = Matcher.of(recording, then, first, second)
         expected = Drive.of(path, t[first], t[second]).moves(values)
         moves, covariance, good = matcher.match(matcher.best(0.0 * expected, expected), reaches)
         if np.count_nonzero(good) < LEAST_PAIRS:
