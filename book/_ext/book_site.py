@@ -362,6 +362,7 @@ def setup(app):
     os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
     app.add_css_file("pfslam.css")
     app.add_js_file("print.js", loading_method="defer")
+    app.add_js_file("sketch.js", loading_method="defer")
     app.add_js_file("predict.js", loading_method="defer")
     app.add_js_file("night.js", loading_method="defer")
     app.add_js_file("zoom.js", loading_method="defer")
