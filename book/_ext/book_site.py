@@ -364,6 +364,7 @@ def setup(app):
     app.add_js_file("print.js", loading_method="defer")
     app.add_js_file("sketch.js", loading_method="defer")
     app.add_js_file("predict.js", loading_method="defer")
+    app.add_js_file("beside.js", loading_method="defer")
     app.add_js_file("night.js", loading_method="defer")
     app.add_js_file("zoom.js", loading_method="defer")
     app.add_js_file("wide.js", loading_method="defer")
