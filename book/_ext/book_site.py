@@ -331,6 +331,7 @@ def load_laboratories(app, pagename, templatename, context, doctree) -> None:
     names = list(dict.fromkeys(LABORATORY.findall(context.get("body", ""))))
     if names:
         app.add_css_file("labs/lab.css")
+        app.add_js_file("layers.js", loading_method="defer")
     for script in dict.fromkeys(script for name in names for script in lab.scripts(name)):
         app.add_js_file(f"labs/{script}", loading_method="defer")
 
