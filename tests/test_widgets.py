@@ -2,6 +2,7 @@
 
 import base64
 import gc
+import html
 import json
 import re
 import weakref
@@ -149,3 +150,22 @@ def test_a_picture_carries_its_words(mode):
     assert 'alt="A &quot;grey&quot; sheet"' in picture._repr_mimebundle_()["text/html"]
     with pytest.raises(ValueError, match="alt text"):
         Picture(grey(5), " ")
+
+
+def test_axes_to_sketch_on_are_told_where_both_layouts_have_them(mode):
+    mode("static")
+    figure, axes = sheet(3.0)
+    axes.set(xlabel="time [s]", ylabel="share", xlim=(0, 30), ylim=(-1, 1))
+    page = Picture(figure, "Nothing.", sketch=axes)._repr_mimebundle_()["text/html"]
+    phone, desk = (json.loads(html.unescape(told)) for told in re.findall(r'data-sketch="([^"]*)"', page))
+    left, top, width, height = desk["box"]
+    assert 0 < left < left + width <= 1
+    assert 0 < top < top + height < 1
+    assert phone["box"][0] > left  # its words are larger
+    for told in (phone, desk):
+        assert told["across"] | {"ticks": []} == {"name": "time [s]", "from": 0, "to": 30, "ticks": []}
+        assert (told["up"]["from"], told["up"]["to"]) == (-1, 1)
+        assert 0 in told["up"]["ticks"]
+    assert "data-sketch" not in Picture(figure, "Nothing.")._repr_mimebundle_()["text/html"]
+    mode("live")
+    assert "data-sketch" not in Picture(figure, "x", sketch=axes)._repr_mimebundle_()["text/html"]

@@ -343,6 +343,7 @@ def load_laboratories(app, pagename, templatename, context, doctree) -> None:
     names = list(dict.fromkeys(LABORATORY.findall(context.get("body", ""))))
     if names:
         app.add_css_file("labs/lab.css")
+        app.add_js_file("layers.js", loading_method="defer")
     for script in dict.fromkeys(script for name in names for script in lab.scripts(name)):
         app.add_js_file(f"labs/{script}", loading_method="defer")
 
@@ -374,7 +375,9 @@ def setup(app):
     os.environ["PFSLAM_WIDGETS"] = "static"  # the kernels that run the notebooks inherit it
     app.add_css_file("pfslam.css")
     app.add_js_file("print.js", loading_method="defer")
+    app.add_js_file("sketch.js", loading_method="defer")
     app.add_js_file("predict.js", loading_method="defer")
+    app.add_js_file("beside.js", loading_method="defer")
     app.add_js_file("night.js", loading_method="defer")
     app.add_js_file("zoom.js", loading_method="defer")
     app.add_js_file("wide.js", loading_method="defer")

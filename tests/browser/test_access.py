@@ -124,10 +124,11 @@ def test_paper_shows_the_pictures_and_no_controls(shared):
         assert not furniture.is_visible()
 
 
-# How wide that is what stands in the column of a page, pictures apart.
+# How wide that is what stands in the column of a page, pictures apart; beside a laboratory its questions have the rest.
 WIDTHS = """() => {
+  const within = '.admonition, details, .pfslam-lab, .pfslam-explorer, .pfslam-questions, li, dd, table';
   const seen = selector => [...document.querySelectorAll(selector)].filter(e => e.checkVisibility()
-    && !e.parentElement.closest('.admonition, details, .pfslam-lab, .pfslam-explorer, li, dd, table'))
+    && !e.parentElement.closest(within))
     .map(e => Math.round(e.getBoundingClientRect().width));
   return {pictures: seen('article .cell_output img.pfslam-picture'),
           others: seen('article section > :is(p, ul, ol, dl), article :is(h1, h2, h3, div.math, div.cell_input)')

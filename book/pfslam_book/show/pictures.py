@@ -3,11 +3,13 @@
 import base64
 import html
 import io
+import json
 import os
 from collections.abc import Mapping
 
 import cv2
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -90,14 +92,14 @@ def quick_uri(image: np.ndarray) -> str:
     return "data:image/png;base64," + base64.b64encode(_encoded(image, ".png", PNG_ROW_ABOVE)).decode("ascii")
 
 
-def image_tag(uri: str, alt: str, shape: tuple[int, ...], night: str = "") -> str:
+def image_tag(uri: str, alt: str, shape: tuple[int, ...], night: str = "", more: str = "") -> str:
     """An `<img>` of the right size on the page, which gives way on a narrow screen; `night.js` knows the other one."""
     height, width = shape[0] // RASTER, shape[1] // RASTER
     style = "max-width:100%;height:auto"
     late = ' loading="lazy"' if uri.startswith(APART) else ""
     return (
         f'<img class="pfslam-picture"{late} src="{uri}" alt="{html.escape(alt)}" '
-        f'width="{width}" height="{height}" style="{style}"{_at_night(night)}>'
+        f'width="{width}" height="{height}" style="{style}"{_at_night(night)}{more}>'
     )
 
 
@@ -105,13 +107,27 @@ def _at_night(address: str) -> str:
     return f' data-night="{address}"' if address else ""
 
 
-def _for_phones(figure: Figure) -> str:
+def _to_sketch_on(axes: Axes | None) -> str:
+    """What `sketch.js` must know of axes that have been drawn: their box in shares of the picture, and their scales."""
+    if axes is None:
+        return ""
+    box = axes.get_position()
+    told: dict = {"box": [box.x0, 1 - box.y1, box.width, box.height]}
+    for name, axis in (("across", axes.xaxis), ("up", axes.yaxis)):
+        low, high = axis.get_view_interval()
+        ticks = axis.get_ticklocs().tolist()
+        told[name] = {"name": axis.get_label_text(), "from": low, "to": high, "ticks": ticks}
+    return f' data-sketch="{html.escape(json.dumps(told))}"'
+
+
+def _for_phones(figure: Figure, axes: Axes | None) -> str:
     """The `<source>` of the same figure with larger words; in committed notebooks it is drawn to be looked through."""
     image = to_rgb(figure, FOR_PHONES, strict=True)
     if output_mode() == "text":
         return ""
     uri = data_uri(image, FRAME_QUALITY, APART)
-    return f'<source media="(max-width: 600px)" srcset="{uri}"{_at_night(night_uri(figure, FRAME_QUALITY))}>'
+    more = _at_night(night_uri(figure, FRAME_QUALITY)) + _to_sketch_on(axes)
+    return f'<source media="(max-width: 600px)" srcset="{uri}"{more}>'
 
 
 class Picture:
@@ -121,18 +137,20 @@ class Picture:
 
     The alt text says what the figure shows, numbers included, in one to three sentences. In committed
     notebooks it stands for the figure, so that the test run compares it word by word.
+
+    ``sketch`` are the axes on which a reader of the site draws a prediction first. Their scales are linear.
     """
 
-    def __init__(self, drawing: Figure | np.ndarray, alt: str):
+    def __init__(self, drawing: Figure | np.ndarray, alt: str, sketch: Axes | None = None):
         if not alt.strip():
             raise ValueError("a picture needs an alt text that says what it shows")
         strict = output_mode() != "live"
         self.image, self.alt = to_rgb(drawing, strict=strict), " ".join(alt.split())
-        self.night = self.phone = ""
+        self.night = self.phone = self.sketch = ""
         if output_mode() == "static":
-            self.night = night_uri(drawing)
+            self.night, self.sketch = night_uri(drawing), _to_sketch_on(sketch)
         if isinstance(drawing, Figure) and strict:
-            self.phone = _for_phones(drawing)
+            self.phone = _for_phones(drawing, sketch)
 
     def __repr__(self) -> str:
         return f"[picture: {self.alt}]"
@@ -142,6 +160,7 @@ class Picture:
         if output_mode() == "live":
             bundle["text/html"] = image_tag(data_uri(self.image), self.alt, self.image.shape)
         if output_mode() == "static":
-            image = image_tag(data_uri(self.image, head=APART), self.alt, self.image.shape, self.night)
+            uri = data_uri(self.image, head=APART)
+            image = image_tag(uri, self.alt, self.image.shape, self.night, self.sketch)
             bundle["text/html"] = f"<picture>{self.phone}{image}</picture>"
         return bundle

@@ -25,6 +25,7 @@
   const {core} = root.pfslam;
   const calm = () => root.matchMedia("(prefers-reduced-motion: reduce)").matches;
   const TALLEST = {wide: 0.42, narrow: 0.5}, LOWEST = 240;  // so high a plan may be, of the window or in pixels: what turns it is seen with it
+  const THINGS = ["wall", "truth", "odometry", "estimate", "particles", "hits", "highlight", "clear", "muted"], PALE = 0.2;  // drawn on the ground
   const SIDEWAYS = 8, FINGER = 26;  // pixels after which a finger drags; pixels within which one takes hold of a thing
   // In JupyterLab each laboratory loads this file once more: what is known by then must stay.
   const known = (root.pfslam.known = root.pfslam.known || {builders: {}, count: 0});
@@ -125,6 +126,16 @@
                           "clear", "muted"]) {
         this.colours[name] = style.getPropertyValue(`--lab-${name}`).trim();
       }
+      if (!this.colours.paper || !THINGS.includes(this.lit)) return;
+      for (const name of THINGS) if (name !== this.lit) this.colours[name] = paler(this.colours[name], this.colours.free);
+    }
+
+    /** Light one thing of the pictures, by the name of its colour: all others become pale. "" lights all alike. */
+    light(name) {
+      if (name === (this.lit || "")) return;
+      this.lit = name;
+      this.readColours();
+      this.redraw();
     }
 
     fit() {
@@ -623,6 +634,12 @@
   /** Red, green and blue (0 to 255) of a colour as the style sheet writes it: #rrggbb. */
   function rgb(colour) {
     return [1, 3, 5].map(k => parseInt(colour.slice(k, k + 2), 16));
+  }
+
+  /** A colour as it is far away on a ground. */
+  function paler(colour, ground) {
+    const there = rgb(ground), mixed = rgb(colour).map((value, k) => Math.round(there[k] + PALE * (value - there[k])));
+    return `#${mixed.map(value => value.toString(16).padStart(2, "0")).join("")}`;
   }
 
   const isSeed = text => /^\d{1,9}$/.test(text);

@@ -241,6 +241,7 @@
       dot("hits", "where a beam ended."), dot("wall", "walls of the map."),
     ].join(" "));
     const strip = stage.chart({name: "The last values of N_eff, the number of particles that count", height: 56});
+    strip.canvas.dataset.layer = "n-eff";
 
     const clock = stage.clock({hertz: HERTZ, tick: () => drive.tick(), step: () => move(HERTZ)});
     function move(ticks, look = true) { for (let k = 0; k < ticks; k++) drive.tick(look); }

@@ -183,9 +183,11 @@
     return [x - half, x + half, y - high, y + high];
   }
 
-  /** A dot in a colour of the book, and the words that it explains. */
-  const dot = (colour, words = "") =>
-    `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-${colour})">●</span>${words && "\u00a0"}${words}`;
+  /** A dot in a colour of the book, and the words that it explains: on the site they light what has this colour (`layers.js`). */
+  function dot(colour, words = "") {
+    const mark = `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-${colour})">●</span>`;
+    return words ? `<span data-layer="${colour}">${mark}\u00a0${words}</span>` : mark;
+  }
 
   root.pfslam.world = {WINDOW, SPEC, LIDAR, RADIUS, ROOM, START, LAP, WALLS, SOLIDS, Driver, twin, standing, known, room, scan, controlsTo, floor, paint,
                        robot, near, dot};
