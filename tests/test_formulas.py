@@ -36,6 +36,14 @@ def test_a_formula_is_drawn_for_the_eye_and_in_mathml(formulas):
     assert "\\[" not in page
 
 
+def test_a_formula_with_a_class_of_its_own_is_drawn_too(formulas):
+    shown = "pfslam-workshop math"
+    page = f"{INLINE.format('a')}{DISPLAY.format('b')}".replace('"math', f'"{shown}')
+    assert formulas.HAS_SOME.search(page)
+    assert drawn(formulas, page).count('class="katex-html"') == 2
+    assert not formulas.HAS_SOME.search('<p class="aftermath"></p><span class="mathnormal"></span>')
+
+
 def test_a_name_of_several_letters_is_read_as_a_word(formulas):
     page = drawn(formulas, INLINE.format(r"\mathrm{corr}(y) + N"))
     assert "<mi>corr</mi>" in page

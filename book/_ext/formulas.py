@@ -16,9 +16,12 @@ from sphinx.ext.mathjax import html_visit_displaymath, html_visit_math
 
 STYLE = "katex/katex.css"
 JOINED = "\u2060"  # a word joiner: between it and its neighbours no line ends
-# As Sphinx writes a formula for a script that would draw it.
-INLINE = re.compile(r'(<span class="math\b[^>]*>)\\\((.*?)\\\)(</span>(?:</(?:em|strong)>)?)', re.DOTALL)
-DISPLAY = re.compile(r'(<div class="math\b[^>]*>.*?)\\\[(.*?)\\\](?=\s*</div>)', re.DOTALL)
+# As Sphinx writes a formula for a script that would draw it; classes of its place in the text may stand before its own.
+INLINE = re.compile(
+    r'(<span class="[^">]*\bmath\b[^>]*>)\\\((.*?)\\\)(</span>(?:</(?:em|strong)>)?)', re.DOTALL
+)
+DISPLAY = re.compile(r'(<div class="[^">]*\bmath\b[^>]*>.*?)\\\[(.*?)\\\](?=\s*</div>)', re.DOTALL)
+HAS_SOME = re.compile(r'<(?:span|div) class="[^">]*\bmath\b')
 WORD = re.compile(r'(?:<mi mathvariant="normal">\w</mi>){2,}')
 # Returns the drawn formula, or what is wrong with it.
 DRAW = """formulas => JSON.stringify(formulas.map(([source, display]) => {
@@ -74,7 +77,7 @@ def with_drawn(page: str, drawn: dict[tuple[str, bool], str]) -> str:
 def draw_site(site: Path) -> None:
     """Draw the formulas of all pages of a built site."""
     pages = {path: path.read_text(encoding="utf-8") for path in site.rglob("*.html")}
-    found = {path: formulas_of(page) for path, page in pages.items() if 'class="math' in page}
+    found = {path: formulas_of(page) for path, page in pages.items() if HAS_SOME.search(page)}
     drawn = draw(list(dict.fromkeys(formula for formulas in found.values() for formula in formulas)))
     for path in found:
         path.write_text(with_drawn(pages[path], drawn), encoding="utf-8", newline="\n")
@@ -82,7 +85,7 @@ def draw_site(site: Path) -> None:
 
 def add_style(app, pagename, templatename, context, doctree) -> None:
     """Only a page with formulas loads their style sheet."""
-    if 'class="math' in context.get("body", ""):
+    if HAS_SOME.search(context.get("body", "")):
         app.add_css_file(STYLE)
 
 
