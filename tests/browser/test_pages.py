@@ -24,9 +24,11 @@ CODE_CUT_OFF = """() => [...document.querySelectorAll('article pre')]
 LOADED = """() => ['navigation', 'resource'].flatMap(kind => performance.getEntriesByType(kind))
   .map(entry => [entry.name, entry.decodedBodySize])"""
 BY_DAY = "all => all.map(image => image.src === new URL(image.dataset.day, document.baseURI).href)"
-# The figures that, once they were seen in the dark, are not at once whole and light when the page is printed.
+# The figures that, once they were seen in the dark, are not at once whole and light when the page is printed. One that
+# waits folded for a prediction was not seen: it would never be read.
 NOT_YET_LIGHT = """async () => {
-  const figures = [...document.querySelectorAll('img[data-night]:not([data-night=""])')];
+  const figures = [...document.querySelectorAll('img[data-night]:not([data-night=""])')]
+    .filter(image => image.getClientRects().length);
   for (const image of figures) {
     image.scrollIntoView();
     await image.decode();

@@ -267,22 +267,11 @@ def write_tables() -> None:
 
 def sources() -> list[tuple[str, ...]]:
     """One line for each robot: where its logs are, and under which licence."""
-    head = ("robot", "LiDAR", "logs", "repository", "licence", "commit", "files")
-    rows = [head]
+    rows = [("robot", "LiDAR", "logs", "repository and commit", "licence")]
     for source in SOURCES:
         logs = ", ".join(name for name, of in LOGS.items() if of is source)
-        files = ", ".join(path for path in source.files.values() if not path.endswith(".yaml"))
-        rows.append(
-            (
-                source.robot,
-                source.lidar,
-                logs,
-                source.repository,
-                source.licence,
-                source.commit[:10],
-                files,
-            )
-        )
+        place = f"`{source.repository}` `{source.commit[:10]}`"
+        rows.append((source.robot, source.lidar, logs, place, source.licence))
     return rows
 
 
