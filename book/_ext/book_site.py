@@ -74,9 +74,9 @@ UNCOLOURED = re.compile(r'<span class="(?:n|nn|p|w)">([^<]*)</span>')
 DOUBLED_TITLE = re.compile(r"<title>(.+?) &#8212; \1</title>")
 
 CODE = re.compile(
-    r'(?s)(?<=<div class="highlight-ipython3 notranslate"><div class="highlight"><pre><span></span>).*?(?=</pre>)'
+    r'(?s)(?<=highlight-ipython3 notranslate"><div class="highlight"><pre><span></span>).*?(?=</pre>)'
 )
-PHONE_COLUMNS = 46  # letters of code in a line of a window of 390 pixels
+PHONE_COLUMNS = 43  # letters of code in a line of a fold, in a window of 390 pixels
 MODULE_LIST = re.compile(
     r"(All modules for which code is available</h1>\s*)(<ul>.*</ul>)(?=\s*</article>)", re.DOTALL
 )

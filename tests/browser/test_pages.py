@@ -28,7 +28,7 @@ BY_DAY = "all => all.map(image => image.src === new URL(image.dataset.day, docum
 # waits folded for a prediction was not seen: it would never be read.
 NOT_YET_LIGHT = """async () => {
   const figures = [...document.querySelectorAll('img[data-night]:not([data-night=""])')]
-    .filter(image => image.getClientRects().length);
+    .filter(image => image.checkVisibility());
   for (const image of figures) {
     image.scrollIntoView();
     await image.decode();
