@@ -172,10 +172,10 @@ def lines_of_code(path):
 @pytest.mark.parametrize(
     ("pattern", "most"),
     [
-        ("**/*.py", 9988),
+        ("**/*.py", 9989),
         ("*.py", 1500),
         ("beyond/loops/*.py", 265),
-        ("io/bags.py", 337),
+        ("io/bags.py", 338),
         ("io/topics.py", 184),
     ],
 )

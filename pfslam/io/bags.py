@@ -105,7 +105,7 @@ def load_bag(
     cloud = chosen.pop("cloud", None)
     topics = read_topics(path, {*chosen.values(), *trees}, progress=progress)
     for name in chosen.values():
-        _check_number(log, topics[name])
+        _check_number(log, topics[name], listed[name][1])
     # Taken out where they are used, so that an hour of them is not held twice.
     read = {use: _ordered(log, topics.pop(name)) for use, name in chosen.items() if use != "info"}
     frames = _read_frames(log, (topics.pop(name) for name in trees))
@@ -118,7 +118,7 @@ def load_bag(
     scans = cloud or chosen.get("scan", "")
     place = partial(_place_of_lidar, log, scans, frames, base, options, odometry is not None)
     if cloud:
-        model, lidar = _slices(log, cloud, place, options.slice, progress)
+        model, lidar = _slices(log, cloud, place, options.slice, listed[cloud][1], progress)
     if "scan" in read:
         model, lidar = read_scans(log, read["scan"], place)
     if "info" in chosen:
@@ -128,10 +128,10 @@ def load_bag(
     return Recording(path.stem, robot, imu=imu, odometry=odometry, lidar=lidar, camera=camera, **log.said())
 
 
-def _check_number(log: Log, topic: Topic) -> None:
-    """Raise ``DataError`` for a topic without messages."""
+def _check_number(log: Log, topic: Topic, expected: int) -> None:
+    """Raise ``DataError`` for a topic without messages, of which the index says how many are ``expected``."""
     if not len(topic.t):
-        raise DataError(log.path, topic.name, "no messages", "those that the index of the bag names")
+        raise DataError(log.path, topic.name, "no messages", f"{expected}, as the index of the bag says")
 
 
 def choose_topics(log: Log, topics: Mapping[str, tuple[str, int]], options: BagOptions) -> dict[str, str]:
@@ -351,12 +351,13 @@ def _slices(
     name: str,
     place: Callable[[str], np.ndarray],
     heights: tuple[float, float] | None,
+    expected: int,
     progress: Callable | None,
 ) -> tuple[LidarModel, LidarScans]:
-    """Read the clouds of a topic as scans, and describe the level scanner that would have made them."""
+    """Read the ``expected`` clouds of a topic as scans, and describe the level scanner that would have made them."""
     slicer = Slicer(log, name, place, heights)
     topic = read_topics(log.path, [name], progress=progress, slicer=slicer)[name]
-    _check_number(log, topic)
+    _check_number(log, topic, expected)
     return read_scans(log, without_blind_ends(log, _ordered(log, topic)), slicer.level)
 
 
