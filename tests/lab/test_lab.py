@@ -216,7 +216,7 @@ def test_no_laboratory_is_black_however_often_all_cells_run(laboratories, open_c
                     k,
                     seen,
                 )
-                assert max(canvas["ofTheme"] for canvas in seen) > 0.6, (run, k, seen)
+                assert max(canvas["ofTheme"] for canvas in seen) > 0.5, (run, k, seen)  # most of it is paper
 
 
 @pytest.mark.nightly
