@@ -36,6 +36,8 @@
       word.classList.add("pfslam-layer");
       word.style.setProperty("--layer", `var(--lab-${word.dataset.layer}, currentColor)`);
       for (const [name, value] of Object.entries({role: "button", tabindex: "0", "aria-pressed": "false"})) word.setAttribute(name, value);
+      const formula = word.querySelector("math mrow"); // not every reader says what stands in MathML below a button
+      if (formula) word.setAttribute("aria-label", formula.textContent);
     }
     document.addEventListener("pointerover", event => { if (event.pointerType !== "touch") light(wordAt(event) ?? held); });
     document.addEventListener("focusin", event => { if (event.target.matches(":focus-visible")) light(wordAt(event) ?? held); });
