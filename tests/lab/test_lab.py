@@ -81,7 +81,9 @@ PIXELS = """figure => {
     const [r, g, b] = style.getPropertyValue('--lab-' + name).trim().match(/\\w\\w/g).map(x => parseInt(x, 16));
     return (r << 16) | (g << 8) | b;
   };
-  const theme = new Set(['paper', 'free', 'sheet', 'wall', 'ink', 'estimate', 'particles', 'highlight'].map(rgb));
+  const theme = ['paper', 'free', 'sheet', 'wall', 'ink', 'estimate', 'particles', 'highlight'].map(rgb);
+  // A cell that is almost surely free has almost the colour of what is free.
+  const near = c => c >= 0 && theme.some(t => [16, 8, 0].every(k => Math.abs((c >> k & 255) - (t >> k & 255)) <= 3));
   return [...figure.querySelectorAll('canvas')].filter(c => c.offsetHeight && c.width).map(canvas => {
     const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data, counts = new Map();
     for (let i = 0; i < data.length; i += 4) {
@@ -89,7 +91,7 @@ PIXELS = """figure => {
       counts.set(colour, (counts.get(colour) ?? 0) + 1);
     }
     const share = chosen => [...counts].reduce((sum, [c, n]) => sum + (chosen(c) ? n : 0), 0) / (data.length / 4);
-    return {black: share(c => c === 0), ofTheme: share(c => theme.has(c)), colours: counts.size};
+    return {black: share(c => c === 0), ofTheme: share(near), colours: counts.size};
   });
 }"""
 
@@ -211,12 +213,12 @@ def test_no_laboratory_is_black_however_often_all_cells_run(laboratories, open_c
                 seen = figure.evaluate(PIXELS)
                 print(run, k, seen)
                 assert seen, "no canvas"
-                assert all(canvas["black"] < 0.05 and canvas["colours"] > 1 for canvas in seen), (
-                    run,
-                    k,
-                    seen,
-                )
-                assert max(canvas["ofTheme"] for canvas in seen) > 0.5, (run, k, seen)  # most of it is paper
+                # A chart in which nothing is drawn yet is the paper of the theme, and nothing else.
+                painted = [canvas["colours"] > 2 or canvas["ofTheme"] > 0.9 for canvas in seen]
+                assert all(painted), (run, k, seen)
+                assert all(canvas["black"] < 0.05 for canvas in seen), (run, k, seen)
+                assert max(canvas["colours"] for canvas in seen) > 2, (run, k, seen)
+                assert max(canvas["ofTheme"] for canvas in seen) > 0.6, (run, k, seen)
 
 
 @pytest.mark.nightly
