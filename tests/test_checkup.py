@@ -6,17 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from box_recording import box_recording
+from box_recording import START, box_camera, box_recording
 from drives import simulated
 from measure.robots import loose
 from pfslam_book.show.faults import clockwise, late_scans, scaled_gyro, scaled_ranges, silent_gyro
 
 import pfslam
 from pfslam.__main__ import main
-from pfslam.evaluation.checkup import check_place, check_scene, check_up
+from pfslam.evaluation.checkup import check_overlap, check_place, check_scene, check_up
 from pfslam.evaluation.mounting import fit_mounting
+from pfslam.io.selection import select
 from pfslam.poses import Trajectory
-from pfslam.recording import Encoders, Imu, LidarScans, Recording
+from pfslam.recording import Encoders, Imu, LidarScans, Recording, chosen
 from pfslam.study.disturbances import first_seconds, missing_beams, range_noise, start_time
 
 HEALTHY = "none"
@@ -94,6 +95,67 @@ def test_each_fault_is_found(drive, fault):
     found = complaints(change(drive))
     assert expected <= found
     assert bool(found) == (fault != HEALTHY)
+
+
+LONG = box_recording(30.0, images=0)
+
+
+def logged(imu=(-1.0, 31.0), lidar=(-1.0, 31.0), camera=None):
+    """Thirty seconds in the box, with each stream from and until when the recorder had it, in seconds of the drive."""
+
+    def during(stream, begin, end):
+        return chosen(stream, (stream.t >= START + begin) & (stream.t <= START + end))
+
+    images = camera and box_camera(START + camera[0], round(2 * (camera[1] - camera[0])))
+    return replace(LONG, imu=during(LONG.imu, *imu), lidar=during(LONG.lidar, *lidar), camera=images)
+
+
+BEGINNING, END = {"until": 8.0}, {"start": 22.0}
+
+
+@pytest.mark.parametrize(
+    ("spans", "part"),
+    [
+        ({"imu": (2.0, 31.0)}, BEGINNING),
+        ({"imu": (-1.0, 28.0)}, END),
+        ({"lidar": (-1.0, 28.0)}, END),
+        ({"camera": (2.4, 30.0)}, BEGINNING),
+        ({"camera": (0.3, 28.3)}, END),
+    ],
+    ids=["gyro late", "gyro gone early", "lidar gone early", "camera late", "camera gone early"],
+)
+def test_a_part_of_a_good_drive_overlaps_as_the_drive_does(spans, part):
+    """A recorder begins and ends its streams two seconds apart, which is a fourth of eight seconds."""
+    whole = logged(**spans)
+    cut = select(whole, **part)
+    assert check_overlap(whole, whole).ok
+    assert check_overlap(cut, whole).ok
+    assert not check_overlap(cut, cut).ok  # so a recording of eight seconds is still told
+
+
+@pytest.mark.parametrize(
+    ("spans", "bad", "good"),
+    [
+        ({"imu": (-1.0, 15.0)}, {"start": 10.0, "until": 20.0}, BEGINNING),
+        ({"imu": (15.0, 31.0)}, {"start": 10.0, "until": 20.0}, END),
+        ({"camera": (0.5, 15.0)}, {"start": 10.0, "until": 20.0}, {"start": 1.0, "until": 8.0}),
+        ({"camera": (15.0, 30.0)}, {"start": 10.0, "until": 20.0}, {"start": 22.0, "until": 29.0}),
+    ],
+    ids=["gyro breaks off", "gyro begins", "camera breaks off", "camera begins"],
+)
+def test_streams_that_miss_one_another_are_told_and_where_all_are_there_they_are_not(spans, bad, good):
+    whole = logged(**spans)
+    assert not check_overlap(whole, whole).ok
+    assert not check_overlap(select(whole, **bad), whole).ok
+    assert check_overlap(select(whole, **good), whole).ok
+
+
+@pytest.mark.parametrize(("spans", "word"), [((2.0, 31.0), "ok"), ((5.0, 31.0), "warning")])
+def test_check_asks_the_whole_drive_whether_its_streams_overlap(tmp_path, capsys, spans, word):
+    pfslam.save(logged(imu=spans), tmp_path / "drive.npz")
+    main(["check", str(tmp_path / "drive.npz"), "--until", "8"])
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if "streams overlap" in line]
+    assert line.split()[0] == word
 
 
 def turned(recording, degrees):

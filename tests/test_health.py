@@ -335,6 +335,15 @@ def test_steps_that_are_kept_are_read_back_as_they_were():
         kept[400]
 
 
+def test_steps_of_a_long_drive_are_copied_seldom():
+    """Each time there is room for twice as many: nine times for 10,000 scans."""
+    kept, step, rooms = Steps(), steady(1)[0], set[int]()
+    for _ in range(10_000):
+        kept.append(step)
+        rooms.add(len(kept.columns["t"].base))
+    assert sorted(rooms) == [64 * 2**k for k in range(9)]
+
+
 # Whole runs
 # ------------------------------------------------------------------------------------------------
 

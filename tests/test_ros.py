@@ -488,6 +488,16 @@ def test_the_check_up_names_the_parameters_that_put_a_robot_right(tmp_path):
     assert np.abs(found[:, :2]).max() < 0.1
 
 
+def test_odometry_from_before_the_lidar_was_switched_on_is_no_fault():
+    """A minute of it, and then twenty seconds of scans as well."""
+    core = Core(Parameters(odom_topic="odom"))
+    played(core, bag_of("plain")[1][:200])
+    ranges = core.first.scans[0][1]
+    core.first.odometry[:] = [(0.1 * k, np.zeros(3)) for k in range(810)]
+    core.first.scans[:] = [(60.0 + 0.1 * k, ranges) for k in range(202)]
+    assert not [line for line in findings(core.first_seconds(), core.parameters) if "overlap" in line]
+
+
 def test_a_robot_that_sees_itself_is_masked_as_its_parameters_say():
     """The beams that are masked read nothing: to the left, between 80 and 100 degrees."""
     core = Core(Parameters(odom_topic="odom", mask=(80.0, 100.0), odometry_scale=1.1))

@@ -99,7 +99,7 @@ def load_corrected(arguments: Namespace) -> tuple[Recording, list[Finding]]:
     whole = load_whole(arguments)
     recording = load_moving(arguments, whole)
     known = {name for name, option in CORRECTED.items() if getattr(arguments, option) not in (None, "auto")}
-    found, lines, findings = find_corrections(recording, known)
+    found, lines, findings = find_corrections(recording, known, whole)
     if found:
         for name in CORRECTED.keys() - known:
             setattr(arguments, CORRECTED[name], (NEUTRAL | found)[name])

@@ -65,13 +65,18 @@ class Finding:
             object.__setattr__(self, "severity", "ok" if self.ok else "-")
 
 
-def check_up(recording: Recording, mounting: Mounting | None = None) -> list[Finding]:
-    """Ask all questions, in the order in which to mend what they find; ``mounting`` is its fit, if there is one."""
+def check_up(
+    recording: Recording, mounting: Mounting | None = None, whole: Recording | None = None
+) -> list[Finding]:
+    """Ask all questions, in the order in which to mend what they find.
+
+    ``mounting`` is its fit, if there is one, and ``whole`` the recording of which this is a part.
+    """
     mounting = mounting or fit_mounting(recording)
     turns, clock = check_scans(recording, mounting)
     scene = check_scene(mounting)
     return [
-        check_overlap(recording),
+        check_overlap(recording, whole or recording),
         check_gaps(recording),
         check_speed(recording),
         check_rest(recording),
@@ -87,11 +92,19 @@ def check_up(recording: Recording, mounting: Mounting | None = None) -> list[Fin
     ]
 
 
-def check_overlap(recording: Recording) -> Finding:
-    """Check how much of the time all streams cover: the shortest common time over the longest stream."""
-    begin, end = np.array([t[[0, -1]] for t in _stamps(recording).values()]).T
-    share = max(end.min() - begin.max(), 0.0) / max(float((end - begin).max()), 1e-9)
+def check_overlap(recording: Recording, whole: Recording) -> Finding:
+    """Check how much of the time all streams cover: the shortest common time over the longest stream.
+
+    A recorder starts and stops its streams seconds apart. So a part is in order where the ``whole`` is, however short
+    the part. Where the whole is not, because a stream broke off, a part in which all streams are there still may be.
+    """
+    share = max(_common_share(recording), _common_share(whole))
     return Finding("Do the streams overlap?", bool(share >= 0.9), f"{100 * share:.0f} %", "90 % or more")
+
+
+def _common_share(recording: Recording) -> float:
+    begin, end = np.array([t[[0, -1]] for t in _stamps(recording).values()]).T
+    return max(end.min() - begin.max(), 0.0) / max(float((end - begin).max()), 1e-9)
 
 
 def check_gaps(recording: Recording) -> Finding:

@@ -33,11 +33,12 @@ NEUTRAL: dict[str, Any] = {"masks": [], "delay": 0.0, "yaw": 0.0, "scale": 1.0}
 
 
 def find_corrections(
-    recording: Recording, known: Collection[str] = ()
+    recording: Recording, known: Collection[str] = (), whole: Recording | None = None
 ) -> tuple[dict[str, Any], list[str], list[Finding]]:
     """Find what to put right but for what is ``known``, a line on each for the user, and the check-up after it.
 
-    The first are arguments of ``select``; none of them is ``NEUTRAL``.
+    The first are arguments of ``select``; none of them is ``NEUTRAL``. ``whole`` is the recording of which this is a
+    part.
     """
     sectors = [] if "masks" in known else self_seen(recording)
     masks: dict[str, Any] = {"masks": sectors} if sectors else {}
@@ -51,8 +52,8 @@ def find_corrections(
         corrected = select(masked, **wrong)
         after = fit_mounting(corrected)
         if all(numbers(corrected, after)[name][0] for name in wrong):
-            return masks | wrong, _told(masks | wrong), check_up(corrected, after)
-    return masks, _told(masks), check_up(masked, mounting)
+            return masks | wrong, _told(masks | wrong), check_up(corrected, after, whole)
+    return masks, _told(masks), check_up(masked, mounting, whole)
 
 
 def self_seen(recording: Recording) -> list[list[float]]:

@@ -110,11 +110,8 @@ class Steps(Sequence[RefinedStep]):
         """Add the next step, all columns or none."""
         k = self._count
         if k == len(self._rows["t"]):
-            room = {
-                name: np.zeros_like(rows, shape=(k + 64, *rows.shape[1:]))
-                for name, rows in self._rows.items()
-            }
-            self._rows = {name: np.concatenate([rows, room[name]]) for name, rows in self._rows.items()}
+            size = max(64, 2 * k)  # twice as many, so that a long drive is not copied ever again
+            self._rows = {name: np.resize(rows, (size, *rows.shape[1:])) for name, rows in self._rows.items()}
         for name, column in self._rows.items():
             value = getattr(step, name)
             column[k] = np.nan if value is None else value
@@ -316,11 +313,6 @@ def departures(infos: Sequence[RefinedStep] | Columns) -> tuple[np.ndarray, np.n
     return metres, np.exp(mean / 2)
 
 
-def _ways(estimates: np.ndarray) -> np.ndarray:
-    """Return how far ``(K, 2)`` (m) the estimate came up to each scan."""
-    return np.diff(estimates[:, :2], axis=0, prepend=estimates[:1, :2])
-
-
 def _lost(run: Columns) -> Iterator[Distrust]:
     if len(when := alarms(run)):
         reason = "scans fit the map far worse than before: the robot is lost, or was moved by hand"
@@ -385,7 +377,8 @@ def _blindness(begin: float, end: float, to: float | None, missing: str) -> Dist
 
 def _along(run: Columns) -> Iterator[Distrust]:
     """Find the first time at which most of the way was driven where no wall shows how far."""
-    metres = np.hypot(*_ways(run["estimate"]).T)
+    x, y = run["estimate"].T[:2]
+    metres = np.hypot(np.diff(x, prepend=x[:1]), np.diff(y, prepend=y[:1]))
     driven, along = np.cumsum(metres), np.cumsum(metres * ~np.isnan(run["silent_direction"][:, 0]))
     if not len(along) or along[-1] <= ALONG_METRES:
         return

@@ -138,7 +138,7 @@ class Mapper:
     def doubt(self) -> str | None:
         """Why the pose is not to be trusted now, as ``RefinedResult.distrust`` says it; None while it is.
 
-        All scans so far are asked: some ten milliseconds after four hours, so a node asks once a second.
+        All scans so far are asked, some thirty milliseconds after four hours, so a node asks once a second.
         """
         reasons = [stretch["reason"] for stretch in distrust(self._steps) if stretch["to"] is None]
         return reasons[0] if reasons else None

@@ -22,6 +22,7 @@ import pfslam
 from pfslam.errors import DataError
 from pfslam.evaluation.corrections import NEUTRAL, find_corrections
 from pfslam.io.bags import LATE, MOVED, find_place, is_fixed
+from pfslam.io.selection import select
 from pfslam.io.topics import NUMBERS, ODOMETRY, TF, Topic, frame_of, stamp_of
 from pfslam.poses import Trajectory, compose, invert, quaternion_to_rotation, transform
 from pfslam.recording import LidarScans, Recording
@@ -234,19 +235,19 @@ class Core:
     def first_seconds(self) -> Recording | None:
         """Return the first seconds of the drive, for ``findings``: once, when they are over."""
         drive, scanner = self.first, self.scanner
-        if (
-            not drive
-            or not scanner
-            or not drive.scans
-            or drive.scans[-1][0] - drive.scans[0][0] < CHECK_AFTER
-        ):
+        if not (drive and scanner and drive.scans):
+            return None
+        if drive.scans[-1][0] - drive.scans[0][0] < CHECK_AFTER:
             return None
         self.first = None
         odometry, scans = (
             (np.array(part) for part in zip(*rows, strict=True)) for rows in (drive.odometry, drive.scans)
         )
         robot = RobotModel(lidar=scanner.model)
-        return Recording("the first seconds", robot, odometry=Trajectory(*odometry), lidar=LidarScans(*scans))
+        whole = Recording(
+            "the first seconds", robot, odometry=Trajectory(*odometry), lidar=LidarScans(*scans)
+        )
+        return select(whole, start=0.0)  # without the odometry from before the LiDAR was switched on
 
     def _on_pose(self, t: float, child: str, row: np.ndarray) -> None:
         """Keep a sample of the odometry; where its clock was set back, time goes on a second after the last."""
