@@ -96,3 +96,36 @@ def test_it_is_for_everybody(drive, theme):
     page.evaluate("theme => { document.documentElement.dataset.theme = theme; }", theme)
     page.locator(".pfslam-questions > p [data-layer=particles]").hover()
     assert violations(page, include=[[".pfslam-beside"]]) == []
+
+
+LABS = [("02_occupancy_grid", "grow"), ("03_prediction_only", "cloud"), ("04_map_correlation", "slide"),
+        ("05_particle_filter_slam", "maps"), ("05_particle_filter_slam", "drive"), ("10_lost_and_found", "lost")]  # fmt: skip
+
+
+@pytest.mark.parametrize(("chapter", "name"), LABS, ids=[name for _, name in LABS])
+def test_each_word_of_the_text_lights_its_laboratory(visit, chapter, name):
+    seen = visit(f"notebooks/{chapter}.html", width=1280, height=800, reduced_motion="reduce")
+    page, lab = seen.page, f".pfslam-lab[data-lab={name}]"
+    page.evaluate("document.querySelectorAll('details, .dropdown').forEach(fold => { fold.open = true; })")
+    page.locator(lab).scroll_into_view_if_needed()
+    page.wait_for_function(f"() => document.querySelector('{lab}').lab?.state.ready ?? true")
+    of_it = page.evaluate_handle(
+        """lab => {
+          const near = lab.closest('.pfslam-beside') ?? lab.closest('section');
+          return [...near.querySelectorAll('p [data-layer], li [data-layer]')].filter(word => !word.closest('.pfslam-lab'));
+        }""",
+        page.query_selector(lab),
+    )
+    words = [word.as_element() for word in of_it.get_properties().values()]
+    assert len(words) >= 2
+    dark = "lab => { lab.lab.stage.draw?.(); return lab.querySelector('canvas').toDataURL(); }"
+    still = page.eval_on_selector(lab, dark)
+    for word in words:
+        layer = word.get_attribute("data-layer")
+        word.scroll_into_view_if_needed()
+        word.hover()
+        assert set(page.evaluate(LIT)) == {layer}
+        assert page.eval_on_selector(lab, "lab => lab.lab.stage.lit") == layer
+    page.mouse.move(1, 1)
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    assert page.eval_on_selector(lab, dark) == still

@@ -96,10 +96,16 @@ def test_the_beats_can_be_chosen_skipped_and_held(story):
         assert named(page, name).get_attribute("aria-current") == "step"
         assert shown.text_content().startswith(f"{title}.")
     named(page, names[0]).click()
+    seen = page.locator("figure.pfslam-lab button:visible:not(.pfslam-beats button)")
     for title in titles[1:]:
         named(page, "Skip").click()
         page.evaluate(PAINTED)
         assert shown.text_content().startswith(f"{title}.")
+        assert seen.count() <= 3
+    start = page.evaluate(f"{STORY}.start")
+    named(page, names[-1]).click()
+    assert page.evaluate(f"[{STORY}.start, {STORY}.beat]") == [(start + 1) % 5, 4], "once more is elsewhere"
+    named(page, names[0]).click()
     named(page, "Hold").click()
     ticks = page.evaluate(f"{LAB}.state.ticks")
     page.wait_for_timeout(200)

@@ -27,6 +27,7 @@
   const TALLEST = {wide: 0.42, narrow: 0.5}, LOWEST = 240;  // so high a plan may be, of the window or in pixels: what turns it is seen with it
   const THINGS = ["wall", "truth", "odometry", "estimate", "particles", "hits", "highlight", "clear", "muted"], PALE = 0.2;  // drawn on the ground
   const SIDEWAYS = 8, FINGER = 26;  // pixels after which a finger drags; pixels within which one takes hold of a thing
+  const REACH = 3;  // pixels to each side of a pointer in which it points at a thing
   // In JupyterLab each laboratory loads this file once more: what is known by then must stay.
   const known = (root.pfslam.known = root.pfslam.known || {builders: {}, count: 0});
 
@@ -136,6 +137,20 @@
       this.lit = name;
       this.readColours();
       this.redraw();
+    }
+
+    /** Which of the `names` has its colour most often on a canvas round a point of the screen; undefined if none has. */
+    under(canvas, {clientX, clientY}, names) {
+      const box = canvas.getBoundingClientRect(), scale = canvas.width / box.width, side = Math.ceil(2 * REACH * scale);
+      const [left, top] = [(clientX - box.left) * scale, (clientY - box.top) * scale].map(pixel => Math.round(pixel - side / 2));
+      const {data} = canvas.getContext("2d").getImageData(left, top, side, side);
+      const palette = Object.entries(this.colours).map(([name, colour]) => [name, rgb(colour), 0]);
+      for (let at = 0; at < data.length; at += 4) {
+        const far = ([, colour]) => colour.reduce((sum, value, k) => sum + (data[at + k] - value) ** 2, 0);
+        palette.reduce((nearest, entry) => (far(entry) < far(nearest) ? entry : nearest))[2] += 1;
+      }
+      const found = palette.filter(([name, , times]) => times && names.includes(name));
+      return found.length ? found.reduce((most, entry) => (entry[2] > most[2] ? entry : most))[0] : undefined;
     }
 
     fit() {

@@ -268,7 +268,7 @@
   function inWords(survey) {
     const pages = survey.diary, {clamp} = survey.settings;
     const lines = pages.slice(-LINES).map(({scan, hit, level}) =>
-      `scan ${scan} ${hit ? `${dot("hits")} hit` : `${dot("clear")} passed`} ${signed(level)}${Math.abs(level) > clamp - 1e-6 ? " (clamp)" : ""}`);
+      `scan ${scan} ${hit ? dot("hits", "hit") : dot("clear", "passed")} ${signed(level)}${Math.abs(level) > clamp - 1e-6 ? " (clamp)" : ""}`);
     const start = `<b>Diary of cell (${survey.cell.join(", ")})</b>: ${tally(pages)}.`;
     return lines.length ? `${start} ${pages.length > LINES ? "… " : ""}${lines.join(" · ")}` : `${start} No scan has touched it: unknown.`;
   }

@@ -9,7 +9,8 @@
   const OPENING = 12, REMEMBERED = 60;  // steps before the reader comes: nothing has died yet; cells of a path that are kept
   const MARGIN = 2.4;  // the room at the left for the lines from parents to children, in cells
 
-  const dot = name => `<span class="pfslam-dot" aria-hidden="true" style="color:var(--lab-${name});outline:1px solid var(--lab-muted)">●</span>`;
+  const dot = (name, words = "") => `<span${words && ` data-layer="${name}"`}><span class="pfslam-dot" aria-hidden="true" ` +
+    `style="color:var(--lab-${name});outline:1px solid var(--lab-muted)">●</span>${words}</span>`;
 
   const stepOf = u => (u < STEP[0] ? 0 : u < STEP[0] + STEP[1] ? 1 : 2);
 
@@ -123,8 +124,8 @@
     });
     const place = layout(tall, rows, narrow);
     stage.words(
-      `<b>Each row is one particle</b> and its own map: ${dot("wall")} a door, ${dot("free")} no door, ${dot("paper")} not ` +
-      `seen yet. ${dot("particles")} is the cell in which it believes it is; the larger, the heavier. The lines at the left ` +
+      `<b>Each row is one particle</b> and its own map: ${dot("wall", " a door,")} ${dot("free")} no door, ${dot("paper")} not ` +
+      `seen yet. ${dot("particles", " where it believes it is;")} the larger, the heavier. The lines at the left ` +
       "lead from each row to the particle of which it is a copy.");
     const story = stage.words("");
     const clock = stage.clock({hertz: 2, tick: () => walk.step(), step: () => walk.step()});

@@ -190,7 +190,7 @@
     if (rest && !refused) return until ? "This is the floor that was shared. Now you drive." : "The lap is over: this is the floor that the robot painted.";
     if (!drive.looks) return "The robot sets off.";
     if (beat === 0) return `Wheels and gyro are ${cm(drive.offAlone)} off.`;
-    if (beat === DRIVING && drive.off > LOST) return `Lost: the dots are ${cm(drive.off)} off, and the map is spoilt. "Elsewhere" begins anew.`;
+    if (beat === DRIVING && drive.off > LOST) return `Lost: the dots are ${cm(drive.off)} off, and the map is spoilt. "Drive" begins anew, elsewhere.`;
     if (beat > 1) return news(drive).join(" ");
     let nearest = Infinity;
     for (let k = 0; k < poses.length; k += 3) nearest = Math.min(nearest, Math.hypot(poses[k] - truth[0], poses[k + 1] - truth[1]));
@@ -257,17 +257,20 @@
       else clock.wake();
     }
 
+    function elsewhere() {
+      story.elsewhere();
+      clock.wake();
+      if (calm) hurry();
+    }
+
     stage.buttons = beats;
     const marks = BEATS.map((beat, k) => {
-      const button = stage.button({name: k < DRIVING ? `${k + 1}` : "Drive", press: () => show(k)});
+      const button = stage.button({name: k < DRIVING ? `${k + 1}` : "Drive", press: () => (story.beat === DRIVING && k === DRIVING ? elsewhere() : show(k))});
       button.setAttribute("aria-label", k < DRIVING ? `${k + 1}: ${beat.title}` : beat.title);
       return button;
     });
     stage.buttons = ours;
-    const skip = stage.button({name: "Skip", press: () => {
-      if (story.beat < DRIVING) show(story.beat + 1);
-      else { story.elsewhere(); clock.wake(); if (calm) hurry(); }
-    }});
+    const skip = stage.button({name: "Skip", press: () => show(story.beat + 1)});
     const thief = stage.button({name: "Kidnap", key: "k", press: () => story.byHand(story.drive.before ? "B" : "K")});
     const share = stage.button({name: "Share", press: () => give(stage, picture(plan, stage.colours, story.drive, kit))});
     stage.steered(plan, {
@@ -289,9 +292,9 @@
           title.textContent = `${BEATS[beat].title}.`;
           words.innerHTML = BEATS[beat].words;
           marks.forEach((mark, k) => (k === beat ? mark.setAttribute("aria-current", "step") : mark.removeAttribute("aria-current")));
-          skip.textContent = beat < DRIVING ? "Skip" : "Elsewhere";
+          skip.hidden = beat === DRIVING;  // never more than three controls beside the beats
           thief.hidden = beat < DRIVING;
-          share.disabled = beat < CHOOSING;
+          share.hidden = beat < CHOOSING;
           looks = -1;
         }
         thief.firstChild.data = drive.before ? "Put it back " : "Kidnap ";
