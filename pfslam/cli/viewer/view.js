@@ -92,7 +92,7 @@
   class Stage {
     constructor(figure, options) {
       const id = `pfslam-lab-${(known.count += 1)}`;
-      Object.assign(this, {figure, options, id, sheets: [], shortcuts: {}, said: "", saidAt: -Infinity, visible: true});
+      Object.assign(this, {figure, options, id, sheets: [], shortcuts: {}, said: "", saidAt: -Infinity, visible: null});
       this.settings = [];  // of the controls, as a link has them
       this.help = [];  // what keys and fingers do, which is read once: it is folded with what is needed less
       this.small = Boolean(options.small);
@@ -466,6 +466,7 @@
     frame(now) {
       this.asked = null;
       const clock = this.beat;
+      this.visible ??= inView(this.figure);  // the observer tells it a little later
       if (!this.visible || !this.parts || !this.fitted) return;
       if (!this.colours.paper) this.readColours();
       if (!this.colours.paper) { this.redraw(); return; }
@@ -482,6 +483,20 @@
   }
 
   const draw = {
+    /** What does not change in every frame: `paint(sheet)` draws it on a sheet of its own, like `plan`, and only when one of
+     * `parts` is another than it was, or the plan has another size. */
+    kept(plan, parts, paint) {
+      const {width, height} = plan.canvas, {a: ratio} = plan.context.getTransform(), now = [...parts, width, height], layer = (plan.layer = plan.layer || document.createElement("canvas"));
+      if (!plan.keptFor || now.some((part, k) => part !== plan.keptFor[k])) {
+        plan.keptFor = now;
+        Object.assign(layer, {width, height});  // which also clears it
+        const context = layer.getContext("2d");
+        context.setTransform(plan.context.getTransform());
+        paint(Object.assign(Object.create(plan), {context}));
+      }
+      plan.context.drawImage(layer, 0, 0, width / ratio, height / ratio);
+    },
+
     /** The map: unknown as paper, free and occupied by their log-odds, up to `full` (the clamp). */
     grid(plan, grid, colours, full) {
       const [height, width] = grid.spec.shape, {origin, resolution} = grid.spec;
@@ -532,6 +547,13 @@
       const {context} = plan;
       context.fillStyle = colour;
       context.beginPath();
+      if (!radius.length && radius < 1.6) {  // thousands of them are slow as one path
+        for (let k = 0; k < points.length; k += 2) {
+          const [x, y] = plan.at(points[k], points[k + 1]);
+          context.fillRect(x - radius, y - radius, 2 * radius, 2 * radius);
+        }
+        return;
+      }
       for (let k = 0; k < points.length; k += 2) {
         const [x, y] = plan.at(points[k], points[k + 1]), r = radius.length ? radius[k / 2] : radius;
         if (r < 1.6) context.rect(x - r, y - r, 2 * r, 2 * r);
@@ -640,6 +662,11 @@
   function paler(colour, ground) {
     const there = rgb(ground), mixed = rgb(colour).map((value, k) => Math.round(there[k] + PALE * (value - there[k])));
     return `#${mixed.map(value => value.toString(16).padStart(2, "0")).join("")}`;
+  }
+
+  function inView(figure) {
+    const {top, bottom} = figure.getBoundingClientRect();
+    return bottom > 0 && top < root.innerHeight;
   }
 
   const isSeed = text => /^\d{1,9}$/.test(text);
