@@ -55,7 +55,7 @@ def visit(browser, address: str) -> list[float]:
 
 def times(events: list[dict]) -> tuple[float, float]:
     """Until the page was ready, and blocked (ms, on the slower processor), from what the browser has traced."""
-    loaded = [event for event in events if event["name"] == "MarkLoad"][-1]  # the first is of the empty page before
+    *_, loaded = (event for event in events if event["name"] == "MarkLoad")  # after the empty page's
     tasks = [
         event
         for event in events
