@@ -542,9 +542,35 @@
       context.setLineDash([]);
     },
 
-    /** Dots at points x, y, x, y, ...; `radius` in pixels, one or one for each. */
-    dots(plan, points, colour, radius) {
+    /** Squares of `side` pixels at points x, y, x, y, ... on a sheet that is empty, or becomes so: tens of thousands of dots, one
+     * by one, would hold the page up. */
+    specks(sheet, points, colour, side) {
+      const {context} = sheet, {width, height} = context.canvas, ratio = context.getTransform().a, size = Math.round(side * ratio);
+      const image = context.createImageData(width, height), pixels = new Uint32Array(image.data.buffer);
+      const [ink] = new Uint32Array(Uint8Array.of(...rgb(colour), 255).buffer);
+      for (let k = 0; k < points.length; k += 2) {
+        const [x, y] = sheet.at(points[k], points[k + 1]), left = Math.round(ratio * x - size / 2), top = Math.round(ratio * y - size / 2);
+        if (left < 0 || left + size > width) continue;
+        for (let row = Math.max(top, 0); row < Math.min(top + size, height); row++) pixels.fill(ink, row * width + left, row * width + left + size);
+      }
+      context.putImageData(image, 0, 0);
+    },
+
+    /** Dots at points x, y, x, y, ...; `radius` in pixels, one or one for each; a `rim` {colour, width} tells neighbours apart. */
+    dots(plan, points, colour, radius, rim = null) {
       const {context} = plan;
+      if (rim) {  // disc on disc: as a line a rim takes three times as long
+        for (let k = 0; k < points.length; k += 2) {
+          const [x, y] = plan.at(points[k], points[k + 1]), r = radius.length ? radius[k / 2] : radius;
+          for (const [fill, beyond] of [[rim.colour, rim.width / 2], [colour, -rim.width / 2]]) {
+            context.fillStyle = fill;
+            context.beginPath();
+            context.arc(x, y, Math.max(0, r + beyond), 0, 2 * Math.PI);
+            context.fill();
+          }
+        }
+        return;
+      }
       context.fillStyle = colour;
       context.beginPath();
       if (!radius.length && radius < 1.6) {  // thousands of them are slow as one path
