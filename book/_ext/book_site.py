@@ -56,6 +56,11 @@ TWICE = (
     '<meta name="viewport" content="width=device-width, initial-scale=1" />',
     '<meta name="viewport" content="width=device-width, initial-scale=1"/>',
 )
+# Who comes for the first time has a theme from the first line on: a page that gets it later is styled twice.
+FIRST_THEME = (
+    'localStorage.getItem("theme") || "auto"',
+    'localStorage.getItem("theme") || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")',
+)
 # What a screen reader would stumble over: a name other than the words shown, a place outside all landmarks,
 # a role that is no more.
 BETTER_MARKUP = (
@@ -97,6 +102,7 @@ def clean_page(page: str) -> str:
         first, found, rest = page.partition(markup)
         keep = "" if markup.startswith("<meta") else markup
         page = first + (keep if found else "") + rest.replace(markup, "")
+    page = page.replace(*FIRST_THEME)
     for pattern, better in BETTER_MARKUP:
         page = re.sub(pattern, better, page)
     page = UNCOLOURED.sub(r"\1", page)

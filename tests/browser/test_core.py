@@ -170,6 +170,8 @@ def motion_cases(rng):
             Particles(poses, np.zeros(40)), 0.7, -0.3, 0.1, noise, Handed(normals[:40], normals[40:])
         )
         yield "predict", [poses, 0.7, -0.3, 0.1, noise, normals], moved.poses
+    motions = rng.normal(size=(40, 3)) * [1, 1, 3]
+    yield "composeEach", [poses, motions], compose(poses, motions)
     yield "averagePose", [poses, weights := weights_of(rng, 40)], average_pose(poses, weights)
     for turns in (1.0, 0.02):  # arcs, and chords among them
         path = Trajectory(np.cumsum(rng.uniform(0.1, 1, 9)), poses_in(rng, 9) * [1, 1, turns])

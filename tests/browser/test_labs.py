@@ -905,6 +905,35 @@ def test_who_is_lost_is_found_as_the_package_finds(lab):
         np.testing.assert_allclose(np.reshape(after, (-1, 3)), moved, atol=1e-9)
 
 
+def test_a_look_of_twenty_thousand_is_done_in_parts_that_find_the_same_and_no_dot_is_drawn_alone(lab):
+    """No frame has to weigh or draw them all: a phone would stand still."""
+    weighed, apart, at_once, drawn = lab("lost").page.evaluate("""() => {
+      const {core} = pfslam, {lab} = document.querySelector('figure.pfslam-lab'), s = lab.state;
+      const counted = (object, names, size) => {
+        let sum = 0;
+        for (const name of names) {
+          const real = object[name];
+          object[name] = function (...given) { sum += size(given); return real.apply(this, given); };
+        }
+        return act => { sum = 0; act(); return sum; };
+      };
+      const end = () => JSON.stringify([[...s.poses], [...s.logWeights], s.history, s.injected]);
+      const drive = (act = () => {}) => {
+        s.reset();
+        return Array.from({length: 6 * 12 - 1}, () => weighed(() => { s.tick(); act(); }));
+      };
+      const weighed = counted(core, ['lostLogLikelihood'], given => given[4].length / 3);
+      const most = Math.max(...drive()), apart = end();
+      drive(() => s.finish());
+      const at_once = end(), many = s.poses.length / 3;
+      const drawn = counted(CanvasRenderingContext2D.prototype, ['fillRect', 'rect', 'arc'], () => 1);
+      return [[most, many], apart, at_once, drawn(() => lab.draw())];
+    }""")
+    assert weighed[0] <= 4000 < 15000 < weighed[1]
+    assert apart == at_once
+    assert 100 < drawn < 1000
+
+
 @by_each_hand
 def test_a_door_decides_and_a_kidnapped_robot_is_found_again(lab, by):
     hand = lab("lost", by)

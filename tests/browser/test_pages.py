@@ -296,6 +296,18 @@ def test_in_the_dark_figures_are_dark_in_the_colours_of_the_code_and_on_paper_li
     assert min(figure["corner"] for figure in page.evaluate(FIGURES)) > 240
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_who_comes_for_the_first_time_has_one_theme_from_the_first_line_on(chromium, addresses, scheme):
+    context = chromium.new_context(color_scheme=scheme)
+    page = context.new_page()
+    page.add_init_script("""window.themes = new Set();
+      new MutationObserver(() => themes.add(document.documentElement.dataset.theme))
+        .observe(document, {subtree: true, attributes: true, attributeFilter: ['data-theme']});""")
+    page.goto(addresses["http"] + "notebooks/03_prediction_only.html", wait_until="load")
+    assert page.evaluate("[...themes]") == [scheme]
+    context.close()
+
+
 def test_printed_from_the_dark_every_figure_is_light_without_waiting(visit, chapter_page):
     assert visit(chapter_page, color_scheme="dark").page.evaluate(NOT_YET_LIGHT) == 0
 

@@ -16,6 +16,7 @@
 
   /** The score of an end point at squared distance 0, 1, 2, ... (cells) from an occupied cell, and how far it reaches. */
   const REACH = 4;
+  const NEAREST = 0.35;  // m: so far from a place may be the floor that is meant by it
   const CREDIT = Array.from({length: REACH * REACH + 1}, (_, d2) => Math.round(1000 * Math.exp(-0.5 * d2)));
 
   /** Bring an angle (rad) into (-pi, pi]. */
@@ -142,7 +143,9 @@
 
   /** The cells that are more likely occupied than free, Uint8Array(H W): log-odds above 0. */
   function occupied(grid) {
-    return Uint8Array.from(grid.logOdds, value => (value > 0 ? 1 : 0));
+    const cells = new Uint8Array(grid.logOdds.length);
+    for (let k = 0; k < cells.length; k++) if (grid.logOdds[k] > 0) cells[k] = 1;
+    return cells;
   }
 
   /** Count the points (world, m) on occupied cells; outside the grid nothing counts. Eq. 6, 8, 9. */
@@ -161,7 +164,7 @@
    * the nearest occupied cell, cut off at 4 cells: the likelihood field, in which a near miss scores too.
    */
   function scoreField(occupied, spec, kind) {
-    if (kind === "occupied") return Float32Array.from(occupied);
+    if (kind === "occupied") return new Float32Array(occupied);
     const [height, width] = spec.shape, field = new Float32Array(height * width);
     for (let iy = 0; iy < height; iy++) {
       for (let ix = 0; ix < width; ix++) {
@@ -237,7 +240,7 @@
   /** The poses of the ancestors, one after the other. */
   function chosen(poses, ancestors) {
     const copies = new Float64Array(3 * ancestors.length);
-    ancestors.forEach((from, to) => copies.set(poses.subarray(3 * from, 3 * from + 3), 3 * to));
+    for (let k = 0; k < copies.length; k++) copies[k] = poses[3 * ancestors[Math.floor(k / 3)] + (k % 3)];
     return copies;
   }
 
@@ -293,7 +296,8 @@
   /** What one scan says about each cell, Int8Array(H W): 1 if a beam ended in it, else -1 if one passed, else 0. */
   function evidence(spec, points_w, sensor_w) {
     const said = new Int8Array(spec.shape[0] * spec.shape[1]), ends = worldToCell(spec, points_w);
-    freeCells(spec, points_w, sensor_w).forEach((crossed, k) => { if (crossed) said[k] = -1; });
+    const crossed = freeCells(spec, points_w, sensor_w);
+    for (let k = 0; k < said.length; k++) said[k] = -crossed[k];
     for (let k = 0; k < ends.length; k += 2) {
       if (contains(spec, ends[k], ends[k + 1])) said[ends[k + 1] * spec.shape[1] + ends[k]] = 1;
     }
@@ -380,6 +384,18 @@
     return [pose[0] + c * motion[0] - s * motion[1], pose[1] + s * motion[0] + c * motion[1], wrapAngle(pose[2] + motion[2])];
   }
 
+  /** Poses Float64Array(3 N), each after a motion of its own, Float64Array(3 N). */
+  function composeEach(poses, motions) {
+    const moved = new Float64Array(poses.length);
+    for (let k = 0; k < poses.length; k += 3) {
+      const c = Math.cos(poses[k + 2]), s = Math.sin(poses[k + 2]);
+      moved[k] = poses[k] + c * motions[k] - s * motions[k + 1];
+      moved[k + 1] = poses[k + 1] + s * motions[k] + c * motions[k + 1];
+      moved[k + 2] = wrapAngle(poses[k + 2] + motions[k + 2]);
+    }
+    return moved;
+  }
+
   /** The pose [x, y, theta] at time t between poses [x, y, theta] at increasing times. It turns the shorter way round, and
    * where it turns by more than 0.1 rad it goes along an arc. */
   function poseAt(times, poses, t) {
@@ -394,19 +410,23 @@
   /** The log-likelihood Float32Array(H W) of an end point in each cell, for a robot that is lost:
    * log(random + (1 - random) exp(-d^2 / 2 sigma^2)), with d (m) the distance to the nearest occupied cell. */
   function likelihoodField(occupied, spec, {sigma, random}) {
-    const [height, width] = spec.shape, scale = spec.resolution / sigma, reach = Math.ceil(6 / scale);
-    const squared = new Float64Array(height * width).fill(reach * reach);
-    for (let iy = 0; iy < height; iy++) {
-      for (let ix = 0; ix < width; ix++) {
-        if (!occupied[iy * width + ix]) continue;
-        for (let y = Math.max(iy - reach, 0); y <= Math.min(iy + reach, height - 1); y++) {
-          for (let x = Math.max(ix - reach, 0); x <= Math.min(ix + reach, width - 1); x++) {
-            squared[y * width + x] = Math.min(squared[y * width + x], (x - ix) ** 2 + (y - iy) ** 2);
-          }
-        }
-      }
+    const [height, width] = spec.shape, scale = spec.resolution / sigma, reach = Math.ceil(6 / scale), most = reach * reach;
+    const values = Float32Array.from({length: most + 1}, (_, d2) => Math.log(random + (1 - random) * Math.exp(-0.5 * d2 * scale ** 2)));
+    const along = new Int32Array(height * width).fill(most), field = new Float32Array(height * width);  // squared, in the row alone
+    for (let k = 0; k < along.length; k++) {
+      if (!occupied[k]) continue;
+      const row = k - (k % width);
+      for (let j = Math.max(k - reach, row); j <= Math.min(k + reach, row + width - 1); j++) along[j] = Math.min(along[j], (j - k) ** 2);
     }
-    return Float32Array.from(squared, value => Math.log(random + (1 - random) * Math.exp(-0.5 * value * scale ** 2)));
+    for (let k = 0; k < field.length; k++) {
+      const iy = Math.floor(k / width);
+      let least = most;
+      for (let dy = Math.max(-reach, -iy); dy <= Math.min(reach, height - 1 - iy); dy++) {
+        least = Math.min(least, along[k + dy * width] + dy * dy);
+      }
+      field[k] = values[least];
+    }
+    return field;
   }
 
   /** The log-likelihood Float64Array(N) of a scan from each pose: the mean of the field over its end points times `beams`.
@@ -510,8 +530,8 @@
     let depth = 0;
     for (let w = 0; w < walls.length; w += 4) {
       const ex = walls[w + 2] - walls[w], ey = walls[w + 3] - walls[w + 1], x = px - walls[w], y = py - walls[w + 1];
-      const part = Math.max(0, Math.min(1, (x * ex + y * ey) / (ex * ex + ey * ey)));
-      depth = Math.max(depth, radius - Math.hypot(x - part * ex, y - part * ey));
+      const part = Math.max(0, Math.min(1, (x * ex + y * ey) / (ex * ex + ey * ey))), dx = x - part * ex, dy = y - part * ey;
+      if (Math.abs(dx) < radius && Math.abs(dy) < radius) depth = Math.max(depth, radius - Math.hypot(dx, dy));
     }
     return depth;
   }
@@ -531,14 +551,17 @@
     if (straight(walls, from, to, room - 0.02)) return [to.slice(0, 2)];
     const [rows, columns] = spec.shape, size = spec.resolution;
     const at = k => [spec.origin[0] + size * (k % columns + 0.5), spec.origin[1] + size * (Math.floor(k / columns) + 0.5)];
-    if (!roomy.has(walls)) roomy.set(walls, Uint8Array.from({length: rows * columns}, (_, k) => touches(walls, at(k), room) === 0));
+    if (!roomy.has(walls)) roomy.set(walls, roomyCells(walls, spec, room));
     const free = roomy.get(walls);
     const nearest = ([x, y]) => {
-      let best = -1, least = 0.35;
-      free.forEach((open, k) => {
-        const away = Math.hypot(at(k)[0] - x, at(k)[1] - y);
-        if (open && away < least) [best, least] = [k, away];
-      });
+      const [column, row] = worldToCell(spec, [x, y]), reach = Math.ceil(NEAREST / size);
+      let best = -1, least = NEAREST;
+      for (let iy = Math.max(row - reach, 0); iy <= Math.min(row + reach, rows - 1); iy++) {
+        for (let ix = Math.max(column - reach, 0); ix <= Math.min(column + reach, columns - 1); ix++) {
+          const k = iy * columns + ix, away = Math.hypot(at(k)[0] - x, at(k)[1] - y);
+          if (free[k] && away < least) [best, least] = [k, away];
+        }
+      }
       return best;
     };
     const [start, goal] = [nearest(from), nearest(to)];
@@ -556,14 +579,30 @@
     for (let k = start; k !== goal; k = came[k]) cells.push(at(k));
     cells.push(at(goal));
     for (let here = 0; here < cells.length - 1;) {  // straight on as far as one can
-      let far = here + 1;
-      for (let k = far + 1; k < cells.length; k++) if (straight(walls, cells[here], cells[k], room - 0.02)) far = k;
+      let far = cells.length - 1;
+      while (far > here + 1 && !straight(walls, cells[here], cells[far], room - 0.02)) far -= 1;
       way.push(cells[far]);
       here = far;
     }
     return way;
   }
   const roomy = new Map();  // by walls: the cells with room for a robot
+
+  /** Mark the cells whose middle is `room` m or more from all walls, Uint8Array(H W). Each wall looks only round itself. */
+  function roomyCells(walls, spec, room) {
+    const [rows, columns] = spec.shape, {origin: [x0, y0], resolution} = spec, free = new Uint8Array(rows * columns).fill(1);
+    for (let w = 0; w < walls.length; w += 4) {
+      const wall = walls.slice(w, w + 4), [ax, ay, bx, by] = wall, beyond = [-room, -room, room, room];
+      const box = [Math.min(ax, bx), Math.min(ay, by), Math.max(ax, bx), Math.max(ay, by)].map((value, k) => value + beyond[k]);
+      const [left, low, right, high] = worldToCell(spec, box);
+      for (let iy = Math.max(low, 0); iy <= Math.min(high, rows - 1); iy++) {
+        for (let ix = Math.max(left, 0); ix <= Math.min(right, columns - 1); ix++) {
+          if (touches(wall, [x0 + resolution * (ix + 0.5), y0 + resolution * (iy + 0.5)], room)) free[iy * columns + ix] = 0;
+        }
+      }
+    }
+    return free;
+  }
 
   /** What a driver who sees the robot does on the way to [x, y]: speed and turn, at most `speed` and `turn`. */
   function steer(pose, [x, y], speed, turn) {
@@ -575,7 +614,7 @@
     wrapAngle, motionModel, yawRate, wheelTurns, integrate, trajectoryError, predict, beamAngles, isValid, scanPoints, transformPoints, worldToCell, contains, occupied,
     mapCorrelation, scoreField, scores, logLikelihood, logSumExp, reweight, effectiveSampleSize, systematicResample,
     chosen, averagePose, probability, doorAfter, traceRay, freeCells, evidence, addEvidence, integrateScan, castRays,
-    generator, between, edgeError, chiSquare, robustWeight, graphStep, compose, poseAt, likelihoodField, lostLogLikelihood, kldBound, enough, touches, wayTo, steer,
+    generator, between, edgeError, chiSquare, robustWeight, graphStep, compose, composeEach, poseAt, likelihoodField, lostLogLikelihood, kldBound, enough, touches, wayTo, steer,
   };
   root.pfslam = Object.assign(root.pfslam || {}, {core});
 })(globalThis);

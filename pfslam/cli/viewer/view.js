@@ -93,7 +93,7 @@
   class Stage {
     constructor(figure, options) {
       const id = `pfslam-lab-${(known.count += 1)}`;
-      Object.assign(this, {figure, options, id, sheets: [], shortcuts: {}, said: "", saidAt: -Infinity, visible: true});
+      Object.assign(this, {figure, options, id, sheets: [], shortcuts: {}, said: "", saidAt: -Infinity, visible: null});
       this.settings = [];  // of the controls, as a link has them
       this.help = [];  // what keys and fingers do, which is read once: it is folded with what is needed less
       this.small = Boolean(options.small);
@@ -481,6 +481,7 @@
     frame(now) {
       this.asked = null;
       const clock = this.beat;
+      this.visible ??= inView(this.figure);  // the observer tells it a little later
       if (!this.visible || !this.parts || !this.fitted) return;
       if (!this.colours.paper) this.readColours();
       if (!this.colours.paper) { this.redraw(); return; }
@@ -497,6 +498,20 @@
   }
 
   const draw = {
+    /** What does not change in every frame: `paint(sheet)` draws it on a sheet of its own, like `plan`, and only when one of
+     * `parts` is another than it was, or the plan has another size. */
+    kept(plan, parts, paint) {
+      const {width, height} = plan.canvas, {a: ratio} = plan.context.getTransform(), now = [...parts, width, height], layer = (plan.layer = plan.layer || document.createElement("canvas"));
+      if (!plan.keptFor || now.some((part, k) => part !== plan.keptFor[k])) {
+        plan.keptFor = now;
+        Object.assign(layer, {width, height});  // which also clears it
+        const context = layer.getContext("2d");
+        context.setTransform(plan.context.getTransform());
+        paint(Object.assign(Object.create(plan), {context}));
+      }
+      plan.context.drawImage(layer, 0, 0, width / ratio, height / ratio);
+    },
+
     /** The map: unknown as paper, free and occupied by their log-odds, up to `full` (the clamp). */
     grid(plan, grid, colours, full) {
       const [height, width] = grid.spec.shape, {origin, resolution} = grid.spec;
@@ -542,11 +557,44 @@
       context.setLineDash([]);
     },
 
-    /** Dots at points x, y, x, y, ...; `radius` in pixels, one or one for each. */
-    dots(plan, points, colour, radius) {
+    /** Squares of `side` pixels at points x, y, x, y, ... on a sheet that is empty, or becomes so: tens of thousands of dots, one
+     * by one, would hold the page up. */
+    specks(sheet, points, colour, side) {
+      const {context} = sheet, {width, height} = context.canvas, ratio = context.getTransform().a, size = Math.round(side * ratio);
+      const image = context.createImageData(width, height), pixels = new Uint32Array(image.data.buffer);
+      const [ink] = new Uint32Array(Uint8Array.of(...rgb(colour), 255).buffer);
+      for (let k = 0; k < points.length; k += 2) {
+        const [x, y] = sheet.at(points[k], points[k + 1]), left = Math.round(ratio * x - size / 2), top = Math.round(ratio * y - size / 2);
+        if (left < 0 || left + size > width) continue;
+        for (let row = Math.max(top, 0); row < Math.min(top + size, height); row++) pixels.fill(ink, row * width + left, row * width + left + size);
+      }
+      context.putImageData(image, 0, 0);
+    },
+
+    /** Dots at points x, y, x, y, ...; `radius` in pixels, one or one for each; a `rim` {colour, width} tells neighbours apart. */
+    dots(plan, points, colour, radius, rim = null) {
       const {context} = plan;
+      if (rim) {  // disc on disc: as a line a rim takes three times as long
+        for (let k = 0; k < points.length; k += 2) {
+          const [x, y] = plan.at(points[k], points[k + 1]), r = radius.length ? radius[k / 2] : radius;
+          for (const [fill, beyond] of [[rim.colour, rim.width / 2], [colour, -rim.width / 2]]) {
+            context.fillStyle = fill;
+            context.beginPath();
+            context.arc(x, y, Math.max(0, r + beyond), 0, 2 * Math.PI);
+            context.fill();
+          }
+        }
+        return;
+      }
       context.fillStyle = colour;
       context.beginPath();
+      if (!radius.length && radius < 1.6) {  // thousands of them are slow as one path
+        for (let k = 0; k < points.length; k += 2) {
+          const [x, y] = plan.at(points[k], points[k + 1]);
+          context.fillRect(x - radius, y - radius, 2 * radius, 2 * radius);
+        }
+        return;
+      }
       for (let k = 0; k < points.length; k += 2) {
         const [x, y] = plan.at(points[k], points[k + 1]), r = radius.length ? radius[k / 2] : radius;
         if (r < 1.6) context.rect(x - r, y - r, 2 * r, 2 * r);
@@ -655,6 +703,11 @@
   function paler(colour, ground) {
     const there = rgb(ground), mixed = rgb(colour).map((value, k) => Math.round(there[k] + PALE * (value - there[k])));
     return `#${mixed.map(value => value.toString(16).padStart(2, "0")).join("")}`;
+  }
+
+  function inView(figure) {
+    const {top, bottom} = figure.getBoundingClientRect();
+    return bottom > 0 && top < root.innerHeight;
   }
 
   const isSeed = text => /^\d{1,9}$/.test(text);

@@ -201,8 +201,10 @@
 
   function paint(plan, colours, fan, shown) {
     const {step, straight, spread} = fan, poses = fan.poses(), n = fan.settings.particles, flat = path => path.flatMap(([x, y]) => [x, y]);
-    world.paint(plan, colours);
-    draw.line(plan, flat(straight), colours.muted, {width: 1});
+    draw.kept(plan, [colours, straight, straight.length], sheet => {
+      world.paint(sheet, colours);
+      draw.line(sheet, flat(straight), colours.muted, {width: 1});
+    });
     if (shown.paths) {
       for (let k = 0; k < Math.min(SHOWN, n); k++) {
         const path = fan.kept.slice(0, Math.floor(step / KEEP) + 1).flatMap(moment => [moment[3 * k], moment[3 * k + 1]]);
@@ -213,9 +215,7 @@
     const apart = Math.max(KEEP, KEEP * Math.round(straight.length / (KEEP * ELLIPSES)));
     for (let k = apart; k < step; k += apart) ellipse(plan, fan.kept[k / KEEP], colours.estimate);
     const places = Float64Array.from({length: 2 * n}, (_, k) => poses[3 * (k >> 1) + (k & 1)]);
-    draw.dots(plan, places, colours.particles, plan.width < 500 ? 1.8 : 2.6);
-    Object.assign(plan.context, {strokeStyle: colours.estimate, lineWidth: 0.5});
-    plan.context.stroke();
+    draw.dots(plan, places, colours.particles, plan.width < 500 ? 1.8 : 2.6, {colour: colours.estimate, width: 0.5});
     world.robot(plan, straight[step], colours, "odometry");
     const around = `${spread.metres.toFixed(2)} m and ${(180 / Math.PI * spread.heading).toFixed(0)}° around their middle`;
     plan.write(fan.controls.v.length ? `After ${fan.time.toFixed(0)} s (${fan.settings.part.toFixed(0)} %) the dots are ${around}.`

@@ -265,7 +265,7 @@
       constants,
       draw() {
         if (!drive.ready) {
-          move(HERTZ);
+          move(HERTZ / 4);  // in each frame: all at once would hold the page up
           drive.ready = drive.ticks >= OPENING;
           stage.redraw();
         }

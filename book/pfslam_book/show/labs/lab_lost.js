@@ -8,6 +8,7 @@
   const MODEL = {sigma: 0.2, random: 0.1, beams: 5};  // m; likelihood of an end point that no wall explains; beams a scan is worth
   const NOISE = {xy: 0.02, xyPerMetre: 0.08, yaw: 0.005, yawPerRadian: 0.05, yawPerMetre: 0.06};
   const SLOW = 0.01, FAST = 0.2, EXPECTED = 0.9, LEAST = 500, NEAR = 1, VALUES = 150;
+  const PART = 4000;  // particles that are weighed in one tick: a look of all at once would hold the page up
   const ROUTE = [[7.6, 1.6], [6.4, 0.9], [6.9, 1.3], [6.9, 3], [8, 3.3], [1, 3], [1.7, 3], [1.7, 1.3], [1.7, 3], [6.9, 3], [6.9, 1.3]];
   const START = [6.4, 0.9, 2.6], PLACES = [[7, 1.2, 1.5], [1, 3, 0], [7.4, 5, -1.6], [3.6, 4.8, 0]];  // where a kidnapper leaves it
   const {free: FREE, grid: GRID, occupied} = world.known(), FIELD = core.likelihoodField(occupied, SPEC, MODEL);
@@ -25,13 +26,14 @@
       const {seed, first} = this.settings;
       Object.assign(this, {
         worldDice: core.generator(seed), dice: core.generator(seed + 1), ticks: 0, looks: 0, kidnaps: 0,
-        motion: [0, 0, 0], slow: EXPECTED, fast: null, injected: 0, history: [],
+        motion: [0, 0, 0], slow: EXPECTED, fast: null, injected: 0, history: [], ready: false,
         points_b: new Float64Array(0), trace: [],
       });
       this.park(START, ROUTE);
       this.poses = this.everywhere(first);
       this.logWeights = new Float64Array(first).fill(-Math.log(first));
-      this.look();
+      this.work = this.looking();
+      this.goOn();
     }
 
     get weights() {
@@ -51,47 +53,77 @@
       return poses;
     }
 
-    /** One sixtieth of a second of driving. */
+    /** One sixtieth of a second of driving, and the next part of a look. */
     tick() {
+      this.goOn();
       this.ticks += 1;
       const dt = 1 / HERTZ, [v, omega] = this.command();
       const bumped = this.moveTo(Array.from(core.motionModel(this.truth, v, omega, dt)));
       const noise = this.worldDice.normals(2), moved = bumped ? 0 : v * dt * (1 + 0.05 * noise[0]);
       this.motion = core.compose(this.motion, [moved, 0, omega * dt + 0.003 * noise[1] * Math.abs(v) * dt * HERTZ]);
-      if (this.ticks % LOOK === 0 && (Math.hypot(...this.motion.slice(0, 2)) > 0.1 || Math.abs(this.motion[2]) > 0.1)) this.look();
+      if (this.ticks % LOOK === 0 && (Math.hypot(...this.motion.slice(0, 2)) > 0.1 || Math.abs(this.motion[2]) > 0.1)) {
+        this.finish();
+        this.work = this.looking();
+        this.goOn();
+      }
     }
 
-    /** Predict by the motion since the last scan, weigh by the scan, and draw the cloud anew where it needs it. */
+    /** The next part of a look, if one is under way. */
+    goOn() {
+      if (this.work && this.work.next().done) Object.assign(this, {work: null, ready: true});
+    }
+
+    finish() { while (this.work) this.goOn(); }
+
+    /** A whole look at once. */
     look() {
-      const {motion, dice, settings} = this, n = this.logWeights.length;
-      if (this.looks) {
-        const metres = Math.hypot(motion[0], motion[1]), normals = dice.normals(3 * n);
+      this.finish();
+      this.work = this.looking();
+      this.finish();
+    }
+
+    /** A look, part by part: take a scan, predict by the motion since the last one, weigh, and draw the cloud anew where it
+     * needs it. What it finds is of the moment of the scan. */
+    *looking() {
+      const {motion, truth, dice, looks} = this, n = this.logWeights.length, before = this.poses;
+      const seen_b = core.scanPoints(world.scan(truth, this.worldDice), LIDAR), points_b = seen_b.filter((_, k) => Math.floor(k / 2) % EVERY === 0);
+      Object.assign(this, {seen_b, points_b, motion: [0, 0, 0], looks: looks + 1});
+      let poses = before, normals = null;
+      if (looks) {
+        normals = dice.normals(3 * n);
+        yield;
+        const metres = Math.hypot(motion[0], motion[1]);
         const xy = NOISE.xy + NOISE.xyPerMetre * metres, yaw = NOISE.yaw + NOISE.yawPerRadian * Math.abs(motion[2]) + NOISE.yawPerMetre * metres;
-        const before = this.poses;
-        this.poses = new Float64Array(3 * n);
-        for (let k = 0; k < n; k++) {
-          const own = [motion[0] + xy * normals[3 * k], motion[1] + xy * normals[3 * k + 1], motion[2] + yaw * normals[3 * k + 2]];
-          this.poses.set(core.compose(before.subarray(3 * k, 3 * k + 3), own), 3 * k);
-        }
-        this.note({motion, normals, before});
+        const sigmas = [xy, xy, yaw];
+        poses = core.composeEach(before, normals.map((normal, k) => motion[k % 3] + sigmas[k % 3] * normal));
+        yield;
       }
-      const points_b = core.scanPoints(world.scan(this.truth, this.worldDice), LIDAR);
-      Object.assign(this, {seen_b: points_b, points_b: points_b.filter((_, k) => Math.floor(k / 2) % EVERY === 0), motion: [0, 0, 0], looks: this.looks + 1});
-      if (!this.points_b.length) return;
-      const {logWeights, logEvidence} = core.reweight(this.logWeights, core.lostLogLikelihood(FIELD, SPEC, FREE, this.points_b, this.poses, MODEL));
+      const gain = new Float64Array(n);
+      for (let k = 0; k < n && points_b.length; k += PART) {
+        gain.set(core.lostLogLikelihood(FIELD, SPEC, FREE, points_b, poses.subarray(3 * k, 3 * (k + PART)), MODEL), k);
+        yield;
+      }
+      this.poses = poses;
+      if (looks) this.note({motion, normals, before});
+      if (points_b.length && this.weigh(gain, truth)) yield* this.resampling();
+    }
+
+    /** Weigh the cloud by what the scan gains at each pose; whether it has to be drawn anew. */
+    weigh(gain, truth) {
+      const {logWeights, logEvidence} = core.reweight(this.logWeights, gain), {points_b, poses} = this;
       this.logWeights = logWeights;
       const fit = Math.exp(logEvidence / MODEL.beams);
       this.slow += SLOW * (fit - this.slow);
       this.fast = this.fast === null ? fit : this.fast + FAST * (fit - this.fast);
-      this.injected = settings.inject ? Math.max(0, 1 - this.fast / this.slow) : 0;
-      this.history.push(this.shares);
+      this.injected = this.settings.inject ? Math.max(0, 1 - this.fast / this.slow) : 0;
+      this.history.push(this.sharesAt(truth));
       if (this.history.length > VALUES) this.history.shift();
-      this.note({points: this.points_b, poses: this.poses, logWeights});
-      if (this.injected || core.effectiveSampleSize(this.weights) <= 0.5 * logWeights.length) this.resample();
+      this.note({points: points_b, poses, logWeights});
+      return this.injected > 0 || core.effectiveSampleSize(this.weights) <= 0.5 * logWeights.length;
     }
 
-    /** Draw the cloud anew: as many as its bins ask for, and a share of them from the whole map. */
-    resample() {
+    /** Draw the cloud anew, part by part: as many as its bins ask for, and a share of them from the whole map. */
+    *resampling() {
       const {dice, settings, weights, injected} = this, most = settings.first;
       const drawn = n => {
         const fresh = Math.round(injected * n), kept = core.chosen(this.poses, core.systematicResample(weights, dice.uniform(), n - fresh));
@@ -102,14 +134,21 @@
       };
       let number = most;
       if (settings.adaptive) {
+        yield;
         const trial = drawn(most);
+        yield;
         for (let k = most - 1; k > 0; k--) {  // in any order: a heap after the other would be counted too soon
-          const other = Math.floor(dice.uniform() * (k + 1)), row = trial.slice(3 * k, 3 * k + 3);
-          trial.copyWithin(3 * k, 3 * other, 3 * other + 3);
-          trial.set(row, 3 * other);
+          const other = Math.floor(dice.uniform() * (k + 1));
+          for (let c = 0; c < 3; c++) {
+            const value = trial[3 * k + c];
+            trial[3 * k + c] = trial[3 * other + c];
+            trial[3 * other + c] = value;
+          }
         }
+        yield;
         number = core.enough(trial, Math.min(LEAST, most));
       }
+      yield;
       this.poses = drawn(number);
       this.logWeights = new Float64Array(number).fill(-Math.log(number));
     }
@@ -117,13 +156,16 @@
     /** The shares of the weight within a metre of the robot, and of its twin half a turn round. */
     get shares() {
       const {weights, poses, truth, shared} = this, now = [weights, poses, truth];
-      if (shared && now.every((part, k) => part === shared.now[k])) return shared.shares;
-      const shares = [truth, twin(truth)].map(([x, y, theta]) => weights.reduce((sum, weight, k) => {
-        const [dx, dy] = [poses[3 * k] - x, poses[3 * k + 1] - y];
+      if (!shared || now.some((part, k) => part !== shared.now[k])) this.shared = {now, shares: this.sharesAt(truth)};
+      return this.shared.shares;
+    }
+
+    sharesAt(truth) {
+      const {weights, poses} = this;
+      return [truth, twin(truth)].map(([x, y, theta]) => weights.reduce((sum, weight, k) => {
+        const dx = poses[3 * k] - x, dy = poses[3 * k + 1] - y;
         return dx * dx + dy * dy < NEAR * NEAR && Math.abs(core.wrapAngle(poses[3 * k + 2] - theta)) < 0.5 ? sum + weight : sum;
       }, 0));
-      this.shared = {now, shares};
-      return shares;
     }
 
     /** Somebody carries the robot to a pose: neither wheels nor gyro notice. */
@@ -164,24 +206,35 @@
     return {
       state: search,
       constants: {SPEC, LIDAR, MODEL, NOISE, LEAST, logOdds: GRID.logOdds},
-      draw() { paint(plan, stage.colours, search); paintShares(strip, stage.colours, search); },
+      draw() {
+        if (!search.ready) {
+          search.goOn();
+          stage.redraw();
+        }
+        paint(plan, stage.colours, search);
+        paintShares(strip, stage.colours, search);
+      },
       describe: () => sentence(search),
     };
   });
 
   function paint(plan, colours, search) {
-    const {poses, truth, seen_b, points_b, logWeights} = search, n = logWeights.length;
+    const {truth, seen_b, points_b} = search;
     world.paint(plan, colours);
     draw.rays(plan, core.transformPoints(truth, LIDAR.position), core.transformPoints(truth, points_b), colours.clear);
     draw.dots(plan, core.transformPoints(truth, seen_b), colours.hits, 1.8);
-    const places = new Float64Array(2 * n);
-    for (let k = 0; k < n; k++) { places[2 * k] = poses[3 * k]; places[2 * k + 1] = poses[3 * k + 1]; }
-    draw.dots(plan, places, n > 3000 ? colours.estimate : colours.particles, n > 3000 ? 0.9 : 2.2);
-    if (n <= 3000) { Object.assign(plan.context, {strokeStyle: colours.estimate, lineWidth: 0.75}); plan.context.stroke(); }
+    draw.kept(plan, [search.poses, colours], sheet => paintCloud(sheet, colours, search.poses));
     world.robot(plan, twin(truth), colours, "highlight");
     world.robot(plan, truth, colours, "truth");
     if (search.target) draw.dots(plan, search.target, colours.highlight, 6);
     plan.write(news(search));
+  }
+
+  function paintCloud(plan, colours, poses) {
+    const n = poses.length / 3, places = new Float64Array(2 * n);
+    for (let k = 0; k < n; k++) { places[2 * k] = poses[3 * k]; places[2 * k + 1] = poses[3 * k + 1]; }
+    if (n > 3000) draw.specks(plan, places, colours.estimate, 1.8);
+    else draw.dots(plan, places, colours.particles, 2.2, {colour: colours.estimate, width: 0.75});
   }
 
   /** What happens, in a line. */

@@ -32,6 +32,9 @@
   /** The pose half a turn round. */
   const twin = ([x, y, theta]) => [2 * MIDDLE[0] - x, 2 * MIDDLE[1] - y, core.wrapAngle(theta + Math.PI)];
 
+  /** The column (axis 0) or row (axis 1) of a coordinate. */
+  const cellOf = (value, axis) => Math.floor((value - SPEC.origin[axis]) / SPEC.resolution);
+
   /** Mark the cells through which walls run, or along whose border, Uint8Array(H W). */
   function standing(walls) {
     const [rows, columns] = SPEC.shape, cells = new Uint8Array(rows * columns), beside = [-1e-6, 1e-6];
@@ -39,7 +42,7 @@
       const [dx, dy] = [walls[w + 2] - walls[w], walls[w + 3] - walls[w + 1]], steps = Math.ceil(Math.hypot(dx, dy) / 0.02);
       for (let k = 0; k <= steps; k++) {
         const x = walls[w] + (k / steps) * dx, y = walls[w + 1] + (k / steps) * dy;
-        for (const [ix, iy] of beside.flatMap(a => beside.map(b => core.worldToCell(SPEC, [x + a, y + b])))) cells[iy * columns + ix] = 1;
+        for (const a of beside) for (const b of beside) cells[columns * cellOf(y + b, 1) + cellOf(x + a, 0)] = 1;
       }
     }
     return cells;
@@ -47,15 +50,17 @@
 
   /** The map of the building: its walls, the floor that a robot can reach, and the rest unknown. */
   const known = once(() => {
-    const occupied = standing(WALLS), logOdds = Float32Array.from(occupied), columns = SPEC.shape[1];
-    const [ix, iy] = core.worldToCell(SPEC, START.slice(0, 2)), queue = [iy * columns + ix];
+    const occupied = standing(WALLS), logOdds = new Float32Array(occupied), free = new Uint8Array(occupied.length), columns = SPEC.shape[1];
+    const queue = [cellAt(START[0], START[1])];
     logOdds[queue[0]] = -1;
     for (let next = 0; next < queue.length; next++) {
-      for (const there of [1, -1, columns, -columns].map(step => queue[next] + step)) {
+      for (const step of [1, -1, columns, -columns]) {
+        const there = queue[next] + step;
         if (logOdds[there] === 0) { logOdds[there] = -1; queue.push(there); }
       }
     }
-    return {occupied, free: Uint8Array.from(logOdds, value => value < 0), grid: {spec: SPEC, logOdds}};
+    for (const k of queue) free[k] = 1;
+    return {occupied, free, grid: {spec: SPEC, logOdds}};
   });
 
   function once(make) {
@@ -72,10 +77,7 @@
   /** Whether the robot has room at a place inside the building, between walls that stand. */
   const room = ([x, y], walls = WALLS) => x > 0 && x < 9 && y > 0 && y < 6 && known().free[cellAt(x, y)] === 1 && !core.touches(walls, [x, y], RADIUS);
 
-  function cellAt(x, y) {
-    const [ix, iy] = core.worldToCell(SPEC, [x, y]);
-    return iy * SPEC.shape[1] + ix;
-  }
+  const cellAt = (x, y) => cellOf(y, 1) * SPEC.shape[1] + cellOf(x, 0);
 
   /** Whoever drives the robot: arrow keys, a way over free ground to a tapped place, or an autopilot along a `route`. The
    * driver sees the robot at `truth`; only a filter does not know where it is. */
