@@ -98,8 +98,14 @@ def test_it_is_for_everybody(drive, theme):
     assert violations(page, include=[[".pfslam-beside"]]) == []
 
 
-LABS = [("02_occupancy_grid", "grow"), ("03_prediction_only", "cloud"), ("04_map_correlation", "slide"),
-        ("05_particle_filter_slam", "maps"), ("05_particle_filter_slam", "drive"), ("10_lost_and_found", "lost")]  # fmt: skip
+LABS = [
+    ("02_occupancy_grid", "grow"),
+    ("03_prediction_only", "cloud"),
+    ("04_map_correlation", "slide"),
+    ("05_particle_filter_slam", "maps"),
+    ("05_particle_filter_slam", "drive"),
+    ("10_lost_and_found", "lost"),
+]
 
 
 @pytest.mark.parametrize(("chapter", "name"), LABS, ids=[name for _, name in LABS])
@@ -112,7 +118,8 @@ def test_each_word_of_the_text_lights_its_laboratory(visit, chapter, name):
     of_it = page.evaluate_handle(
         """lab => {
           const near = lab.closest('.pfslam-beside') ?? lab.closest('section');
-          return [...near.querySelectorAll('p [data-layer], li [data-layer]')].filter(word => !word.closest('.pfslam-lab'));
+          const words = near.querySelectorAll('p [data-layer], li [data-layer]');
+          return [...words].filter(word => !word.closest('.pfslam-lab'));
         }""",
         page.query_selector(lab),
     )
