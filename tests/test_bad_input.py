@@ -23,6 +23,8 @@ from pfslam.motion import dead_reckoning
 
 CASES = int(os.environ.get("PFSLAM_CASES", "60"))
 NUMBERS = [np.nan, np.inf, -np.inf, 0, -1, 1e300, -1e300, 1e18, 5e-324, 2**31, 1e12]
+UNSIGNED = ["nanosec", "height", "width", "offset", "count", "point_step", "row_step"]
+WHOLE = dict.fromkeys(UNSIGNED, (0, 2**32 - 1)) | {"datatype": (0, 255), "is_bigendian": (0, 1)}
 LOG_WORDS = ["nan", "inf", "-1", "x", "1e400", "999999", "1e300", "\n", "0", "FLASER", "é", "9" * 400]
 TYPES = ["f2", ">f8", "i1", "u8", "c16", "U5", "O", "?", "f4", "S3", "M8[s]"]
 LOG = "PARAM robot_frontlaser_offset 0.1 1 h 1\n" + "".join(
@@ -171,8 +173,9 @@ def spoil(message, place, number):
             parts += [item for item in inner if hasattr(item, "__msgtype__")]
             holders += [(part, name)] if isinstance(value, (int, float)) else []
     part, name = holders[int(place * len(holders))]
+    least, most = WHOLE.get(name, (-(2**31), 2**31 - 1))
+    limited = int(np.clip(np.nan_to_num(number), least, most))
     is_whole = isinstance(getattr(part, name), int)
-    limited = int(np.clip(np.nan_to_num(number), 0 if name == "nanosec" else -(2**31), 2**31 - 1))
     setattr(part, name, limited if is_whole else float(np.clip(number, -3e38, 3e38)))
 
 

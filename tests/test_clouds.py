@@ -184,6 +184,7 @@ BAD = {
     "whole numbers": (each_field(datatype=5), f"found x of type 5 at 0.*expected {WHOLE}"),
     "beyond the point": (each_field(offset=9), f"found x of type 7 at 9.*expected {WHOLE} 12 bytes"),
     "far beyond": (each_field(offset=2**32 - 1), f"expected {WHOLE}"),
+    "where 32 bits end": (each_field(offset=2**31 - 1), f"expected {WHOLE} 12 bytes"),
     "no step": (with_values(point_step=0), f"expected {WHOLE} 0 bytes"),
     "short step": (with_values(point_step=11), f"expected {WHOLE} 11 bytes"),
     "long step": (

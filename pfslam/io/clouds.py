@@ -90,6 +90,8 @@ class Slicer:
         try:
             kinds = [order + NUMBERS[fields[axis].datatype] for axis in "xyz"]
             places = [fields[axis].offset for axis in "xyz"]
+            if max(places) >= step:  # NumPy counts in 32 bits, and would read before the data
+                raise OverflowError
             point = np.dtype({"names": list("xyz"), "formats": kinds, "offsets": places, "itemsize": step})
         except (KeyError, ValueError, OverflowError):
             expected = f"x, y and z of type 7 (float32) or 8 (float64) within {step} bytes"

@@ -62,6 +62,32 @@ def test_what_is_pointed_at_in_the_laboratory_lights_the_words(drive):
     assert inks(page) == [ends, dots]  # the strip is a picture of its own
 
 
+# A pixel of the plan in the colour of end points, with more of them round it than anywhere, on the screen.
+THICKEST = f"""() => {{
+  const {{canvas, context}} = document.querySelector('{DRIVE}').lab.stage.sheets[0];
+  const {{width, height}} = canvas, box = canvas.getBoundingClientRect(), side = 6, ink = [0xb5, 0x36, 0x7a];
+  const {{data}} = context.getImageData(0, 0, width, height);
+  const is = (x, y) => ink.every((value, c) => Math.abs(data[4 * (y * width + x) + c] - value) < 4);
+  let best = [0, 0, 0];
+  for (let y = side; y < height - side; y += 2) for (let x = side; x < width - side; x += 2) {{
+    let count = 0;
+    for (let j = -3; j <= 3; j++) for (let i = -3; i <= 3; i++) count += is(x + i, y + j);
+    if (count > best[0]) best = [count, x, y];
+  }}
+  return [box.left + (best[1] * box.width) / width, box.top + (best[2] * box.height) / height];
+}}"""
+
+
+def test_a_pointer_on_the_picture_lights_the_words_for_what_it_is_on(drive):
+    page = drive()
+    before = inks(page)
+    page.mouse.move(*page.evaluate(THICKEST))
+    assert set(page.evaluate(LIT)) == {"hits"}
+    assert inks(page) == before, "the picture can be used meanwhile"
+    page.get_by_role("heading", name="Drive it yourself").hover()
+    assert page.evaluate(LIT) == []
+
+
 def test_keys_light_and_hold_until_escape(drive):
     page = drive()
     word = page.locator(".pfslam-questions > p [data-layer=particles]")
@@ -98,34 +124,41 @@ def test_it_is_for_everybody(drive, theme):
     assert violations(page, include=[[".pfslam-beside"]]) == []
 
 
-LABS = [("02_occupancy_grid", "grow"), ("03_prediction_only", "cloud"), ("04_map_correlation", "slide"),
-        ("05_particle_filter_slam", "maps"), ("05_particle_filter_slam", "drive"), ("10_lost_and_found", "lost")]  # fmt: skip
+LABS = [
+    ("02_occupancy_grid", "grow"),
+    ("03_prediction_only", "cloud"),
+    ("04_map_correlation", "slide"),
+    ("05_particle_filter_slam", "maps"),
+    ("05_particle_filter_slam", "drive"),
+    ("10_lost_and_found", "lost"),
+]
 
 
 @pytest.mark.parametrize(("chapter", "name"), LABS, ids=[name for _, name in LABS])
 def test_each_word_of_the_text_lights_its_laboratory(visit, chapter, name):
     seen = visit(f"notebooks/{chapter}.html", width=1280, height=800, reduced_motion="reduce")
     page, lab = seen.page, f".pfslam-lab[data-lab={name}]"
-    page.evaluate("document.querySelectorAll('details, .dropdown').forEach(fold => { fold.open = true; })")
     page.locator(lab).scroll_into_view_if_needed()
     page.wait_for_function(f"() => document.querySelector('{lab}').lab?.state.ready ?? true")
     of_it = page.evaluate_handle(
         """lab => {
           const near = lab.closest('.pfslam-beside') ?? lab.closest('section');
-          return [...near.querySelectorAll('p [data-layer], li [data-layer]')].filter(word => !word.closest('.pfslam-lab'));
+          const words = near.querySelectorAll('p [data-layer], li [data-layer]');
+          return [...words].filter(word => !word.closest('.pfslam-lab'));
         }""",
         page.query_selector(lab),
     )
     words = [word.as_element() for word in of_it.get_properties().values()]
-    assert len(words) >= 2
+    assert words
     dark = "lab => { lab.lab.stage.draw?.(); return lab.querySelector('canvas').toDataURL(); }"
     still = page.eval_on_selector(lab, dark)
     for word in words:
         layer = word.get_attribute("data-layer")
-        word.scroll_into_view_if_needed()
-        word.hover()
+        word.evaluate(
+            "word => word.dispatchEvent(new PointerEvent('pointerover', {bubbles: true}))"
+        )  # some are folded
         assert set(page.evaluate(LIT)) == {layer}
         assert page.eval_on_selector(lab, "lab => lab.lab.stage.lit") == layer
-    page.mouse.move(1, 1)
+    page.evaluate("document.body.dispatchEvent(new PointerEvent('pointerover', {bubbles: true}))")
     page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     assert page.eval_on_selector(lab, dark) == still
