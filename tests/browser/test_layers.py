@@ -162,3 +162,13 @@ def test_each_word_of_the_text_lights_its_laboratory(visit, chapter, name):
     page.evaluate("document.body.dispatchEvent(new PointerEvent('pointerover', {bubbles: true}))")
     page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     assert page.eval_on_selector(lab, dark) == still
+
+
+def test_twenty_thousand_guesses_are_lit_by_their_word(visit):
+    page = visit("notebooks/10_lost_and_found.html", width=1280, height=800, reduced_motion="reduce").page
+    lab = ".pfslam-lab[data-lab=lost]"
+    page.locator(lab).scroll_into_view_if_needed()
+    page.wait_for_function(f"() => document.querySelector('{lab}').lab?.state.ready")
+    page.locator(f"{lab} span[data-layer=particles]").hover()
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    assert page.evaluate(INKS.replace(DRIVE, lab))[1] > 10_000

@@ -233,7 +233,7 @@
   function paintCloud(plan, colours, poses) {
     const n = poses.length / 3, places = new Float64Array(2 * n);
     for (let k = 0; k < n; k++) { places[2 * k] = poses[3 * k]; places[2 * k + 1] = poses[3 * k + 1]; }
-    if (n > 3000) draw.specks(plan, places, colours.estimate, 1.8);
+    if (n > 3000) draw.specks(plan, places, colours.particles, 1.8);
     else draw.dots(plan, places, colours.particles, 2.2, {colour: colours.estimate, width: 0.75});
   }
 
