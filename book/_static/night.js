@@ -7,11 +7,9 @@
   let theme = null; // while the page is printed, the one before
 
   /* A picture that the page has takes the other's place at once. */
-  function keepDay(event) {
-    const {day} = event.target.dataset;
-    if (day && event.target.src !== new URL(day, document.baseURI).href) {
-      days.set(event.target, Object.assign(new Image(), {src: day}));
-    }
+  function keepDay(image) {
+    const {day} = image.dataset;
+    if (day && image.src !== new URL(day, document.baseURI).href) days.set(image, Object.assign(new Image(), {src: day}));
   }
 
   function choose() {
@@ -25,8 +23,10 @@
     }
   }
 
-  for (const image of figures) image.addEventListener("load", keepDay);
+  for (const image of figures) image.addEventListener("load", () => keepDay(image));
   choose();
+  // The picture of an explorer may have come before this script.
+  for (const image of figures) if (image.complete && image.naturalWidth) keepDay(image);
   new MutationObserver(choose).observe(root, {attributes: true, attributeFilter: ["data-theme"]});
   function print(on) {
     if (on) theme = root.dataset.theme;
