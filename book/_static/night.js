@@ -6,10 +6,13 @@
   const days = new Map(); // of each figure that is seen in the dark, the one on white paper, which a printer waits for no more
   let theme = null; // while the page is printed, the one before
 
-  /* A picture that the page has takes the other's place at once. */
+  const absolute = address => new URL(address, document.baseURI).href;
+
+  /* A picture that the page has takes the other's place at once. On a phone the dark one may be that of a source. */
   function keepDay(image) {
-    const {day} = image.dataset;
-    if (day && image.src !== new URL(day, document.baseURI).href) days.set(image, Object.assign(new Image(), {src: day}));
+    const those = [image, ...image.parentElement.querySelectorAll("source")];
+    const shown = those.find(({dataset}) => dataset.night && absolute(dataset.night) === image.currentSrc);
+    if (shown) days.set(image, Object.assign(new Image(), {src: shown.dataset.day}));
   }
 
   function choose() {
