@@ -62,6 +62,19 @@ def test_page_works_from_its_file(visit, page_name):
     assert seen.page.locator(".math .katex").count() == seen.page.locator(".math").count()
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_links_keep_their_contrast_under_the_pointer(visit, scheme):
+    page = visit("book/where_this_stands.html", color_scheme=scheme, reduced_motion="reduce").page
+    row = page.locator("article table.table tbody tr").filter(has=page.locator("a")).first
+    for place in (row, row.locator("a").first, page.locator("article section > p > a").first):
+        before = place.evaluate("e => getComputedStyle(e).color + getComputedStyle(e).backgroundColor")
+        place.hover()
+        assert (
+            place.evaluate("e => getComputedStyle(e).color + getComputedStyle(e).backgroundColor") != before
+        )
+        assert violations(page, runOnly=["color-contrast"]) == []
+
+
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_source_pages_are_for_everybody_too(visit, source_page, theme):
     seen = visit(source_page, width=390, reduced_motion="reduce")
