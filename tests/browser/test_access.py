@@ -195,6 +195,21 @@ def test_the_first_page_begins_with_its_title_and_a_picture(visit):
     assert page.locator(".bd-sidebar-primary").get_by_text("01 Dead reckoning").is_visible()
 
 
+@pytest.mark.parametrize("name", ["book/index.html", "notebooks/01_dead_reckoning.html"])
+def test_one_button_for_searching_is_in_sight_with_the_list_of_pages_and_without(visit, name):
+    page = visit(name).page
+    buttons, toggle = page.locator(".search-button__button"), page.locator("button.primary-toggle")
+    for _ in range(3):
+        assert sum(button.is_visible() for button in buttons.all()) == 1
+        listed = page.locator(".bd-sidebar-primary").is_visible()
+        toggle.click()
+        page.wait_for_function(
+            "was => document.querySelector('.bd-sidebar-primary')"
+            ".checkVisibility({visibilityProperty: true}) !== was",
+            arg=listed,
+        )
+
+
 def test_the_foot_of_each_page_leads_to_licence_and_maintainers(shared):
     for name in ("Licence", "For maintainers"):
         assert shared.locator("footer").get_by_role("link", name=name, exact=True).is_visible()
