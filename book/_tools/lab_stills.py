@@ -30,6 +30,7 @@ MOMENTS = {
     "journey": "",
     "slide": "",
     "lost": "for (let k = 0; k < 6 * 60; k++) lab.state.tick();",
+    "beam": "",
     "blur": "",
     "dot": "",
     "lever": "",
@@ -86,6 +87,7 @@ def picture_options(name: str) -> dict:
     if name == "lever":
         return ch13.lever_options(hall, dead_reckoning(hall), np.arange(3382, 3542, 8))
     return {
+        "beam": lambda: {"end": [7, 3]},
         "dot": lambda: dot_options(RgbdModel()),
         "late": lambda: ch00.late_options(hall),
         "scrub": lambda: ch00.scrub_options(hall),

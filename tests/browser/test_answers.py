@@ -411,6 +411,17 @@ def test_10_a_kidnapped_robot_is_found_with_injection_only(ask):
     assert shares[1] < 0.05
 
 
+def test_10_with_the_cupboard_at_the_other_end_the_filter_believes_the_twin(ask):
+    shares = ask("lost")("""return [0, 100].map(part => {
+      s.push(part); s.reset();
+      times(40 * 60, () => s.tick());
+      return s.shares;
+    });""")
+    (here, there), (robot, twin) = shares
+    assert here > 0.9 > 0.1 > there
+    assert twin > 0.9 > 0.1 > robot
+
+
 # ---- 12
 
 

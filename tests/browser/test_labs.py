@@ -350,13 +350,22 @@ def test_a_swipe_across_a_slider_scrolls_the_page_and_leaves_it_where_it_was(ope
     assert slider.input_value() == before
 
 
-def test_a_second_finger_cancels_what_the_first_has_begun(open_lab):
-    page = open_lab("slide", **PHONE)
-    pose = f"[...{LAB}.state.shift, {LAB}.state.turn]"
-    before, canvas = page.evaluate(pose), page.locator(".pfslam-plan canvas").first
+@pytest.mark.parametrize(
+    ("name", "pose", "thing", "sheet"),
+    [
+        ("slide", "[...state.shift, state.turn]", "state.pose", 0),
+        ("journey", "state.settings.pitch", f"{LAB}.ring(state.settings.pitch)", 1),
+        ("lost", "[state.settings.pushed, ...state.truth]", "state.heart", 0),
+        ("lost", "[state.settings.pushed, ...state.truth]", "state.truth", 0),
+    ],
+)
+def test_a_second_finger_cancels_what_the_first_has_begun(open_lab, name, pose, thing, sheet):
+    page = open_lab(name, **PHONE)
+    pose = f"(({{state}}) => {pose})({LAB})"
+    before, canvas = page.evaluate(pose), page.locator(".pfslam-plan canvas").nth(sheet)
     canvas.scroll_into_view_if_needed()
     box = canvas.bounding_box()
-    x, y = page.evaluate(f"{LAB}.stage.sheets[0].at(...{LAB}.state.pose)")
+    x, y = page.evaluate(f"(({{state, stage}}) => stage.sheets[{sheet}].at(...{thing}))({LAB})")
     first, second = (box["x"] + x, box["y"] + y), (box["x"] + x + 60, box["y"] + y + 60)
     session = page.context.new_cdp_session(page)
 
@@ -582,6 +591,11 @@ def the_pixel_agrees(hand: Hand) -> dict:
     return found
 
 
+def line_of_sight(hand: Hand, degrees: float) -> list:
+    """Where the ring is, in the side view, that changes the pitch, once it has this pitch."""
+    return hand.page.evaluate(f"degrees => {LAB}.ring(degrees * Math.PI / 180)", degrees)
+
+
 @by_each_hand
 def test_the_journey_of_a_pixel(lab, by):
     hand = lab("journey", by)
@@ -596,8 +610,13 @@ def test_the_journey_of_a_pixel(lab, by):
     found = the_pixel_agrees(hand)
     assert abs(found["u"] - 311) + abs(found["v"] - 414) <= (0 if by == "key" else 4)
     assert found["end"] == "floor"
-    hand.slide("Pitch", 20.4)
+    if by == "key":
+        hand.keys(*24 * ["ArrowDown"], plan=1)
+    else:
+        hand.drag(line_of_sight(hand, 18.0), line_of_sight(hand, 20.4), sheet=1)
     tilted = the_pixel_agrees(hand)
+    assert np.degrees(hand.see("settings")["settings"]["pitch"]) == pytest.approx(20.4, abs=0.2)
+    hand.hears("computed with a pitch of 20.")
     assert tilted["world"][2] < -0.01
     assert tilted["end"] == "not floor"
     hand.slide("Tolerance", 15)
@@ -950,6 +969,27 @@ def test_a_door_decides_and_a_kidnapped_robot_is_found_again(lab, by):
     assert hand.see("auto")["auto"] is False
 
 
+@by_each_hand
+def test_the_cupboard_is_pushed_and_the_map_does_not_know_it(lab, by):
+    hand = lab("lost", by)
+    old, walls = hand.see("heart", "walls")["heart"], hand.see("walls")["walls"]
+    if by == "key":
+        hand.keys(*20 * ["q"])
+    else:
+        hand.drag(old, (4.5, 3.0), (0.2, 3.4))
+    found = hand.see("heart", "walls", "settings", "auto")
+    assert found["settings"]["pushed"] == pytest.approx(100, abs=2)
+    assert np.sum(np.not_equal(found["walls"], walls).reshape(-1, 4).any(axis=1)) == 4, "one box has moved"
+    assert found["auto"], "who pushes does not drive"
+    np.testing.assert_allclose(np.add(found["heart"], old), [9, 6], atol=0.2)  # half a turn round
+    hand.hears("the map does not know it")
+    hand.page.evaluate(f"() => {{ {LAB}.state.carry([0.9, 3.2, 0]); {LAB}.state.push(90); }}")
+    assert hand.see("heart")["heart"] == found["heart"], "the robot is in its way"
+    thief = "state.carry([4.5, 3, 0]); state.push(90); state.kidnaps = 1; state.kidnap();"
+    hand.page.evaluate(f"() => {{ const {{state}} = {LAB}; {thief} }}")
+    assert hand.see("truth")["truth"] == [7.4, 5, -1.6], "the cupboard stands at the second place"
+
+
 # ---- Springs: a pose graph
 
 
@@ -1175,7 +1215,10 @@ SET = {
     "drive": ({"Autopilot": False, "Particles": 500, "Show the truth": True}, ""),
     "grow": ({"Door open": True, "Second door open": True}, "&door-open=1&second-door-open=1"),
     "journey": ({"Pitch": 17}, "&pitch=17"),
-    "lost": ({"Particles at first": 500, "New dice": None}, "&particles-at-first=500&seed=2"),
+    "lost": (
+        {"Particles at first": 500, "Cupboard pushed": 40, "New dice": None},
+        "&particles-at-first=500&cupboard-pushed=40&seed=2",
+    ),
     "maps": ({"One shared map": True, "Particles": 20, "New dice": None}, ""),
     "slide": (
         {"Place": "corridor", "Score by": "distance", "Turn": 2.5},

@@ -125,6 +125,7 @@ def test_it_is_for_everybody(drive, theme):
 
 
 LABS = [
+    ("02_occupancy_grid", "beam"),
     ("02_occupancy_grid", "grow"),
     ("03_prediction_only", "cloud"),
     ("04_map_correlation", "slide"),

@@ -14,6 +14,7 @@ from pfslam_book.ch06.live import describe_dot
 from pfslam_book.show import faults
 from pfslam_book.show.lab import FOLDER
 
+from pfslam.grid import GridSpec, trace_rays
 from pfslam.io.datasets import load
 from pfslam.motion import controls, dead_reckoning, integrate
 from pfslam.poses import transform_points
@@ -25,17 +26,20 @@ nightly = pytest.mark.nightly
 
 PICTURES = sorted(path.name[8:-3] for path in FOLDER.iterdir() if path.name.startswith("picture_"))
 LAB = "document.querySelector('figure.pfslam-lab').lab"
+FOLDS = "open => document.querySelectorAll('details').forEach(box => { box.open = open; })"
 DRAWN = f"() => {{ {LAB}.draw(); return document.querySelector('canvas').toDataURL(); }}"
 
 
 @pytest.fixture
 def open_picture(open_file, tmp_path):
-    """Open one picture on a page of its own: ``open_picture("dot", width=390)``."""
+    """Open one picture on a page of its own: ``open_picture("dot", width=390)``, with its folds open or shut."""
 
-    def go(name: str, **context):
+    def go(name: str, folds: str = "open", below: str = "", **context):
         place = tmp_path / f"{name}.html"
-        place.write_text(lab_page(name), encoding="utf-8")
-        return open_file(place, f"() => {LAB}?.stage.fitted", height=844, **context)
+        place.write_text(lab_page(name).replace("</main>", below + "</main>"), encoding="utf-8")
+        page = open_file(place, f"() => {LAB}?.stage.fitted", height=844, **context)
+        page.evaluate(FOLDS, folds == "open")
+        return page
 
     return go
 
@@ -118,7 +122,22 @@ def lever(ahead: float, seen: dict) -> str:
     {seen["count"]} cells."""
 
 
+def beam(end: tuple, seen: dict) -> str:
+    start, spec = np.array([0, 0]), GridSpec((-0.5, -0.5), 1.0, (6, 9))
+    ray = trace_rays(start, np.array([end]))
+    np.testing.assert_array_equal(numbers(seen["ray"]).reshape(-1, 2), ray)
+    along = spec.world_to_cell(np.linspace(0, 1, 5000)[:, None] * end)
+    cut = len(np.unique(along, axis=0)) - len(ray) - 1
+    way = f": ({'), ('.join(f'{x}, {y}' for x, y in ray)})" if len(ray) else ""
+    return f"""A beam from cell (0, 0) to ({end[0]}, {end[1]}), which is hit. Bresenham's line takes {len(ray)} cells on
+    the way{way}. The beam also cuts corners of {cut} other cells."""
+
+
 CASES = [
+    *(
+        ("beam", {"end-in-column": str(x), "end-in-row": str(y)}, lambda seen, end=(x, y): beam(end, seen))
+        for x, y in [(7, 3), (2, 5), (5, 4), (8, 0)]
+    ),
     ("scrub", {"time": "62"}, lambda seen: ch00.describe_scrub(hall(), 62.0)),
     ("scrub", {"time": "14"}, lambda seen: ch00.describe_scrub(hall(), 14.0)),
     ("scrub", {"time": "116"}, lambda seen: ch00.describe_scrub(hall(), 116.0)),
@@ -184,7 +203,7 @@ def test_every_picture_has_its_cases():
 @pytest.mark.parametrize("by", ["finger", pytest.param("key", marks=nightly)])
 def test_a_slider_draws_at_once_wherever_it_stands(open_picture, name, by):
     page = open_picture(name, reduced_motion="reduce", **(PHONE if by == "finger" else {}))
-    slider = page.get_by_role("slider")
+    slider = page.get_by_role("slider").first
     low, high, step, _ = slider.evaluate("s => [s.min, s.max, s.step, s.value].map(Number)")
     pictures, values = [page.evaluate(DRAWN)], [float(slider.input_value())]
     if by == "key":
@@ -201,23 +220,127 @@ def test_a_slider_draws_at_once_wherever_it_stands(open_picture, name, by):
     parts = np.linspace(at, 0.9 if at < 0.5 else 0.1, 12)
     x, y = box["x"] + 8 + parts * (box["width"] - 16), box["y"] + box["height"] / 2
     pictures += [page.evaluate(DRAWN) for _ in touching(page, [(part, y) for part in x])]
-    assert len(set(pictures)) >= 9, "it follows the finger"
+    places = abs(parts[-1] - at) * (high - low) / step
+    assert len(set(pictures)) >= min(9, places), "it follows the finger"
 
 
 @pytest.mark.parametrize("name", PICTURES)
 @pytest.mark.parametrize("width", [pytest.param(1280, marks=nightly), 390])
-def test_picture_and_slider_are_seen_together(open_picture, name, width):
-    page = open_picture(name, width=width)
-    high = page.evaluate("""() => {
-      const boxes = [...document.querySelectorAll('canvas, button, .pfslam-slider, fieldset')].filter(
-        e => e.checkVisibility({contentVisibilityAuto: true})).map(e => e.getBoundingClientRect());
-      return Math.max(...boxes.map(b => b.bottom)) - Math.min(...boxes.map(b => b.top)); }""")
+def test_a_picture_and_at_most_three_controls_are_seen_together(open_picture, name, width):
+    page = open_picture(name, "shut", width=width)
+    high, controls = page.evaluate("""() => {
+      const seen = kinds => [...document.querySelectorAll(kinds)].filter(
+        e => e.checkVisibility({contentVisibilityAuto: true}));
+      const controls = 'button, .pfslam-slider, fieldset';
+      const boxes = seen(`canvas, .pfslam-line:not(:empty), ${controls}`).map(e => e.getBoundingClientRect());
+      return [Math.max(...boxes.map(b => b.bottom)) - Math.min(...boxes.map(b => b.top)), seen(controls).length]; }""")
+    assert controls <= 3
     assert high <= 844 - 56
     assert page.evaluate(WIDTH_BEYOND_SCREEN) <= 0
 
 
+# ---- what stands in a picture is taken hold of itself
+
+# The panel with the thing, the slider that it stands for, and a place of the panel to which it is dragged.
+GRIPS = {
+    "beam": (0, "End in column", (3.2, 3.9), 3),
+    "dot": (0, "Wall at", (4.0, 0.04), 4.0),
+    "lever": (0, "LiDAR ahead of the centre by", (0.16, 6000), 0.16),
+    "scrub": (3, "Time", (90.0, 0.5), 90.0),
+    "smoothing": (0, "Averaged over the last", (None, 0.1), 2.0),
+    "turn": (0, "Turned by", (0.6, 1.1), 90),
+}
+GRIP = f"""([panel, place]) => {{
+  const {{state, at, stage}} = {LAB}, {{grip, x}} = state.seen.panels[panel];
+  const box = stage.sheets[0].canvas.getBoundingClientRect();
+  const middle = [(grip[0] + grip[2]) / 2, (grip[1] + grip[3]) / 2], [to, high] = place;
+  const places = [middle, [to === null ? (x[0] + x[1]) / 2 - 2 : to, high]];
+  return places.map(one => at(panel, ...one)).map(([px, py]) => [box.left + px, box.top + py]);
+}}"""
+
+
+def test_a_picture_has_sliders_in_view_only_for_what_cannot_be_touched(open_picture):
+    for name in PICTURES:
+        page = open_picture(name, "shut")
+        assert page.get_by_role("slider").count() == (name not in GRIPS), name
+        assert (page.locator(".pfslam-line").text_content() == "") == (name not in GRIPS), name
+
+
+@pytest.mark.parametrize("name", sorted(GRIPS))
+@pytest.mark.parametrize("by", ["mouse", "finger"])
+def test_a_thing_in_a_picture_is_dragged(open_picture, name, by):
+    panel, label, place, value = GRIPS[name]
+    page = open_picture(name, **(PHONE if by == "finger" else {}))
+    slider, before = page.get_by_role("slider", name=label), page.evaluate(f"{LAB}.state.seen.words")
+    page.locator("canvas").scroll_into_view_if_needed()
+    there = page.evaluate(GRIP, [panel, place])
+    path = np.linspace(*there, 12)
+    if by == "mouse":
+        page.mouse.move(*there[0])
+        assert page.evaluate("document.querySelector('canvas').style.cursor") == "grab"
+        page.mouse.down()
+        for x, y in path:
+            page.mouse.move(x, y)
+        page.mouse.up()
+    else:
+        list(touching(page, path))
+    low, high = slider.evaluate("s => [s.min, s.max].map(Number)")
+    assert float(slider.input_value()) == pytest.approx(value, abs=0.04 * (high - low))
+    assert page.evaluate(f"{LAB}.state.seen.words") != before
+    assert float(slider.input_value()) == page.evaluate(f"key => {LAB}.state.values[key]", KEYS[name])
+
+
+KEYS = {"beam": "ix", "dot": "z", "lever": "ahead", "scrub": "time", "smoothing": "seconds", "turn": "turned"}
+
+
+@pytest.mark.parametrize("name", sorted(GRIPS))
+def test_a_thing_in_a_picture_is_moved_by_keys_as_its_help_says(open_picture, name):
+    page = open_picture(name, "shut", reduced_motion="reduce")
+    plan, value = page.locator(".pfslam-plan"), f"{LAB}.state.values.{KEYS[name]}"
+    assert "Keys: " in page.locator(f"#{plan.get_attribute('aria-describedby')}").text_content()
+    step = page.evaluate("Number([...document.querySelectorAll('input[type=range]')][0].step)")
+    plan.focus()
+    start = page.evaluate(value)
+    for key in ("ArrowLeft", "ArrowRight"):
+        page.keyboard.press(key)
+        page.keyboard.press(key)
+        moved, start = page.evaluate(value) - start, page.evaluate(value)
+        assert abs(moved) in (0, pytest.approx(step), pytest.approx(2 * step))  # 0 at an end
+    assert page.evaluate("document.activeElement === document.querySelector('.pfslam-plan')")
+    assert moved != 0
+
+
+@pytest.mark.parametrize("name", sorted(GRIPS))
+def test_a_second_finger_puts_the_thing_back_and_a_swipe_elsewhere_scrolls(open_picture, name):
+    page = open_picture(name, below="<div style='height: 3000px'></div>", **PHONE)
+    panel, _, place, _ = GRIPS[name]
+    value = f"{LAB}.state.values.{KEYS[name]}"
+    page.locator("canvas").scroll_into_view_if_needed()
+    (x, y), (tx, ty) = page.evaluate(GRIP, [panel, place])
+    before, session = page.evaluate(value), page.context.new_cdp_session(page)
+
+    def touch(kind, *points):
+        points = [{"x": px, "y": py, "id": k} for k, (px, py) in enumerate(points)]
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    touch("touchStart", (x, y))
+    for part in (0.3, 0.6, 1.0):
+        touch("touchMove", (x + part * (tx - x), y + part * (ty - y)))
+    assert page.evaluate(value) != before
+    touch("touchStart", (tx, ty), (tx + 40, ty + 40))
+    touch("touchMove", (tx, ty), (tx + 60, ty + 60))
+    touch("touchEnd")
+    assert page.evaluate(value) == before
+    top, box = page.evaluate("scrollY"), page.locator("canvas").bounding_box()
+    x, y = box["x"] + 10, box["y"] + 0.9 * box["height"]
+    list(touching(page, [(x, y - 12 * k) for k in range(16)]))
+    page.wait_for_function(f"scrollY > {top} + 50")
+    assert page.evaluate(value) == before
+
+
 def test_a_picture_plays_to_its_end_and_steps_for_who_wants_no_motion(open_picture):
     page = open_picture("dot")
+    page.locator("summary").click()  # what is folded plays, too
     page.get_by_role("button", name="Start", exact=True).click()
     page.wait_for_function("() => Number(document.querySelector('input[type=range]').value) > 1.5")
     page.get_by_role("button", name="Pause", exact=True).click()

@@ -586,7 +586,7 @@
     }
     return way;
   }
-  const roomy = new Map();  // by walls: the cells with room for a robot
+  const roomy = new WeakMap();  // by walls: the cells with room for a robot
 
   /** Mark the cells whose middle is `room` m or more from all walls, Uint8Array(H W). Each wall looks only round itself. */
   function roomyCells(walls, spec, room) {

@@ -5,13 +5,14 @@
  * {draw(), describe()} and what else it wants to be found at `figure.lab`: its state, for instance.
  *
  *   const plan = stage.plan({name: "Map", window: [x0, x1, y0, y1]});      metres; plan.at(x, y) is a pixel
- *   const strip = stage.chart({name: "N_eff", height: 70});                pixels
+ *   const strip = stage.chart({name: "N_eff", height: 70});                pixels; with `help` it takes the focus, as a plan does
  *   stage.button({name: "Score", key: "s", press() {...}});
  *   stage.slider({name: "Noise", min: 0, max: 3, step: 0.01, value: 1, unit: "m", digits: 2, change(value) {...}});
  *   stage.choice({name: "Score by", options: {count: "count", field: "likelihood field"}, value: "count", change});
  *   stage.check({name: "Show the truth", key: "t", value: false, change});
  *   stage.clock({hertz: 60, tick() {...}, step() {...}});                  Start and Pause, and Step
  *   stage.drag(plan, {start(x, y), move(x, y), end(cancelled), grab(x, y)});   mouse and finger, in metres
+ *   stage.handle(strip, {noise: slider}, (x, y) => ...);                   a thing in a picture that stands for sliders
  *   stage.keys(plan, {ArrowUp(down) {...}});                               while the plan, or a button of its, has the focus
  *   const share = stage.glide(0.6);                                        share() goes from 0 to 1 in so many seconds
  *   plan.write("Sentence.");                                               in the line above the picture, HTML of our own
@@ -62,6 +63,16 @@
       this.context.fillStyle = colour;
       this.context.fillRect(0, 0, this.width + 1, this.height + 1);  // the last row of pixels may be a part
     }
+
+    /** A sheet without a window counts in pixels. */
+    at(x, y) { return [x, y]; }
+    world(px, py) { return [px, py]; }
+
+    /** Whether a finger at a place takes hold of a thing at another. */
+    near(x, y, thing) {
+      const [px, py] = this.at(x, y), [thereX, thereY] = this.at(...thing);
+      return Math.hypot(px - thereX, py - thereY) < FINGER;
+    }
   }
 
   /** A sheet with a window on the world, in metres, y upwards, equal scales. */
@@ -85,9 +96,6 @@
 
     /** The point of the world under a pixel. */
     world(px, py) { return [this.window[0] + px / this.scale, this.window[3] - py / this.scale]; }
-
-    /** Whether a finger at a point of the world takes hold of a thing at another. */
-    near(x, y, [thereX, thereY]) { return Math.hypot(x - thereX, y - thereY) * this.scale < FINGER; }
   }
 
   class Stage {
@@ -173,24 +181,27 @@
 
     /** A plan that takes the focus; `help` says what keys and fingers do. */
     plan({name, help = "", window}) {
-      const canvas = make("canvas", {role: "img", "aria-label": name}), helpId = `${this.id}-help-${this.sheets.length}`;
-      const words = make("p", {class: "pfslam-note", id: helpId, text: help});
-      const holder = make("div", {class: "pfslam-plan", tabindex: "0", role: "application", "aria-label": name,
-                                  "aria-describedby": helpId}, canvas);
-      canvas.style.touchAction = "pan-y pinch-zoom";
-      const plan = this.place(new Plan(canvas, window), holder);
-      this.help.push(words);
-      if (this.box) this.box.append(words);
-      else this.status.before(words);
-      plan.holder = holder;
+      const plan = this.focused(new Plan(make("canvas", {role: "img", "aria-label": name}), window), name, help);
       if (this.small) plan.widest = () => Infinity;
       return plan;
     }
 
-    /** A strip across the laboratory of `height` pixels, a number or a function of the width. */
-    chart({name, height}) {
+    /** A strip across the laboratory of `height` pixels, a number or a function of the width. With `help` it takes the focus. */
+    chart({name, height, help = ""}) {
       const canvas = make("canvas", {role: "img", "aria-label": name});
-      return this.place(new Sheet(canvas, typeof height === "number" ? () => height : height), canvas);
+      const sheet = new Sheet(canvas, typeof height === "number" ? () => height : height);
+      return help ? this.focused(sheet, name, help, "pfslam-plan pfslam-chart") : this.place(sheet, canvas);
+    }
+
+    /** Put a sheet on the stage that mouse, finger and keys move something in. */
+    focused(sheet, name, help, kind = "pfslam-plan") {
+      const helpId = `${this.id}-help-${this.sheets.length}`, words = make("p", {class: "pfslam-note", id: helpId, text: help});
+      sheet.holder = make("div", {class: kind, tabindex: "0", role: "application", "aria-label": name, "aria-describedby": helpId}, sheet.canvas);
+      sheet.canvas.style.touchAction = "pan-y pinch-zoom";
+      this.help.push(words);
+      if (this.box) this.box.append(words);
+      else this.status.before(words);
+      return this.place(sheet, sheet.holder);
     }
 
     /** A line of words under the pictures, HTML of our own. */
@@ -348,8 +359,10 @@
         plan.holder.focus({preventScroll: true});
         start(...from);
       };
+      const second = event => { if (event.pointerId !== held) drop(true); };  // anywhere on the page: it pinches or scrolls
       const drop = cancelled => {
         held = null;
+        root.removeEventListener("pointerdown", second);
         if (!begun && !cancelled) begin();
         if (begun) end(cancelled);
         this.redraw();
@@ -364,10 +377,12 @@
         Object.assign(this, {touched: event.pointerType === "touch"});
         [held, from, begun] = [event.pointerId, place(event), false];
         canvas.setPointerCapture(held);
+        root.addEventListener("pointerdown", second);
         if (!this.touched || grab(...from)) begin();
         this.redraw();
       });
       canvas.addEventListener("pointermove", event => {
+        if (held === null && event.pointerType === "mouse") canvas.style.cursor = grab(...place(event)) ? "grab" : "";
         if (event.pointerId !== held) return;
         if (!begun && Math.abs(plan.at(...from)[0] - event.offsetX) > SIDEWAYS) begin();
         if (begun) move(...place(event));
@@ -378,6 +393,23 @@
           if (event.pointerId === held) drop(kind === "pointercancel");
         });
       }
+    }
+
+    /** A thing in a sheet that stands for sliders, `inputs` by key. Where a finger can take hold of it, `take(x, y)` gives a function
+     * from the place to which it is dragged to {key: value}; elsewhere it gives null. */
+    handle(sheet, inputs, take) {
+      const put = values => Object.entries(values).forEach(([key, value]) => turn(inputs[key], value));
+      let to = null, before = null;
+      this.drag(sheet, {
+        start: (x, y) => {
+          to = take(x, y);
+          before = Object.fromEntries(Object.entries(inputs).map(([key, input]) => [key, input.value]));
+          if (to && this.beat) this.beat.pause();
+        },
+        move: (x, y) => { if (to) put(to(x, y)); },
+        end: cancelled => { if (to && cancelled) put(before); },
+        grab: (x, y) => take(x, y) !== null,
+      });
     }
 
     /** Keys that are pressed (`handler(true)`) and let go (`handler(false)`) while the plan has the focus. For the first plan
@@ -408,19 +440,27 @@
       action();
     }
 
-    /** Taps and arrow keys on a plan drive: a place goes to `goTo(x, y)`, an arrow to `hold(name, down)`. Who may `carry(x, y)`
-     * the robot takes hold of it at the place that `grab(x, y)` knows. */
-    steered(plan, {goTo, hold, carry = null, grab = () => false}) {
-      let carried = false;
-      const there = (x, y) => (carried ? carry(x, y) : goTo(x, y));
-      this.drag(plan, {start: (x, y) => { carried = carry !== null && grab(x, y); if (!carried) goTo(x, y); }, move: there, grab});
+    /** Taps and arrow keys on a plan drive: a place goes to `goTo(x, y)`, an arrow to `hold(name, down)`. Each of the `things`
+     * {grab(x, y), take(), move(x, y)} can be taken hold of and moved; `take()` gives what puts it back. */
+    steered(plan, {goTo, hold, things = []}) {
+      let held = null, putBack = null;
+      const at = (x, y) => things.find(thing => thing.grab(x, y)) || null;
+      this.drag(plan, {
+        start: (x, y) => {
+          held = at(x, y);
+          if (held) putBack = held.take();
+          else goTo(x, y);
+        },
+        move: (x, y) => (held ? held.move(x, y) : goTo(x, y)),
+        end: cancelled => { if (held && cancelled) putBack(); },
+        grab: (x, y) => at(x, y) !== null,
+      });
       const key = name => down => hold(name, down);
       this.keys(plan, {ArrowUp: key("up"), ArrowDown: key("down"), ArrowLeft: key("left"), ArrowRight: key("right")});
     }
 
-    /** Let the reader drive a robot by taps, arrow keys and the autopilot's box, which is returned; `carry(x, y)` if it can be
-     * lifted. */
-    driven(plan, driver, clock, carry = null) {
+    /** Let the reader drive a robot by taps, arrow keys and the autopilot's box, which is returned; `things` as for `steered`. */
+    driven(plan, driver, clock, things = []) {
       const auto = this.check({name: "Autopilot", key: "a", value: true, change: value => {
         driver.setAuto(value);
         if (value) clock.wake();
@@ -432,8 +472,7 @@
           driver.keys[name] = down;
           if (down) byHand();
         },
-        carry,
-        grab: (x, y) => carry !== null && plan.near(x, y, driver.truth),
+        things,
       });
       return auto;
     }
@@ -654,6 +693,16 @@
       context.stroke();
     },
 
+    /** A knob: here something can be taken hold of. */
+    knob(plan, place, colours, name = "estimate") {
+      const {context} = plan, [x, y] = plan.at(...place);
+      context.beginPath();
+      context.arc(x, y, 9, 0, 2 * Math.PI);
+      Object.assign(context, {fillStyle: colours.free, strokeStyle: colours[name], lineWidth: 2.5});
+      context.fill();
+      context.stroke();
+    },
+
     /** Bars of `values` from 0 to `top`, side by side across a sheet. */
     bars(sheet, values, top, colour) {
       const {context} = sheet, step = sheet.width / values.length;
@@ -710,6 +759,13 @@
     return bottom > 0 && top < root.innerHeight;
   }
 
+  /** Turn a slider, as the reader would. */
+  function turn(input, value) {
+    const before = input.value;
+    input.value = value;
+    if (input.value !== before) input.dispatchEvent(new Event("input"));
+  }
+
   const isSeed = text => /^\d{1,9}$/.test(text);
 
   /** What the page's address asks of the laboratory with this label, #lab=label&key=text: {key: text}; else null. */
@@ -749,5 +805,5 @@
     });
   }
 
-  Object.assign(root.pfslam, {lab, mount, draw, make});
+  Object.assign(root.pfslam, {lab, mount, draw, make, turn});
 })(globalThis);

@@ -1,7 +1,7 @@
 /* One pixel's journey (chapter 06): from the depth image to a point in space and to a cell of the map. */
 (function (root) {
   "use strict";
-  const {core, draw, lab, world} = root.pfslam, {SPEC} = world;
+  const {core, draw, lab, turn, world} = root.pfslam, {SPEC} = world;
 
   const NO_READING = 2047, NEAREST = 0.1, FARTHEST = 10;  // the disparity of a hole; m
   const POSE = [1.2, 3, 0], AHEAD = 1.6;  // of the robot, before the letters of the corridor; m to the middle of the floor that is shown
@@ -9,7 +9,7 @@
   const HALF = 2;  // of so many pixels, each way, the colour camera keeps one
   const EVERY = 8;  // of the pixels, each way, one is drawn from the side
   const BRUSH = 10;  // pixels round the chosen one that paint with it
-  const SIDE = {x0: -0.2, x1: 8.2, z0: -0.6, z1: 1.5};  // the side view, m
+  const SIDE = {x0: -0.2, x1: 8.2, z0: -0.8, z1: 1.5}, END = -0.38;  // the side view; the height at which the line of sight is taken hold of: m
 
   /** What a depth camera and a colour camera see of the building from one pose. */
   class Shot {
@@ -134,11 +134,11 @@
       help: "Point at a pixel, drag, tap, or use the arrow keys, which go faster while you hold them.",
       window: [0, width, -height, 0],
     });
-    const side = stage.chart({name: "The points of the image from the side, with the ray of the chosen pixel", height: 90});
-    side.write("From the side: 8 m of floor, the camera at the left.");
+    const side = stage.chart({
+      name: "The points of the image from the side, with the ray of the chosen pixel and the camera's line of sight", height: 100,
+      help: "From the side: drag the ring at the end of the camera's line of sight to compute with another pitch. Keys: up and down.",
+    });
     const degrees = 180 / Math.PI;
-    stage.slider({name: "Pitch", min: 14, max: 22, step: 0.05, value: shot.settings.pitch * degrees, unit: "°",
-                  change: value => { shot.settings.pitch = value / degrees; shot.painted.clear(); }});
     stage.slider({name: "Tolerance", min: 0.2, max: 15, step: 0.1, value: 100 * shot.settings.tolerance, unit: "cm", digits: 1,
                   change: value => { shot.settings.tolerance = value / 100; }});
     const choose = (x, y) => shot.choose(x, -y);
@@ -160,17 +160,27 @@
     stage.controls.after(story);
     stage.fold("More");
     stage.button({name: "Bare floor", key: "n", press: () => shot.painted.clear()});
+    const pitch = stage.slider({name: "Pitch", min: 14, max: 22, step: 0.05, value: shot.settings.pitch * degrees, unit: "°",
+                                change: value => { shot.settings.pitch = value / degrees; shot.painted.clear(); }});
+    const frame = frameOf(side), ring = angle => frame.at(...endOfSight(shot, angle));
+    stage.handle(side, {pitch}, (px, py) => {
+      const here = ring(shot.settings.pitch), aside = here[0] - px;
+      return side.near(px, py, here) ? qx => ({pitch: degrees * pitchTo(shot, frame.world(qx + aside, py)[0])}) : null;
+    });
+    const tilt = by => down => { if (down) turn(pitch, Number(pitch.value) + by); };
+    stage.keys(side, {ArrowUp: tilt(-0.1), ArrowDown: tilt(0.1)});
     return {
-      state: shot, constants: {SPEC},
+      state: shot, constants: {SPEC}, ring,
       draw() {
         side.clear(stage.colours.paper);
         const steps = shot.journey();
         paintImage(plan, stage.colours, shot, steps);
         paintFloor(plan, stage.colours, shot);
-        paintSide(side, stage.colours, shot, steps);
+        paintSide(frame, stage.colours, shot, steps);
+        side.write(`From the side, with a pitch of ${(shot.settings.pitch * degrees).toFixed(2)}°: drag the ring to change it.`);
         story.innerHTML = tell(steps, shot);
       },
-      describe: () => sentence(shot.journey()),
+      describe: () => sentence(shot.journey(), shot.settings.pitch * degrees),
     };
   });
 
@@ -220,10 +230,25 @@
     plan.write("What the camera sees; in the corner, from above, the floor that you paint.");
   }
 
+  /** The side view in metres: its heights are drawn larger than its lengths, or smaller. */
+  function frameOf(side) {
+    const {x0, x1, z0, z1} = SIDE;
+    return {
+      get context() { return side.context; },
+      at: (x, z) => [((x - x0) / (x1 - x0)) * side.width, ((z1 - z) / (z1 - z0)) * side.height],
+      world: (px, py) => [x0 + (px / side.width) * (x1 - x0), z1 - (py / side.height) * (z1 - z0)],
+    };
+  }
+
+  /** Where the camera's line of sight, drawn on below the floor, ends in the side view: [x, z], m. */
+  function endOfSight({camera: {position: [x, , z]}}, pitch) { return [x + (z - END) / Math.tan(pitch), END]; }
+
+  /** The pitch of a line of sight that ends at x. */
+  function pitchTo({camera: {position: [px, , pz]}}, x) { return Math.atan2(pz - END, x - px); }
+
   /** All points from the side: floor in green. The ray of the pixel goes from the camera to its point. */
-  function paintSide(side, colours, shot, steps) {
-    const at = (x, z) => [((x - SIDE.x0) / (SIDE.x1 - SIDE.x0)) * side.width, ((SIDE.z1 - z) / (SIDE.z1 - SIDE.z0)) * side.height];
-    const {context} = side, [px, , pz] = shot.camera.position, {tolerance} = shot.settings;
+  function paintSide(frame, colours, shot, steps) {
+    const {at, context} = frame, [px, , pz] = shot.camera.position, {tolerance} = shot.settings;
     for (const [, , ...point] of shot.few) {
       const [x, , z] = shot.body(point), [a, b] = at(x, z);
       context.fillStyle = Math.abs(z) <= tolerance ? colours.clear : colours.muted;
@@ -238,9 +263,11 @@
     };
     line(SIDE.x0, tolerance, SIDE.x1, tolerance, colours.ink, 0.75);
     line(SIDE.x0, -tolerance, SIDE.x1, -tolerance, colours.ink, 0.75);
-    const [cx, cy] = at(px, pz);
+    const [cx, cy] = at(px, pz), end = endOfSight(shot, shot.settings.pitch);
+    draw.line(frame, [px, pz, ...end], colours.estimate, {width: 1.5, dash: [4, 4]});
     context.fillStyle = colours.estimate;
     context.fillRect(cx - 5, cy - 5, 10, 10);
+    draw.knob(frame, end, colours);
     if (!steps.body) return;
     line(px, pz, steps.body[0], steps.body[2], colours.highlight, 2.5);
     context.beginPath();
@@ -272,8 +299,9 @@
     return lines.join("; ");
   }
 
-  function sentence({u, v, depth, body, cell, end}) {
+  function sentence({u, v, depth, body, cell, end}, pitch) {
     const place = body ? `its point is ${depth.toFixed(2)} metres deep and ${(100 * body[2]).toFixed(1)} centimetres above the floor` : "";
-    return `Pixel ${u}, ${v}: ${place || end}${cell ? `; it paints cell ${cell[0]}, ${cell[1]}` : place ? `; ${end}` : ""}.`;
+    return `Pixel ${u}, ${v}: ${place || end}${cell ? `; it paints cell ${cell[0]}, ${cell[1]}` : place ? `; ${end}` : ""}. ` +
+      `It is computed with a pitch of ${pitch.toFixed(2)} degrees.`;
   }
 })(globalThis);

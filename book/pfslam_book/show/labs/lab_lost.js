@@ -2,7 +2,7 @@
  * not: particles begin everywhere, two heaps are left, and an open door decides between them. */
 (function (root) {
   "use strict";
-  const {core, draw, lab, world} = root.pfslam, {WINDOW, SPEC, LIDAR, twin, dot} = world;
+  const {core, draw, lab, turn, world} = root.pfslam, {WINDOW, SPEC, LIDAR, RADIUS, BUILT, CUPBOARD, twin, dot} = world;
 
   const HERTZ = 60, LOOK = 12, EVERY = 5;  // ticks in a second; ticks from one scan to the next; of so many beams one is scored
   const MODEL = {sigma: 0.2, random: 0.1, beams: 5};  // m; likelihood of an end point that no wall explains; beams a scan is worth
@@ -11,6 +11,7 @@
   const PART = 4000;  // particles that are weighed in one tick: a look of all at once would hold the page up
   const ROUTE = [[7.6, 1.6], [6.4, 0.9], [6.9, 1.3], [6.9, 3], [8, 3.3], [1, 3], [1.7, 3], [1.7, 1.3], [1.7, 3], [6.9, 3], [6.9, 1.3]];
   const START = [6.4, 0.9, 2.6], PLACES = [[7, 1.2, 1.5], [1, 3, 0], [7.4, 5, -1.6], [3.6, 4.8, 0]];  // where a kidnapper leaves it
+  const HEART = [8.825, 2.5875], ACROSS = twin([...HEART, 0]).map((there, k) => there - HEART[k]);  // of the cupboard; from there to the twin's place
   const {free: FREE, grid: GRID, occupied} = world.known(), FIELD = core.likelihoodField(occupied, SPEC, MODEL);
   const FLOOR = [...FREE.keys()].filter(k => FREE[k]);
 
@@ -18,8 +19,26 @@
   class Search extends world.Driver {
     constructor(options) {
       super();
-      this.settings = {first: 20000, inject: true, adaptive: true, seed: 1, ...options};
+      this.settings = {first: 20000, inject: true, adaptive: true, pushed: 0, seed: 1, ...options};
       this.reset();
+    }
+
+    /** A place of the cupboard, which may be pushed, in per cent of the way to the other end of the corridor: the map does not know it. */
+    pushedTo(place) { return place.map((at, k) => at + (this.settings.pushed / 100) * ACROSS[k]); }
+    get heart() { return this.pushedTo(HEART); }
+    get cupboard() { return CUPBOARD.map(corner => this.pushedTo(corner)); }
+
+    get walls() {
+      const {pushed} = this.settings;
+      if (this.stands !== pushed) Object.assign(this, {stands: pushed, built: world.wallsOf([...BUILT, this.cupboard])});
+      return this.built;
+    }
+
+    /** Push the cupboard, unless the robot is in its way. */
+    push(part) {
+      const {pushed} = this.settings;
+      this.settings.pushed = part;
+      if (core.touches(world.wallsOf([this.cupboard]), this.truth, RADIUS)) this.settings.pushed = pushed;
     }
 
     reset() {
@@ -86,7 +105,7 @@
      * needs it. What it finds is of the moment of the scan. */
     *looking() {
       const {motion, truth, dice, looks} = this, n = this.logWeights.length, before = this.poses;
-      const seen_b = core.scanPoints(world.scan(truth, this.worldDice), LIDAR), points_b = seen_b.filter((_, k) => Math.floor(k / 2) % EVERY === 0);
+      const seen_b = core.scanPoints(world.scan(truth, this.worldDice, this.walls), LIDAR), points_b = seen_b.filter((_, k) => Math.floor(k / 2) % EVERY === 0);
       Object.assign(this, {seen_b, points_b, motion: [0, 0, 0], looks: looks + 1});
       let poses = before, normals = null;
       if (looks) {
@@ -172,6 +191,7 @@
     carry(pose) { Object.assign(this, {truth: pose.slice(), way: [], target: null}); }
 
     kidnap() {
+      if (!world.room(PLACES[this.kidnaps % PLACES.length], this.walls)) this.kidnaps += 1;  // the cupboard stands there
       this.carry(PLACES[this.kidnaps % PLACES.length]);
       Object.assign(this, {kidnaps: this.kidnaps + 1, leg: this.kidnaps % 2 ? 5 : 3});
     }
@@ -183,7 +203,8 @@
     const search = new Search(stage.options), {settings} = search;
     const plan = stage.plan({
       name: "The building with the particles, the robot, and its twin half a turn round",
-      help: "Tap a place, or use the arrow keys, to drive. Drag the robot to carry it away. Where can it tell itself from its twin?",
+      help: "Tap a place, or use the arrow keys, to drive. Drag the robot to carry it away. Where can it tell itself from its twin? " +
+        "Drag the cupboard by its ring, or press Q and E, to push it along the corridor: the map does not know it.",
       window: WINDOW,
     });
     stage.words([dot("particles", "<b>Each dot is a guess</b>."), dot("truth", "the robot, which the filter cannot see."),
@@ -200,9 +221,29 @@
     stage.button({name: "New dice", key: "d", press: () => { settings.seed += 1; search.reset(); auto.checked = true; }});
     stage.slider({name: "Particles at first", min: 100, max: 20000, step: 100, value: settings.first, digits: 0,
                   change: value => { settings.first = value; search.reset(); auto.checked = true; }});
-    const auto = stage.driven(plan, search, clock, (x, y) => {
-      if (world.room([x, y])) search.carry([x, y, search.truth[2]]);
-    });
+    const cupboard = stage.slider({name: "Cupboard pushed", min: 0, max: 100, step: 1, value: 0, unit: "%", digits: 0, change: value => {
+      search.push(value);
+      turn(cupboard, settings.pushed);
+    }});
+    const robot = {
+      grab: (x, y) => plan.near(x, y, search.truth),
+      take() {
+        const {truth} = search;
+        return () => search.carry(truth);
+      },
+      move(x, y) { if (world.room([x, y], search.walls)) search.carry([x, y, search.truth[2]]); },
+    };
+    const pushed = {
+      grab: (x, y) => plan.near(x, y, search.heart),
+      take() {
+        const before = settings.pushed;
+        return () => turn(cupboard, before);
+      },
+      move: x => turn(cupboard, (100 * (x - HEART[0])) / ACROSS[0]),
+    };
+    const auto = stage.driven(plan, search, clock, [robot, pushed]);
+    const push = by => down => { if (down) turn(cupboard, settings.pushed + by); };
+    stage.keys(plan, {q: push(5), e: push(-5)});
     return {
       state: search,
       constants: {SPEC, LIDAR, MODEL, NOISE, LEAST, logOdds: GRID.logOdds},
@@ -221,6 +262,7 @@
   function paint(plan, colours, search) {
     const {truth, seen_b, points_b} = search;
     world.paint(plan, colours);
+    paintCupboard(plan, colours, search);
     draw.rays(plan, core.transformPoints(truth, LIDAR.position), core.transformPoints(truth, points_b), colours.clear);
     draw.dots(plan, core.transformPoints(truth, seen_b), colours.hits, 1.8);
     draw.kept(plan, [search.poses, colours], sheet => paintCloud(sheet, colours, search.poses));
@@ -237,6 +279,12 @@
     else draw.dots(plan, places, colours.particles, 2.2, {colour: colours.estimate, width: 0.75});
   }
 
+  /** The cupboard where it stands, which the map may not know, with its knob. */
+  function paintCupboard(plan, colours, {cupboard, heart}) {
+    draw.line(plan, [...cupboard, cupboard[0]].flat(), colours.truth, {width: 2});
+    draw.knob(plan, heart, colours, "truth");
+  }
+
   /** What happens, in a line. */
   function news(search) {
     const {refused, injected, logWeights} = search, [here, there] = search.shares, n = logWeights.length.toLocaleString("en");
@@ -245,7 +293,7 @@
     if (here + there < 0.8) return `${n} guesses, all over the building.`;
     if (Math.min(here, there) > 0.05) return `${n} guesses in two heaps: ${(100 * here).toFixed(0)} % at the robot, ${(100 * there).toFixed(0)} % at its twin.`;
     return here > there ? `Found: ${(100 * here).toFixed(0)} % at the robot. An end of the corridor told it from its twin.`
-      : `Sure, and wrong: ${(100 * there).toFixed(0)} % at the twin.`;
+      : `Sure, and wrong: ${(100 * there).toFixed(0)} % at the twin.${search.settings.pushed ? " The map has the cupboard at its old place." : ""}`;
   }
 
   /** The two shares over the last scans. */
@@ -258,6 +306,8 @@
 
   function sentence(search) {
     const [here, there] = search.shares.map(share => (100 * share).toFixed(0));
-    return `${search.logWeights.length} particles; ${here} percent of the weight lie at the robot and ${there} percent at its twin half a turn round.`;
+    const {pushed} = search.settings;
+    return `${search.logWeights.length} particles; ${here} percent of the weight lie at the robot and ${there} percent at its twin half a turn round.` +
+      (pushed ? ` The cupboard was pushed ${pushed} percent of the way to the left end; the map does not know it.` : "");
   }
 })(globalThis);

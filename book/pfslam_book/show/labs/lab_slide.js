@@ -185,7 +185,7 @@
 
   /** The handle on its line, and a glow round the robot that grows as the scan nears the best shift. */
   function paintHandle(plan, colours, pose, share) {
-    const {context} = plan, [x, y] = plan.at(pose[0], pose[1]), [hx, hy] = plan.at(...handle(pose)), near = Math.max(0, 5 * share - 4);
+    const {context} = plan, [x, y] = plan.at(pose[0], pose[1]), near = Math.max(0, 5 * share - 4);
     const glow = context.createRadialGradient(x, y, 0, x, y, 70);
     glow.addColorStop(0, colours.highlight);
     glow.addColorStop(1, `${colours.highlight}00`);
@@ -193,11 +193,7 @@
     context.fillRect(x - 70, y - 70, 140, 140);
     context.globalAlpha = 1;
     draw.line(plan, [...pose.slice(0, 2), ...handle(pose)], colours.estimate, {width: 1.5, dash: [4, 4]});
-    context.beginPath();
-    context.arc(hx, hy, 9, 0, 2 * Math.PI);
-    Object.assign(context, {fillStyle: colours.free, strokeStyle: colours.estimate, lineWidth: 2.5});
-    context.fill();
-    context.stroke();
+    draw.knob(plan, handle(pose), colours);
   }
 
   /** The dot before the robot by which the scan is turned. */

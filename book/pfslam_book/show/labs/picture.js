@@ -3,18 +3,21 @@
  * A picture is a file of its own, `picture_NAME.js`, that calls `pfslam.picture(name, make)`. `make(data)` gets what the
  * chapter hands on and returns {
  *   label,                                  what the canvas shows, in words
- *   controls: {key: {name, min, max, step, value, unit, digits} or {name, options, value}},   in the words of the stage
+ *   controls: {key: {name, min, max, step, value, unit, digits} or {name, options, value}},   in the words of the stage; choices first
  *   play: {key, seconds},                   the slider that a clock moves from one end to the other, if any
  *   tall: [wide, narrow],                   the height of the canvas by its width, beside each other and on a phone
  *   places: {wide: [[x, y, width, height], ...], narrow},   of the panels, in shares, where they do not stand in a row
+ *   help, keys: {ArrowLeft: [key, steps], ...},   what fingers and keys do, where a thing in the picture stands for the sliders
  *   compute(values, again) {return {panels, words, ...}},   `words` say what is seen; `again()` computes once more
  * }
  * A panel is {title, x: [from, to], y: [from, to], xName, yName, xTicks, yTicks, equal, paint(pen, colours)}; `pen` is a
- * plan for `pfslam.draw`. Ticks are {value: word}, or are found.
+ * plan for `pfslam.draw`. Ticks are {value: word}, or are found. A panel with a thing to take hold of has also {grip: [x0, y0, x1,
+ * y1], to(x, y)}: from where to where it reaches, and the {key: value} of the controls when it is dragged to a place. Its picture
+ * has `help`, and `compute` gives a `line` above it that says what to drag; the sliders are then folded.
  */
 (function (root) {
   "use strict";
-  const {core, draw, lab} = root.pfslam;
+  const {core, draw, lab, turn} = root.pfslam;
   const NARROW = 480, HERTZ = 30, STEPS = 12;  // pixels; ticks a second; steps of who does not want motion
 
   /** Numbers Float64Array(n) as Python packed them: whole numbers of two bytes, times a unit. */
@@ -42,16 +45,24 @@
     let across = width / (x[1] - x[0]), up = height / (y[1] - y[0]);
     if (equal) across = up = Math.min(across, up);
     const box = [left + (width - across * (x[1] - x[0])) / 2, top, across * (x[1] - x[0]), up * (y[1] - y[0])];
-    return {context: sheet.context, box, scale: across, at: (px, py) => [box[0] + (px - x[0]) * across, box[1] + (y[1] - py) * up]};
+    return {
+      context: sheet.context, box, scale: across,
+      at: (px, py) => [box[0] + (px - x[0]) * across, box[1] + (y[1] - py) * up],
+      world: (px, py) => [x[0] + (px - box[0]) / across, y[1] - (py - box[1]) / up],
+    };
   }
 
-  /** One panel, with its frame, in a rectangle of the sheet. */
-  function paint(sheet, colours, panel, [left, top, width, height]) {
-    const bare = panel.xTicks === null, inner = bare ? [left, top + 26, width, height - 26]
-      : [left + 62, top + 26, width - 72, height - 26 - (panel.xName ? 44 : 24)];
-    const pen = penOf(sheet, panel, inner), {context, box} = pen;
-    draw.text(sheet, panel.title || "", box[0] + box[2] / 2, top + 18, colours.ink, {size: 14, align: "center"});
-    if (!bare) frame(sheet, colours, panel, pen);
+  /** The plan of a panel in a rectangle of the sheet, with room for its frame. */
+  function penIn(sheet, panel, [left, top, width, height]) {
+    return penOf(sheet, panel, panel.xTicks === null ? [left, top + 26, width, height - 26]
+      : [left + 62, top + 26, width - 72, height - 26 - (panel.xName ? 44 : 24)]);
+  }
+
+  /** One panel, with its frame. */
+  function paint(sheet, colours, panel, pen) {
+    const {context, box} = pen;
+    draw.text(sheet, panel.title || "", box[0] + box[2] / 2, box[1] - 8, colours.ink, {size: 14, align: "center"});
+    if (panel.xTicks !== null) frame(sheet, colours, panel, pen);
     context.save();
     context.beginPath();
     context.rect(...box);
@@ -93,39 +104,64 @@
     return (places ? places[wide ? "wide" : "narrow"] : row).map(([x, y, w, h]) => [x * width, y * height, w * width, h * height]);
   }
 
+  /** The pixel of a grip that is nearest to a pixel. */
+  function nearest(pen, [x0, y0, x1, y1], px, py) {
+    const [left, top] = pen.at(x0, y0), [right, low] = pen.at(x1, y1), [dx, dy] = [right - left, low - top], long = dx * dx + dy * dy;
+    const part = long ? Math.max(0, Math.min(1, ((px - left) * dx + (py - top) * dy) / long)) : 0;
+    return [left + part * dx, top + part * dy];
+  }
+
+  /** Let the reader take hold of what stands in the panels, and turn the sliders with it. */
+  function handles(stage, sheet, state, pen, sliders) {
+    stage.handle(sheet, sliders, (px, py) => {
+      const k = state.seen.panels.findIndex(({grip}, one) => grip && sheet.near(px, py, nearest(pen(one), grip, px, py)));
+      return k < 0 ? null : (qx, qy) => state.seen.panels[k].to(...pen(k).world(qx, qy));
+    });
+    const moved = (key, by) => down => { if (down) turn(sliders[key], Number(sliders[key].value) + by * sliders[key].step); };
+    stage.keys(sheet, Object.fromEntries(Object.entries(state.picture.keys).map(([name, [key, by]]) => [name, moved(key, by)])));
+  }
+
   /** A clock that moves a slider from one end to the other, and stops there. */
   function player(stage, {seconds}, slider) {
-    const [low, high] = [Number(slider().min), Number(slider().max)];
     let at = null;
     const go = by => {
-      const input = slider(), from = at !== null && Math.abs(at - input.value) <= input.step ? at : Number(input.value);
+      const input = slider(), [low, high] = [Number(input.min), Number(input.max)];
+      const from = at !== null && Math.abs(at - input.value) <= input.step ? at : Number(input.value);
       at = from >= high ? low : Math.min(high, from + by * (high - low));
       input.value = at;
       input.dispatchEvent(new Event("input"));
       if (at >= high) clock.pause();
     };
     const clock = stage.clock({hertz: HERTZ, tick: () => go(1 / (seconds * HERTZ)), step: () => go(1 / STEPS)});
+    return clock;
   }
 
   function picture(name, make) {
     lab(name, stage => {
-      const picture = make(stage.options), {controls, play, compute, tall = [0.5, 1.2]} = picture, values = {}, inputs = {};
+      const picture = make(stage.options), {controls, help, play, compute, tall = [0.5, 1.2]} = picture, values = {}, sliders = {};
       const state = {values, seen: null, picture};
       const see = () => { state.seen = compute(values, () => { see(); stage.redraw(); }); };
-      const sheet = stage.chart({name: picture.label, height: width => Math.round(width * tall[width >= NARROW ? 0 : 1])});
+      const sheet = stage.chart({name: picture.label, help, height: width => Math.round(width * tall[width >= NARROW ? 0 : 1])});
+      const pen = k => penIn(sheet, state.seen.panels[k], rooms(sheet, picture, state.seen.panels.length)[k]);
+      const clock = play && player(stage, play, () => sliders[play.key]);
       for (const [key, control] of Object.entries(controls)) {
-        values[key] = control.value;
         const change = value => { values[key] = value; see(); };
-        inputs[key] = control.options ? stage.choice({...control, change}) : stage.slider({...control, change});
+        if (help && !control.options && !stage.box) stage.fold("More");
+        values[key] = control.value;
+        if (control.options) stage.choice({...control, change});
+        else sliders[key] = stage.slider({...control, change});
       }
-      if (play) player(stage, play, () => inputs[play.key]);
+      if (help && clock) clock.fold();
       see();
+      if (help) handles(stage, sheet, state, pen, sliders);
       return {
         state,
+        at: (k, ...place) => pen(k).at(...place),
         draw() {
-          const {panels} = state.seen, places = rooms(sheet, picture, panels.length);
+          const {panels, line = ""} = state.seen;
+          sheet.write(line);
           sheet.clear(stage.colours.sheet);
-          panels.forEach((panel, k) => paint(sheet, stage.colours, panel, places[k]));
+          panels.forEach((panel, k) => paint(sheet, stage.colours, panel, pen(k)));
         },
         describe: () => state.seen.words,
       };

@@ -39,6 +39,8 @@
     const counts = places.map(place => cellsOf(walls(place))), curve = places.flatMap((place, k) => [place, counts[k]]);
     const sharpest = places[counts.indexOf(Math.min(...counts))], top = 1.05 * Math.max(...counts);
     return {
+      help: "Drag the ring along the curve. Keys: left and right move the LiDAR.",
+      keys: {ArrowLeft: ["ahead", -1], ArrowRight: ["ahead", 1]},
       label: "The cells that the walls of one turn need, for every place of the LiDAR, and the walls for one place",
       controls: {ahead: {name: "LiDAR ahead of the centre by", min: LEAST, max: MOST, step: 0.01, value: -0.2, unit: "m"}},
       tall: [0.55, 1.5],
@@ -49,10 +51,11 @@
           panels: [
             {
               title: `${count} cells`, x: [LEAST, MOST], y: [0, top], xName: "LiDAR ahead of the centre by [m]", yName: "cells hit",
+              grip: [ahead, count, ahead, count], to: x => ({ahead: x}),
               paint(pen, colours) {
                 draw.line(pen, [drawn, 0, drawn, top], colours.muted, {dash: [2, 3]});
                 draw.line(pen, curve, colours.ink);
-                draw.dots(pen, [ahead, count], colours.highlight, 6);
+                draw.knob(pen, [ahead, count], colours, "highlight");
               },
             },
             {
@@ -64,7 +67,7 @@
               },
             },
           ],
-          count, counts,
+          count, counts, line: `Drag the ring along the curve. The LiDAR sits ${Math.abs(ahead).toFixed(2)} m ${ahead < 0 ? "behind" : "ahead of"} the centre.`,
           words: `Left: cells hit against the place of the LiDAR, least at ${sharpest.toFixed(2)} m; the drawing says ${drawn.toFixed(2)} m. ` +
             `Right: the walls of one turn with the LiDAR ${ahead.toFixed(2)} m ahead of the centre, in ${count} cells.`,
         };

@@ -2,7 +2,7 @@
 (function (root) {
   "use strict";
   const {core, draw, picture} = root.pfslam;
-  const EVERY = 5, RADIANS = Math.PI / 180;
+  const EVERY = 5, RADIANS = Math.PI / 180, HANDLE = 0.8;  // degrees; m from the robot to the knob that turns it
 
   picture("turn", ({room: [x0, x1, y0, y1], post, place, arm, beams, ways}) => {
     const walls = [[x0, y0, x1, y0], [x1, y0, x1, y1], [x1, y1, x0, y1], [x0, y1, x0, y0]];
@@ -22,6 +22,8 @@
       return (scans[key] = scans[key] || scan(way, k * EVERY * RADIANS));
     }).flat();
     return {
+      help: "Drag the ring round the robot. Keys: left and right turn the robot.",
+      keys: {ArrowLeft: ["turned", 1], ArrowRight: ["turned", -1]},
       label: "The whole room, and the post from near, as the robot draws them while it turns",
       controls: {
         way: {name: "Drawn with", options: Object.fromEntries(ways.map(way => [way, way])), value: ways[1]},
@@ -30,7 +32,8 @@
       play: {key: "turned", seconds: 6},
       places: {wide: [[0, 0, 0.6, 1], [0.6, 0, 0.4, 1]], narrow: [[0, 0, 1, 0.55], [0, 0.55, 1, 0.45]]},
       compute({way, turned}) {
-        const drawn = points(way, turned);
+        const drawn = points(way, turned), heading = turned * RADIANS, knob = core.transformPoints([...place, heading], [HANDLE, 0]);
+        const to = (x, y) => ({turned: turned + core.wrapAngle(Math.atan2(y - place[1], x - place[0]) - heading) / RADIANS});
         const beyond = drawn.reduce((most, at, k) => Math.max(most, ...(k % 2 ? [at - y1, y0 - at] : [at - x1, x0 - at])), 0);
         const panel = (size, more) => ({
           equal: true, ...more,
@@ -42,16 +45,19 @@
             pen.context.arc(px, py, post[2] * pen.scale, 0, 2 * Math.PI);
             pen.context.stroke();
             draw.dots(pen, drawn, colours.hits, size);
-            draw.robot(pen, [...place, turned * RADIANS], colours.truth);
+            draw.line(pen, [...place, ...knob], colours.truth, {width: 1.5, dash: [4, 4]});
+            draw.robot(pen, [...place, heading], colours.truth);
+            draw.knob(pen, knob, colours, "truth");
           },
         });
         return {
           panels: [
-            panel(1.2, {title: `turned by ${turned}°`, x: [-1.8, 3.8], y: [-1.8, 2.8], xName: "x [m]", yName: "y [m]"}),
+            panel(1.2, {title: `turned by ${turned}°`, x: [-1.8, 3.8], y: [-1.8, 2.8], xName: "x [m]", yName: "y [m]",
+                        grip: [...knob, ...knob], to}),
             panel(2, {title: "the post", x: [1.65, 2.35], y: [0.85, 1.55], xName: "x [m]", xTicks: {1.8: "1.8", 2.2: "2.2"},
                       yTicks: {1.0: "1.0", 1.4: "1.4"}}),
           ],
-          points: drawn,
+          points: drawn, line: "Drag the ring round the robot, and it turns on the spot.",
           words: `A room with a post, drawn (${way}) by a robot that has turned on the spot by ${turned} degrees. Points lie up to ` +
             `${(100 * beyond).toFixed(0)} cm beyond the walls.`,
         };

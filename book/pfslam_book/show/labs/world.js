@@ -26,8 +26,11 @@
     box(4.15, 0, 4.25, 0.7), box(4.15, 1.7, 4.25, 2.125), box(0.4, 0.4, 1, 1), box(5.5, 0, 6.1, 0.3), [[8, 0], [9, 0], [9, 1.2]],
   ];
   const turned = solid => solid.map(([x, y]) => [2 * MIDDLE[0] - x, 2 * MIDDLE[1] - y]);
-  const SOLIDS = [...HALF, ...HALF.map(turned), box(8.65, 2.275, 9, 2.9)];
-  const WALLS = Float64Array.from(SOLIDS.flatMap(solid => solid.flatMap((corner, k) => [...corner, ...solid[(k + 1) % solid.length]])));
+  const CUPBOARD = box(8.65, 2.275, 9, 2.9), BUILT = [...HALF, ...HALF.map(turned)], SOLIDS = [...BUILT, CUPBOARD];
+
+  /** The walls of solids, x1, y1, x2, y2 each. */
+  const wallsOf = solids => Float64Array.from(solids.flatMap(solid => solid.flatMap((corner, k) => [...corner, ...solid[(k + 1) % solid.length]])));
+  const WALLS = wallsOf(SOLIDS);
 
   /** The pose half a turn round. */
   const twin = ([x, y, theta]) => [2 * MIDDLE[0] - x, 2 * MIDDLE[1] - y, core.wrapAngle(theta + Math.PI)];
@@ -191,6 +194,6 @@
     return words ? `<span data-layer="${colour}">${mark}\u00a0${words}</span>` : mark;
   }
 
-  root.pfslam.world = {WINDOW, SPEC, LIDAR, RADIUS, ROOM, START, LAP, WALLS, SOLIDS, Driver, twin, standing, known, room, scan, controlsTo, floor, paint,
-                       robot, near, dot};
+  root.pfslam.world = {WINDOW, SPEC, LIDAR, RADIUS, ROOM, START, LAP, WALLS, SOLIDS, BUILT, CUPBOARD, Driver, wallsOf, twin, standing, known,
+                       room, scan, controlsTo, floor, paint, robot, near, dot};
 })(globalThis);
