@@ -109,6 +109,14 @@
       return points;
     }
 
+    /** The thinned pixels as the pitch has them now: their colour pixels, and where they are ahead and above the floor (m). */
+    fromTheSide() {
+      return this.few.map(([u, v, ...point]) => {
+        const [x, , z] = this.body(point);
+        return [u, v, x, z];
+      });
+    }
+
     /** The pixels round the chosen one colour the floor, each its cell, if its journey gets there. */
     paint() {
       const {u, v} = this.pixel, {width, height} = this.camera;
@@ -174,9 +182,10 @@
       draw() {
         side.clear(stage.colours.paper);
         const steps = shot.journey();
-        paintImage(plan, stage.colours, shot, steps);
+        const seen = shot.fromTheSide();
+        paintImage(plan, stage.colours, shot, steps, seen);
         paintFloor(plan, stage.colours, shot);
-        paintSide(frame, stage.colours, shot, steps);
+        paintSide(frame, stage.colours, shot, steps, seen);
         side.write(`From the side, with a pitch of ${(shot.settings.pitch * degrees).toFixed(2)}°: drag the ring to change it.`);
         story.innerHTML = tell(steps, shot);
       },
@@ -185,14 +194,16 @@
   });
 
   /** The colour image, with a green veil on what counts as floor. */
-  function paintImage(plan, colours, shot, steps) {
+  function paintImage(plan, colours, shot, steps, seen) {
     const {context} = plan, size = EVERY * plan.scale;
     context.drawImage(shot.image, 0, 0, plan.width, plan.height);
     context.fillStyle = colours.clear;
     context.globalAlpha = 0.35;
-    for (const [u, v, ...point] of shot.few) {
-      if (Math.abs(shot.body(point)[2]) <= shot.settings.tolerance) context.fillRect(u * plan.scale - size / 2, v * plan.scale - size / 2, size, size);
+    context.beginPath();  // thousands of squares as one path cost less than one by one
+    for (const [u, v, , z] of seen) {
+      if (Math.abs(z) <= shot.settings.tolerance) context.rect(u * plan.scale - size / 2, v * plan.scale - size / 2, size, size);
     }
+    context.fill();
     context.globalAlpha = 1;
     const [x, y] = plan.at(steps.u + 0.5, -steps.v - 0.5);
     for (const [colour, width] of [["#1b1b1b", 5], [colours.highlight, 2.5]]) {
@@ -247,12 +258,17 @@
   function pitchTo({camera: {position: [px, , pz]}}, x) { return Math.atan2(pz - END, x - px); }
 
   /** All points from the side: floor in green. The ray of the pixel goes from the camera to its point. */
-  function paintSide(frame, colours, shot, steps) {
+  function paintSide(frame, colours, shot, steps, seen) {
     const {at, context} = frame, [px, , pz] = shot.camera.position, {tolerance} = shot.settings;
-    for (const [, , ...point] of shot.few) {
-      const [x, , z] = shot.body(point), [a, b] = at(x, z);
-      context.fillStyle = Math.abs(z) <= tolerance ? colours.clear : colours.muted;
-      context.fillRect(a - 1, b - 1, 2, 2);
+    for (const floor of [false, true]) {
+      context.fillStyle = floor ? colours.clear : colours.muted;
+      context.beginPath();
+      for (const [, , x, z] of seen) {
+        if (Math.abs(z) <= tolerance !== floor) continue;
+        const [a, b] = at(x, z);
+        context.rect(a - 1, b - 1, 2, 2);
+      }
+      context.fill();
     }
     const line = (x0, z0, x1, z1, colour, width) => {
       Object.assign(context, {strokeStyle: colour, lineWidth: width});
