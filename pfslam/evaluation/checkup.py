@@ -18,6 +18,7 @@ from pfslam.evaluation.mounting import Estimate, Mounting, fit_mounting
 from pfslam.evaluation.scenes import STANDING
 from pfslam.io.headings import LEAST_SECONDS, compare_turns
 from pfslam.io.jumps import JUMPS
+from pfslam.io.selection import PART
 from pfslam.motion import dead_reckoning
 from pfslam.poses import between
 from pfslam.recording import Recording, image_pairs
@@ -97,9 +98,12 @@ def check_overlap(recording: Recording, whole: Recording) -> Finding:
 
     A recorder starts and stops its streams seconds apart. So a part is in order where the ``whole`` is, however short
     the part. Where the whole is not, because a stream broke off, a part in which all streams are there still may be.
+    A file that holds a part does not tell how long the drive was: there, a small share says nothing.
     """
     share = max(_common_share(recording), _common_share(whole))
-    return Finding("Do the streams overlap?", bool(share >= 0.9), f"{100 * share:.0f} %", "90 % or more")
+    ok = bool(share >= 0.9) or (None if PART in whole.dropped else False)
+    found = f"{100 * share:.0f} %" + (" of a part of the drive" if ok is None else "")
+    return Finding("Do the streams overlap?", ok, found, "90 % or more")
 
 
 def _common_share(recording: Recording) -> float:

@@ -14,6 +14,8 @@ from pfslam.poses import Trajectory
 from pfslam.recording import LidarScans, Recording, RgbdStream, chosen
 from pfslam.settings import changed
 
+PART = "scans before --from or after --until"
+"""Why scans were left out of a recording that is a part of a drive, in its ``dropped``; a file keeps that, too."""
 ROUND_OFF = 1e-3
 """Degrees: beams lie 0.018 apart or more, and angles in single precision are off by 1e-5."""
 
@@ -83,14 +85,12 @@ def _within(recording: Recording, start: float, until: float) -> Recording:
     begin, end = clock.t[0] + start, clock.t[0] + until
     inside = int(np.count_nonzero((clock.t >= begin) & (clock.t <= end)))
     if inside < 2 or not start < until:
-        lasts = clock.t[-1] - clock.t[0]
-        raise DataError(
-            recording.name, "--from, --until", f"{start:g} to {until:g} s", f"a span of 0 to {lasts:.3f} s"
-        )
-    left_out = {"scans before --from or after --until": len(clock.t) - inside} if "lidar" in parts else {}
+        span = f"a span of 0 to {clock.t[-1] - clock.t[0]:.3f} s"
+        raise DataError(recording.name, "--from, --until", f"{start:g} to {until:g} s", span)
+    left_out = (len(clock.t) - inside) * ("lidar" in parts)
     kept = {name: _cut(part, begin, end, around=name != "lidar") for name, part in parts.items()}
     camera = recording.camera and _images_within(recording.camera, begin, end)
-    return replace(recording, **kept, camera=camera, dropped=_with(recording.dropped, left_out))
+    return replace(recording, **kept, camera=camera, dropped=_with(recording.dropped, {PART: left_out}))
 
 
 def _cut(stream: Any, begin: float, end: float, around: bool) -> Any:
