@@ -84,8 +84,7 @@ class Steps(Sequence[RefinedStep]):
     def __init__(self, infos: Iterable[RefinedStep] = ()):
         infos = list(infos)
         self._rows = {name: _column(name, [getattr(info, name) for info in infos]) for name in COLUMNS}
-        nothing = {"deviation": np.zeros((0, 2)), "sigma": np.zeros(0), "moved": np.zeros(0)}
-        self._count, self._judged = len(infos), (nothing, [_Past(), _Past()])
+        self._count, self._judged = len(infos), (dict[str, np.ndarray](), [_Past(), _Past()])
         self.judged()
 
     @classmethod
@@ -130,11 +129,12 @@ class Steps(Sequence[RefinedStep]):
         """Return the columns, and what follows from each scan and those before it; only new scans are computed.
 
         ``deviation (K, 2)`` is that of both scores (see ``_Past.judge``), ``sigma (K,)`` the standard deviation (m)
-        of the position along its worst direction, and ``moved (K,)`` the length of the step (m, a radian as a metre).
+        of the position along its worst direction, ``moved (K,)`` the length of the step (m, a radian as a metre), and
+        ``since (K,)`` the first scan of the two seconds that end at each.
         """
         columns, (judged, pasts) = self.columns, self._judged
-        done = len(judged["sigma"])
-        if done < self._count:
+        done = len(judged["sigma"]) if judged else 0
+        if done < self._count or not judged:
             new, pasts = {name: column[done:] for name, column in columns.items()}, deepcopy(pasts)
             before = columns["estimate"][np.maximum(np.arange(done, self._count) - 1, 0)]
             found = {
@@ -143,8 +143,11 @@ class Steps(Sequence[RefinedStep]):
                 ),
                 "sigma": _sigma(new["covariance"]),
                 "moved": np.linalg.norm(between(before, new["estimate"]), axis=1),
+                "since": np.searchsorted(columns["t"], new["t"] - WITHIN),
             }
-            judged = {name: np.concatenate([judged[name], found[name]]) for name in found}
+            judged = (
+                {name: np.concatenate([judged[name], found[name]]) for name in found} if judged else found
+            )
             self._judged = judged, pasts
         return columns | judged
 
@@ -308,7 +311,7 @@ def departures(infos: Sequence[RefinedStep] | Columns) -> tuple[np.ndarray, np.n
     """
     run = _judged(infos)
     t, departure = run["t"], run["departure"].T
-    metres = np.hypot(*(_added_up(moved, t) for moved in np.where(_settling(t), 0.0, departure)))
+    metres = np.hypot(*(_added_up(moved, run) for moved in np.where(_settling(t), 0.0, departure)))
     mean = np.cumsum(np.log(metres**2 + MotionNoise.xy**2)) / np.arange(1, len(metres) + 1)
     return metres, np.exp(mean / 2)
 
@@ -326,7 +329,7 @@ def _dragged(run: Columns) -> Iterator[Distrust]:
     nothing is wrong.
     """
     t, (metres, sigma) = run["t"], departures(run)
-    unexplained = _added_up(run["unexplained"], t) / np.maximum(_added_up(run["matched"], t), 1)
+    unexplained = _added_up(run["unexplained"], run) / np.maximum(_added_up(run["matched"], run), 1)
     strange = (unexplained > UNEXPLAINED) & (run["old_walls"] < BACK_ON_WALLS)
     found = (metres > IMPROBABLE * sigma) & strange
     if found.any():
@@ -337,10 +340,10 @@ def _dragged(run: Columns) -> Iterator[Distrust]:
         yield {"from": float(t[k]), "to": None, "reason": reason}
 
 
-def _added_up(values: np.ndarray, t: np.ndarray) -> np.ndarray:
+def _added_up(values: np.ndarray, run: Columns) -> np.ndarray:
     """Add up the values ``(K,)`` of the two seconds that end at each scan."""
     sums = np.append(0.0, np.cumsum(values))
-    return sums[1:] - sums[np.searchsorted(t, t - WITHIN)]
+    return sums[1:] - sums[run["since"]]
 
 
 def farther_than_usual(poses: np.ndarray) -> np.ndarray:
@@ -367,12 +370,9 @@ def _blind(run: Columns) -> Iterator[Distrust]:
     pause = np.where(far[seen], silence, max(silence, LONGEST_PAUSE))
     for k in np.flatnonzero(until - since > np.where(blind, BLIND_SECONDS, np.append(pause, np.inf))):
         to = float(until[k]) if k < len(seen) else None
-        yield _blindness(since[k], until[k], to, why[k] if blind[k] else "was recorded")
-
-
-def _blindness(begin: float, end: float, to: float | None, missing: str) -> Distrust:
-    reason = f"no scan {missing} for {end - begin:.1f} s: odometry alone"
-    return {"from": float(begin), "to": to, "reason": reason}
+        missing = why[k] if blind[k] else "was recorded"
+        reason = f"no scan {missing} for {until[k] - since[k]:.1f} s: odometry alone"
+        yield {"from": float(since[k]), "to": to, "reason": reason}
 
 
 def _along(run: Columns) -> Iterator[Distrust]:
@@ -385,8 +385,7 @@ def _along(run: Columns) -> Iterator[Distrust]:
     since = np.searchsorted(driven, driven - ALONG_WITHIN)
     found = along - along[since] > ALONG_METRES
     if found.any():
-        driven_so = f"{ALONG_METRES:.0f} m driven where no wall shows the way along"
-        reason = f"{driven_so}: scans do not tell how far"
+        reason = f"{ALONG_METRES:.0f} m driven where no wall shows the way along: scans do not tell how far"
         yield {"from": float(run["t"][int(np.argmax(found))]), "to": None, "reason": reason}
 
 

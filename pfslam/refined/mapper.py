@@ -138,7 +138,7 @@ class Mapper:
     def doubt(self) -> str | None:
         """Why the pose is not to be trusted now, as ``RefinedResult.distrust`` says it; None while it is.
 
-        All scans so far are asked, some thirty milliseconds after four hours, so a node asks once a second.
+        All scans so far are asked, some twelve milliseconds after four hours, so a node asks once a second.
         """
         reasons = [stretch["reason"] for stretch in distrust(self._steps) if stretch["to"] is None]
         return reasons[0] if reasons else None
@@ -184,9 +184,8 @@ class Mapper:
         mapper.rng.bit_generator.state = told["rng"]
         vars(mapper.odometer).update(told["odometer"])
         particles = Particles(**told["particles"])
-        vars(particles).update(
-            told["particles"]
-        )  # normalised a second time, weights may differ in the last bit
+        # Normalised a second time, weights may differ in the last bit.
+        vars(particles).update(told["particles"])
         map = _map_of(data, config, *told["map"])
         estimate, variance, covariance, corrected = told["belief"]
         mapper.belief = RefinedBelief(particles, estimate, map, variance, covariance, corrected)
