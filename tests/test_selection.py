@@ -1,6 +1,7 @@
 """A part of a drive: a span of time, limits of the ranges, beams that are left out."""
 
 import dataclasses
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -40,6 +41,17 @@ def test_a_span_keeps_its_scans_and_images_and_the_motion_around_them():
     np.testing.assert_array_equal(camera.rgb_t[camera.rgb_index], stored[(stored >= begin) & (stored <= end)])
     first = np.flatnonzero(whole.rgb_t == camera.rgb_t[camera.rgb_index[0]])[0]
     np.testing.assert_array_equal(camera.read_rgb(camera.rgb_index[0]), whole.read_rgb(first))
+
+
+def test_what_a_part_of_a_part_leaves_out_adds_up(tmp_path):
+    """A file keeps the count of its part; a part of that has left out both."""
+    names = [str(tmp_path / f"{name}.npz") for name in ("whole", "part", "part of it")]
+    pfslam.save(BOX, names[0])
+    for (given, made), until in zip(pairwise(names), ("4", "2"), strict=True):
+        assert main(["convert", given, made, "--until", until]) == 0
+    found = pfslam.load(names[-1])
+    assert len(found.lidar.t) + sum(found.dropped.values()) == len(BOX.lidar.t)
+    assert select(found, start=0.0).dropped == found.dropped
 
 
 def test_limits_are_the_lidars():

@@ -87,7 +87,7 @@ def _within(recording: Recording, start: float, until: float) -> Recording:
     if inside < 2 or not start < until:
         span = f"a span of 0 to {clock.t[-1] - clock.t[0]:.3f} s"
         raise DataError(recording.name, "--from, --until", f"{start:g} to {until:g} s", span)
-    left_out = (len(clock.t) - inside) * ("lidar" in parts)
+    left_out = recording.dropped.get(PART, 0) + (len(clock.t) - inside) * ("lidar" in parts)
     kept = {name: _cut(part, begin, end, around=name != "lidar") for name, part in parts.items()}
     camera = recording.camera and _images_within(recording.camera, begin, end)
     return replace(recording, **kept, camera=camera, dropped=_with(recording.dropped, {PART: left_out}))
