@@ -86,6 +86,16 @@ class Messages:
         ]
         return self.make("sensor_msgs/msg/PointCloud2", header=self.header(t, frame), **about)
 
+    def timed_cloud(self, t, points, field, kind, times):
+        """``points`` (N, 3) with a ``field`` of that ``kind`` of number: what a driver says of their ``times`` (N,)."""
+        tail = np.dtype(kind).itemsize
+        message = self.cloud(t, points, tail=tail)
+        records = message.data.reshape(-1, 12 + tail)
+        records[:, 12:] = np.asarray(times, kind)[:, None].view(np.uint8)
+        of = {"datatype": {"<i4": 5, "<u4": 6, "<f4": 7, "<f8": 8}[kind], "count": 1, "offset": 12}
+        message.fields.append(self.make("sensor_msgs/msg/PointField", name=field, **of))
+        return message
+
     def odometry(self, t, pose, child="base_link"):
         x, y, theta = pose
         turn = self.turn((0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2)))

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 from bag_files import LATER, LEVEL, UPSIDE_DOWN, Messages, nanoseconds, rows_of, write_bag
-from box_recording import ROOM, START, box_recording
-from rooms import box, distance_to_walls
+from box_recording import ROOM, START, box_recording, true_pose
+from rooms import box, distance_to_walls, sensor_position
 
 import pfslam
 from pfslam.__main__ import main
@@ -109,6 +109,111 @@ def test_a_cloud_from_ahead_has_beams_ahead_only(tmp_path):
     lidar = loaded(tmp_path, rows).robot.lidar
     assert np.degrees([lidar.angle_min, lidar.angle_max]) == pytest.approx([-30.25, 30.25], abs=0.01)
     assert lidar.beams == 122
+
+
+# ---- clouds that take a time -------------------------------------------------------------------
+
+SWEEP = 0.1
+DRIVERS = {
+    "time since a stamp that is the last point's": ("time", "<f4", 0.5, lambda t, stamp: t - stamp),
+    "nanoseconds since the first point's": ("t", "<u4", -0.5, lambda t, stamp: (t - stamp) * 1e9),
+    "the time itself": ("timestamp", "<f8", -0.5, lambda t, stamp: t),
+    "the time itself in nanoseconds": ("timestamp", "<f8", -0.5, lambda t, stamp: t * 1e9),
+    "signed nanoseconds": ("offset_time", "<i4", 0.0, lambda t, stamp: (t - stamp) * 1e9),
+}
+"""As drivers do: the field of a point's time, its kind, the share of a sweep at which the stamp is, what it says."""
+OTHER_CLOCK = ("timestamp", "<f8", -0.5, lambda t, stamp: t - START + 100.0)
+
+
+def swept(field, kind, share, says, order=slice(None), count=None):
+    """The drive in the box with clouds that take ``SWEEP`` seconds each, their beams measured in some ``order``."""
+    rows = rows_of(BOX, mount=[("base_link", "laser", LIDAR.position_b, LEVEL)])
+    rows = [row for row in rows if row[0] != "/scan"]
+    looks = np.column_stack([np.cos(LIDAR.angles), np.sin(LIDAR.angles), np.zeros(LIDAR.beams)])
+    for middle in BOX.lidar.t[:count]:
+        t = middle + SWEEP * np.linspace(-0.5, 0.5, LIDAR.beams)[order]
+        stamp = middle + share * SWEEP
+        ranges = room_ranges_from(true_pose(t - BOX.imu.t[0]))
+        cloud = Messages().timed_cloud(stamp, ranges[:, None] * looks, field, kind, says(t, stamp))
+        rows.append(("/points", nanoseconds(stamp) + LATER, cloud))
+    return rows
+
+
+def room_ranges_from(poses):
+    """What each beam (N,) sees that is measured from a pose of its own, (N, 3)."""
+    angles, origin = poses[:, 2] + LIDAR.angles, np.array([sensor_position(pose, LIDAR) for pose in poses])
+    to_walls = np.reshape(ROOM, (2, 2)) - origin[..., None]
+    looks = np.column_stack([np.cos(angles), np.sin(angles)])
+    return (to_walls / looks[..., None]).max(axis=2).min(axis=1)
+
+
+def off_the_walls(found):
+    """How far the farthest end of all scans is from the walls (m), seen from where the robot was at their stamps."""
+    ends = [
+        transform_points(true_pose(t - BOX.imu.t[0]), scan_points(ranges, found.robot.lidar))
+        for t, ranges in zip(found.lidar.t, found.lidar.ranges, strict=True)
+    ]
+    return distance_to_walls(np.vstack(ends), box(ROOM[0], ROOM[2], ROOM[1], ROOM[3])).max()
+
+
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_points_are_moved_to_where_they_are_at_the_stamp(tmp_path, driver):
+    """In a tenth of a second the robot turns by two degrees: a wall 4 m away is off by 0.16 m."""
+    found = loaded(tmp_path, swept(*DRIVERS[driver], count=4))
+    assert off_the_walls(found) < 0.03
+    field, _, share, _ = DRIVERS[driver]
+    first, last = SWEEP * (-0.5 - share), SWEEP * (0.5 - share)
+    assert (
+        f"by the field {field} of 4 clouds: measured {first:.3f} to {last:.3f} s after it" in found.notes[0]
+    )
+
+
+def test_beams_may_be_measured_in_any_order(tmp_path):
+    """A scanner that draws rosettes has no first bearing, and one that turns begins its cloud at any of them."""
+    for name, order in (
+        ("rosette", np.random.default_rng(0).permutation(LIDAR.beams)),
+        ("turn", np.roll(np.arange(LIDAR.beams)[::-1], 300)),
+    ):
+        found = loaded(tmp_path / name, swept(*DRIVERS["signed nanoseconds"], order=order, count=4))
+        assert off_the_walls(found) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("way", "options", "words"),
+    [
+        (("ring", *DRIVERS["the time itself"][1:]), {}, "as old as its stamp"),
+        (OTHER_CLOCK, {}, "as old as its stamp: they have a field timestamp, but it is of another clock"),
+        (
+            DRIVERS["the time itself"],
+            {"odometry": False},
+            "as old as its stamp: they have a field timestamp, but there is no odometry",
+        ),
+    ],
+    ids=["no field", "another clock", "no odometry"],
+)
+def test_where_nothing_tells_the_motion_all_points_are_as_old_as_the_stamp(tmp_path, way, options, words):
+    found = loaded(tmp_path, swept(*way, count=4), **options)
+    assert off_the_walls(found) > 0.06
+    assert any(note.endswith(words) for note in found.notes)
+
+
+def test_a_cloud_whose_times_are_damaged_is_as_old_as_its_stamp(tmp_path):
+    rows = swept(*DRIVERS["the time itself"], count=4)
+    clouds = [message for name, _, message in rows if name == "/points"]
+    for value, message in zip((np.nan, np.inf, 1.7e308), clouds[1:], strict=True):
+        message.data.reshape(-1, 20)[500, 12:] = np.array([value]).view(np.uint8)
+    found = loaded(tmp_path, rows)
+    assert "of 1 clouds" in found.notes[0]
+    assert len(found.lidar.t) == 4
+
+
+def test_a_run_over_clouds_that_take_a_time_is_as_good(tmp_path):
+    write_bag(tmp_path / "drive", "mcap", swept(*DRIVERS["nanoseconds since the first point's"]))
+    line = ["run", str(tmp_path / "drive"), "--particles", "20", "--quiet", "--out", str(tmp_path / "out")]
+    assert main(line) == 0
+    path = pfslam.read_tum(tmp_path / "out" / "trajectory.tum")
+    truth = true_pose(path.t - BOX.imu.t[0])
+    assert np.abs(between(between(truth[0], truth), path.poses)).max() < 0.015
 
 
 # ---- which topic, which heights ----------------------------------------------------------------

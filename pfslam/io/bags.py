@@ -20,6 +20,7 @@ import numpy as np
 from pfslam.errors import DataError, naming_source
 from pfslam.io.clouds import Slicer, without_blind_ends
 from pfslam.io.headings import with_better_headings
+from pfslam.io.jumps import joined
 from pfslam.io.loading import GRAVITY_LIMIT, LONGEST_SWEEP, POSE_LIMIT, Log
 from pfslam.io.topics import (
     CLOUD,
@@ -118,7 +119,8 @@ def load_bag(
     scans = cloud or chosen.get("scan", "")
     place = partial(_place_of_lidar, log, scans, frames, base, options, odometry is not None)
     if cloud:
-        model, lidar = _slices(log, cloud, place, options.slice, listed[cloud][1], progress)
+        slicer = Slicer(log, cloud, place, options.slice, odometry and joined(odometry))
+        model, lidar = _slices(log, slicer, listed[cloud][1], progress)
     if "scan" in read:
         model, lidar = read_scans(log, read["scan"], place)
     if "info" in chosen:
@@ -347,17 +349,12 @@ def read_scans(log: Log, topic: Topic, place: Callable[[str], np.ndarray]) -> tu
 
 
 def _slices(
-    log: Log,
-    name: str,
-    place: Callable[[str], np.ndarray],
-    heights: tuple[float, float] | None,
-    expected: int,
-    progress: Callable | None,
+    log: Log, slicer: Slicer, expected: int, progress: Callable | None
 ) -> tuple[LidarModel, LidarScans]:
     """Read the ``expected`` clouds of a topic as scans, and describe the level scanner that would have made them."""
-    slicer = Slicer(log, name, place, heights)
-    topic = read_topics(log.path, [name], progress=progress, slicer=slicer)[name]
+    topic = read_topics(log.path, [slicer.name], progress=progress, slicer=slicer)[slicer.name]
     _check_number(log, topic, expected)
+    log.notes.append(slicer.said())
     return read_scans(log, without_blind_ends(log, _ordered(log, topic)), slicer.level)
 
 
