@@ -8,10 +8,11 @@ from rooms import ENCODER_STEP, LIDAR, ROOM, SQUARE, arcs, distance_to_walls, dr
 
 from pfslam.errors import DataError
 from pfslam.motion import dead_reckoning
-from pfslam.poses import compose, rotation_matrix, transform_points
+from pfslam.poses import between, compose, rotation_matrix, transform_points
 from pfslam.recording import LidarScans
 from pfslam.refined.events import deskewed, level_scan
 from pfslam.refined.odometer import Odometer
+from pfslam.run import run_slam
 from pfslam.sensors import RobotModel
 from pfslam.slam import SlamConfig
 
@@ -61,6 +62,19 @@ def test_a_sweep_that_is_told_is_undone():
     assert np.percentile(mended, 95) < 0.002
     assert np.median(mended) < 1e-4
     assert mended.mean() < 0.1 * smeared.mean()
+
+
+def test_a_run_takes_account_of_a_sweep_that_is_told():
+    """A scan takes a tenth of a second, and the robot turns by seven degrees meanwhile."""
+    recording, config = swept(0.1), replace(CONFIG, particles=20, every=1)
+    worst = {}
+    for sweep in (0.0, 0.1):
+        path = run_slam(told(recording, sweep), config, second_look=False).trajectory
+        truth = recording.truth.at(path.t)
+        off = between(between(truth[0], truth), between(path.poses[0], path.poses))
+        worst[sweep] = np.abs(off[:, :2]).max()
+    assert worst[0.1] < 0.002
+    assert worst[0.0] > 0.015
 
 
 @pytest.mark.parametrize("beam", [0, 180, 360])

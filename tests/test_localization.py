@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from drives import simulated
-from rooms import ROOM, box, distance_to_walls, scan
+from rooms import ROOM, SQUARE, box, distance_to_walls, drive, scan
 from scipy.stats import chi2
 
 import pfslam
@@ -350,6 +350,20 @@ def test_locate_writes_trajectory_summary_and_picture(files, capsys):
     path, truth = read_tum(files / "a/trajectory.tum"), pfslam.load(str(files / "drive.npz")).truth
     assert np.hypot(*(path.poses[-1] - truth.at(path.t[-1]))[:2]) < 0.1
     assert cv2.imread(str(files / "a/located.png")).shape[:2] == known_map(ROOM).spec.shape
+
+
+@pytest.mark.slow
+def test_a_robot_is_found_without_odometry(files):
+    """Scans alone tell how it moves, and where it is. Its summary repeats that."""
+    recording = drive(SQUARE)
+    pfslam.save(recording, files / "drive.npz")
+    summary = located(files, "a", "--no-odometry", "--seed", "3", "--particles", "3000")
+    assert (summary["found"], summary["located_at_end"]) == (True, True)
+    path = read_tum(files / "a/trajectory.tum")
+    assert np.hypot(*(path.poses[-1] - recording.truth.at(path.t[-1]))[:2]) < 0.1
+    again = located(files, "b", "--config", str(files / "a" / "summary.json"))
+    assert "--no-odometry" in again["selection"]
+    assert (files / "a/trajectory.tum").read_bytes() == (files / "b/trajectory.tum").read_bytes()
 
 
 @pytest.mark.slow

@@ -254,12 +254,13 @@ def test_a_clock_that_is_set_back_is_gone_on_from():
     assert core.stamp(steps[-1].t) == pytest.approx(whole[-1].t + 7200 - back, abs=1e-3)
 
 
-def test_a_node_that_is_stopped_goes_on_from_its_file(tmp_path):
+@pytest.mark.parametrize("mask", [(), (80.0, 100.0)], ids=["all beams", "some masked"])
+def test_a_node_that_is_stopped_goes_on_from_its_file(tmp_path, mask):
     """Ten scans are waited for again, and then they are taken."""
     rows, file = bag_of("with a sweep")[1], tmp_path / "map.npz"
-    one = Core(Parameters(odom_topic="odom"))
+    one = Core(Parameters(odom_topic="odom", mask=mask))
     whole = played(one, rows)
-    settings = Parameters(odom_topic="odom", map_file_name=str(file))
+    settings = Parameters(odom_topic="odom", mask=mask, map_file_name=str(file))
     half = Core(settings)
     assert half.save() is None
     before, rest = played(half, rows[:300]), [*half.waiting]
@@ -269,6 +270,7 @@ def test_a_node_that_is_stopped_goes_on_from_its_file(tmp_path):
     after = played(again, [rows[0], *(("/scan", message) for message in rest), *rows[300:]])
     np.testing.assert_array_equal([s.estimate for s in before + after], [s.estimate for s in whole])
     np.testing.assert_array_equal(again.filter.grid.log_odds, one.filter.grid.log_odds)
+    assert again.scanner.masked.any() == bool(mask)
 
 
 def test_a_saved_map_of_another_lidar_is_refused_and_left_alone(tmp_path):
