@@ -182,7 +182,11 @@ def test_beams_may_be_measured_in_any_order(tmp_path):
     ("way", "options", "words"),
     [
         (("ring", *DRIVERS["the time itself"][1:]), {}, "as old as its stamp"),
-        (OTHER_CLOCK, {}, "as old as its stamp: they have a field timestamp, but it is of another clock"),
+        (
+            OTHER_CLOCK,
+            {},
+            "as old as its stamp: they have a field timestamp, but it does not fit their stamps",
+        ),
         (
             DRIVERS["the time itself"],
             {"odometry": False},
@@ -195,6 +199,16 @@ def test_where_nothing_tells_the_motion_all_points_are_as_old_as_the_stamp(tmp_p
     found = loaded(tmp_path, swept(*way, count=4), **options)
     assert off_the_walls(found) > 0.06
     assert any(note.endswith(words) for note in found.notes)
+
+
+def test_times_since_a_stamp_that_is_none_are_not_used(tmp_path):
+    """The bag's own time is used then, which is that of no point."""
+    rows = swept(*DRIVERS["signed nanoseconds"], count=4)
+    for message in (message for name, _, message in rows if name == "/points"):
+        message.header.stamp.sec = message.header.stamp.nanosec = 0
+    found = loaded(tmp_path, rows)
+    assert found.notes[0].endswith("they have a field offset_time, but it does not fit their stamps")
+    np.testing.assert_allclose(found.lidar.t, BOX.lidar.t[:4] + 1e-9 * LATER, atol=1e-6)
 
 
 def test_a_cloud_whose_times_are_damaged_is_as_old_as_its_stamp(tmp_path):

@@ -97,14 +97,14 @@ class Slicer:
 
         That may be a time, or the time since the stamp: it is what is nearer to the stamp. Some drivers write
         nanoseconds as floating point numbers; in seconds, these are farther apart than a cloud is long. If the points
-        are not within ``ONE_CLOCK`` of the stamp, all are taken to be as old as that.
+        are not within ``ONE_CLOCK`` of the stamp, or it is 0, which is no stamp, all are taken to be as old as that.
         """
         since = told.astype(float)
         with np.errstate(over="ignore", invalid="ignore"):
             is_in_seconds = since.max(initial=-np.inf) - since.min(initial=np.inf) <= ONE_CLOCK
         since *= 1.0 if told.dtype.kind == "f" and is_in_seconds else 1e-9
         since = min(since, since - stamp, key=lambda seconds: np.abs(seconds).max(initial=0.0))
-        if len(since) and np.abs(since).max() <= ONE_CLOCK:
+        if stamp and len(since) and np.abs(since).max() <= ONE_CLOCK:
             self.spans.append((since.min(), since.max()))
             return since
         self.spans.append((np.nan, np.nan))
@@ -128,7 +128,7 @@ class Slicer:
             said += f"; points are moved to where they are at the stamp of their cloud, by the field {self.clock} of "
             return f"{said}{len(spans)} clouds: measured {first:.3f} to {last:.3f} s after it, as a rule"
         said += "; all points of a cloud are taken to be as old as its stamp"
-        why = "it is of another clock" if self.odometry else "there is no odometry"
+        why = "it does not fit their stamps" if self.odometry else "there is no odometry"
         return said + (f": they have a field {self.clock}, but {why}" if self.clock else "")
 
     def points(self, message: Any) -> tuple[np.ndarray, np.ndarray]:
