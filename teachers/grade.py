@@ -17,6 +17,7 @@ import tempfile
 import time
 from contextlib import suppress
 from multiprocessing.connection import wait
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -30,36 +31,51 @@ from grading.copies_of import Copy, chapter_of, find  # noqa: E402
 from grading.judge import CRASHED, RIGHT, UNREADABLE, Chapter, Grade  # noqa: E402
 from grading.pages import write  # noqa: E402
 
+STOPS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+"""What ends the grading as Ctrl-C does: a `kill`, and a terminal that is closed."""
+
 
 def grade_all(copies: list[Copy], chapter: Chapter, cage: Cage, scratch: Path, workers: int) -> None:
     """Grade the copies of a chapter, each by a judge of its own, so many at the same time."""
     context = multiprocessing.get_context("fork")  # the book is loaded once, and every judge has it
     most = sum(task.seconds for task in chapter.tasks) * 1.5 + 60.0
     waiting, running = list(copies), {}
-    while waiting or running:
-        while waiting and len(running) < workers:
-            copy = waiting.pop(0)
-            place = Path(tempfile.mkdtemp(dir=scratch))
-            place.chmod(0o711)
-            judge = context.Process(target=judged, args=(copy, chapter, cage, place))
-            judge.start()
-            running[judge.sentinel] = judge, copy, place, time.monotonic() + most
-        wait(list(running), timeout=1.0)
-        for sentinel, (judge, copy, place, end) in list(running.items()):
-            if judge.is_alive() and time.monotonic() < end:
-                continue
-            if judge.is_alive():
-                judge.kill()
-                with suppress(OSError, ValueError):  # it cannot end its copy itself any more
-                    os.killpg(int((place / "leader").read_text()), signal.SIGKILL)
-            judge.join()
-            copy.grades = result(place, chapter)
-            print(f"{copy.student}: {copy.points} of {len(chapter.tasks)}", flush=True)
-            del running[sentinel]
+    try:
+        while waiting or running:
+            while waiting and len(running) < workers:
+                copy = waiting.pop(0)
+                place = Path(tempfile.mkdtemp(dir=scratch))
+                place.chmod(0o711)
+                judge = context.Process(target=judged, args=(copy, chapter, cage, place), daemon=True)
+                judge.start()
+                running[judge.sentinel] = judge, copy, place, time.monotonic() + most
+            wait(list(running), timeout=1.0)
+            for sentinel, (judge, copy, place, end) in list(running.items()):
+                if judge.is_alive() and time.monotonic() < end:
+                    continue
+                stop(judge, place)
+                copy.grades = result(place, chapter)
+                print(f"{copy.student}: {copy.points} of {len(chapter.tasks)}", flush=True)
+                del running[sentinel]
+    finally:  # also if the grading is stopped
+        for judge, _, place, _ in running.values():
+            stop(judge, place)
+
+
+def stop(judge: BaseProcess, place: Path) -> None:
+    """End a judge that has not ended yet, and the copy that it cannot end itself any more."""
+    if judge.is_alive():
+        judge.kill()
+        with suppress(OSError, ValueError):
+            os.killpg(int((place / "leader").read_text()), signal.SIGKILL)
+    judge.join()
 
 
 def judged(copy: Copy, chapter: Chapter, cage: Cage, place: Path) -> None:
     """What the judge of one copy does, in a process of its own: the grades go into a file."""
+    for number in STOPS:
+        signal.signal(number, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the grading, which ends its judges
     os.chdir(place)
     grades = chapter.judge(copy.cells, cage, place)
     (place / "grades.json").write_text(json.dumps([vars(grade) for grade in grades]), encoding="utf-8")
@@ -107,4 +123,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
+    for number in STOPS:
+        signal.signal(number, lambda number, frame: sys.exit(128 + number))  # so that everything is put away
     sys.exit(main())

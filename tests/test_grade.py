@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import re
+import signal
 import socket
 import subprocess
 import sys
@@ -321,6 +322,34 @@ def test_who_kills_the_grading_ends_the_copies(tmp_path):
     while alive() and time.monotonic() < deadline:
         time.sleep(0.1)
     assert alive() == 0
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_a_grading_that_is_stopped_ends_its_judges_and_leaves_nothing(tmp_path, name):
+    """With a copy in an endless loop, to which the judge would listen for 20 s more."""
+    handed_in, scratch = tmp_path / "handed_in", tmp_path / "scratch"
+    for folder in (handed_in, scratch):
+        folder.mkdir(mode=0o755)
+    scratch.chmod(0o711)
+    text = notebook(right_answers() | {"1": FIRST.format(before=BEFORE["endless loop"][0])})
+    (handed_in / "Ada.ipynb").write_text(text, encoding="utf-8")
+    words = [sys.executable, str(ROOT / "teachers" / "grade.py"), str(handed_in), str(tmp_path / "out")]
+    grading = subprocess.Popen(words, env=os.environ | {"TMPDIR": str(scratch)}, start_new_session=True)
+
+    def alive():
+        with suppress(ProcessLookupError):
+            os.killpg(grading.pid, 0)
+            return True
+        return False
+
+    deadline = time.monotonic() + 120.0
+    while not list(scratch.glob("pfslam-grade-*/tmp*/leader")) and time.monotonic() < deadline:
+        time.sleep(0.1)  # until the copy of a student runs; the printed solutions have run before
+    grading.send_signal(getattr(signal, name))
+    assert grading.wait(10.0) != 0
+    assert not alive()  # neither the grading nor a judge
+    assert list(scratch.iterdir()) == []
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.nightly

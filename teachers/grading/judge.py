@@ -77,8 +77,10 @@ class Chapter:
         grades = []
         for task in self.tasks:
             begin, desk = time.monotonic(), Desk(cage, scratch)
-            grades.append(self._judge(task, self.solved(), desk))
-            desk.end()
+            try:
+                grades.append(self._judge(task, self.solved(), desk))
+            finally:
+                desk.end()
             task.seconds = FIRST_SECONDS + TIMES * (time.monotonic() - begin)
         return grades
 
