@@ -181,6 +181,7 @@ def after_resampling(s):
         ({"parts": lambda s: {"update_log_odds": lambda log_odds, *scan: log_odds}}, "Draw"),
         ({"settings": lambda s, w: {"free": 0.0}}, "Draw"),
         ({"settings": lambda s, w: {"lidar_xy": (0.0, 0.0)}}, "Draw"),
+        ({"settings": lambda s, w: {"resolution": 0.05}}, "Draw"),
         (
             {"parts": lambda s: {"update_log_odds": lambda m, *scan: B["update_log_odds"](0 * m, *scan)}},
             "Draw",
@@ -225,6 +226,13 @@ def test_a_loop_that_loses_the_robot_hears_by_how_much_and_what_is_different():
     assert len(off) == 2
     assert min(off) > 1.0  # it stays where it began, and the robot drives some metres
     assert "**Predict**" in verdict.message
+
+
+def test_a_loop_with_a_size_of_cells_of_its_own_is_told_of_the_setting():
+    """The drives of the check have cells of another size than the chapter."""
+    verdict = check_filter(spoiled(settings=lambda s, w: {"resolution": 0.05}), my_filter("none"))
+    assert verdict.verdict == "wrong"
+    assert "in cells of s.resolution" in verdict.message
 
 
 def test_a_scan_that_leaves_the_map_is_not_drawn_on_its_far_side():

@@ -94,8 +94,9 @@ STEPS: tuple[tuple[str, Callable, list[dict], dict], ...] = (
      "s.resample_below times their number, and only then.", resampled, [{"below": 0.2}, {"below": 0.99}], {}),
     ("**Estimate**: there, it is the weighted mean of the cloud, after the scan has weighed it and before resampling.",
      output(3), [{"sharpness": 9.0, "resample_below": below} for below in (0.0, 1.0)], {"atol": 5e-4}),
-    ("**Draw**: there, the beams of the estimate change the old map. They begin at the LiDAR (s.lidar_xy), and clear "
-     "the cells on their way.", output(2), [{"hit": 1.3, "free": 0.4}, {"hit": 0.9, "free": 0.2}], {"cells": 100}),
+    ("**Draw**: there, the beams of the estimate change the old map, in cells of s.resolution. They begin at the LiDAR "
+     "(s.lidar_xy), and clear the cells on their way.", output(2),
+     [{"hit": 1.3, "free": 0.4}, {"hit": 0.9, "free": 0.2, "resolution": 0.08}], {"cells": 100}),
     ("**Draw**: there, the loop stops when a scan leaves the map. Yours puts what lies left of the map on its right "
      "side, because NumPy takes column -3 for the third from the end.", on_the_far_side,
      [{"origin": (-1.0, -6.0)}], {}),
@@ -105,8 +106,7 @@ STEPS: tuple[tuple[str, Callable, list[dict], dict], ...] = (
 
 def alike(found: np.ndarray, expected: np.ndarray, rtol=0.0, atol=1e-6, cells=0) -> bool:
     """Whether two answers agree; of a map, so many ``cells`` may differ."""
-    off = ~np.isclose(found, expected, rtol=rtol, atol=1e-3 if cells else atol)
-    return bool(np.count_nonzero(off) <= cells)
+    return bool(np.sum(~np.isclose(found, expected, rtol=rtol, atol=1e-3 if cells else atol)) <= cells)
 
 
 def differences(theirs: Callable) -> list[str]:
@@ -145,14 +145,20 @@ def buildings() -> dict[str, Recording]:
     return {"hall": load("hall"), "another building": simulate("hall", seed=1).recording}
 
 
-def scores(theirs: Callable, f: Filter, seeds=(0, 1, 2)) -> dict[str, float]:
-    """The worst error (m, RMS) of a filter over so many seeds, on the first 40 s of each drive."""
+def scores(theirs: Callable, f: Filter) -> dict[str, float]:
+    """The worst error (m, RMS) of a filter over three seeds, on the first 40 s of each drive.
+
+    With every fourth beam and cells of 10 cm the same loops pass as with all beams and 5 cm, in half the time.
+    """
+    coarse = {"resolution": 0.1, "shape": (600, 600)}
+
+    def loop(f, s, poses, weights, log_odds, points_b, *rest):
+        return theirs(f, s, poses, weights, log_odds, points_b[::4], *rest)
 
     def off(recording: Recording, seed: int) -> float:
-        return error(drive(theirs, f, recording, 40, seconds=40.0, seed=seed), recording).ate_rmse_m
+        return error(drive(loop, f, recording, 40, seconds=40.0, seed=seed, **coarse), recording).ate_rmse_m
 
-    drives = buildings().items()
-    return {name: float(np.max([off(recording, seed) for seed in seeds])) for name, recording in drives}
+    return {name: float(np.max([off(r, seed) for seed in range(3)])) for name, r in buildings().items()}
 
 
 def is_whole(answer) -> bool:
@@ -167,21 +173,20 @@ def check_filter(theirs: Callable, f: Filter) -> Check:
     if is_unanswered(answer):
         return unanswered()
     for name, check in PARTS.items():
-        part = getattr(f, name)  # the book's own are right
-        if part is not BOOK[name] and not (verdict := check(part)):
+        # the book's own are right
+        if (part := getattr(f, name)) is not BOOK[name] and not (verdict := check(part)):
             words = verdict.message.removeprefix("Not yet. ")
             return hint(f"The part `{name}` of chapter {CHAPTERS[name]} is wrong. {words}")
     if isinstance(answer, Check):
         return answer
     if not is_whole(answer):
         return hint("Return four things: poses, weights, log_odds and the estimate, in this order.")
-    found = attempt(scores, theirs, f)
+    found, other = attempt(scores, theirs, f), " ".join(differences(theirs))
+    other = f" It seems to differ from the printed loop. {other}" if other else ""
     if isinstance(found, Check):
-        return found
+        return replace(found, message=found.message + other)
     score = " and ".join(f"{off:.2f} m in {name}" for name, off in found.items())
     score += " (RMS over 40 s, the worst of three seeds)."
-    other = " ".join(differences(theirs))
-    other = f" It seems to differ from the printed loop. {other}" if other else ""
     if all(off <= GOOD for off in found.values()):
         return passed(f"Your own filter follows the robot: {score}{other}")
     return hint(f"Your filter loses the robot: {score} One that works stays below {GOOD:.2f} m.{other}")
