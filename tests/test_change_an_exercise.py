@@ -100,6 +100,29 @@ def test_copies_have_the_new_text_and_only_those_for_teachers_the_solution(chang
         assert [exercises(copy, tag)["1"] for tag in (EXERCISE, CHECK)]
 
 
+def test_checks_with_tests_of_their_own_are_found_as_the_page_says():
+    """The name of a check is spelt here in two parts, so that this file does not count."""
+    command, flag, name, _ = printed("grep")
+    assert (command, flag) == ("grep", "-l")
+
+    def files(name: str) -> list[str]:
+        tests = (ROOT / "tests").glob("*.py")
+        return sorted(path.name for path in tests if name in path.read_text(encoding="utf-8"))
+
+    assert files(name) == []
+    assert [f"tests/{file}" for file in files("check_" + "predict")] == ["tests/test_teaching_ch03.py"]
+    assert "names `tests/test_teaching_ch03.py`" in PAGE
+
+
+def test_the_exercise_within_a_check_has_the_name_that_the_page_says():
+    from pfslam_book.exercises import ch03
+    from pfslam_book.show.exercise import Exercise
+
+    (inner,) = re.findall(r'`-k "(\w+) or 03-2"`', PAGE)
+    assert isinstance(getattr(ch03, inner), Exercise)
+    assert f"verdict = {inner}(" in (ROOT / "book/pfslam_book/exercises/ch03.py").read_text(encoding="utf-8")
+
+
 def test_one_command_makes_copies_solutions_and_wheel():
     """The target that the page names waits for that which writes both kinds of copies."""
     rules = dict(
