@@ -369,6 +369,14 @@ FIRST = """def cell_of(points, origin, resolution):
 BEFORE = {
     "endless loop": ("while True: pass", judge.SLOW),
     "exit": ("sys.exit()", judge.CRASHED),
+    "interrupt": ("raise KeyboardInterrupt", judge.CRASHED),
+    "closed pipes": ("os.closerange(0, 256)", judge.CRASHED),
+    "equal to everything": ("return type('E', (), {'__eq__': lambda *a: True})()", judge.WRONG),
+    "unprintable error": ("raise type('E', (Exception,), {'__str__': lambda e: 1 / 0})", judge.CRASHED),
+    "thread": (
+        "import threading, time; threading.Thread(target=time.sleep, args=[600]).start()",
+        judge.RIGHT,
+    ),
     "dead kernel": ("os._exit(3)", judge.CRASHED),
     "segmentation fault": ("import ctypes; ctypes.string_at(0)", judge.CRASHED),
     "fork bomb": ("while True: os.fork()", judge.CRASHED),
