@@ -7,6 +7,7 @@ BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 LOCKED := $(VENV)/.locked
 STAMP := $(VENV)/.installed
 GRADER := $(VENV)/nbgrader
+LITE := $(VENV)/lite
 LOWEST := $(VENV)-lowest
 SITE := _build/html
 NOTEBOOKS := $(sort $(wildcard notebooks/*.ipynb))
@@ -21,7 +22,7 @@ USUAL := not nightly and not browser and not lab
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test quick nightly lint types unit notebooks check-book check-lab lab bench studies
-.PHONY: notebook-outputs strip copies student solutions exam grade wheel release smoke unlocked lowest lock clean
+.PHONY: notebook-outputs strip copies student solutions exam grade wheel lite release smoke unlocked lowest lock clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' Makefile
@@ -41,13 +42,26 @@ $(STAMP): $(LOCKED) pyproject.toml book/_tools/jupyterlab_overrides.json
 	@"$(BIN)/python" -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch "$(STAMP)"
 
-# nbgrader would show its menus to every student in JupyterLab, so it lives in an environment of its own on top of this one.
+# nbgrader would show its menus to every student in JupyterLab, so it lives in an environment of its own on top of this
+# one. So does JupyterLite, which only `make lite` needs.
+define ON_TOP
+@"$(BIN)/python" -m venv --clear "$(1)"
+@"$(1)/$(notdir $(BIN))/python" -m pip install -qq --disable-pip-version-check --no-deps --require-hashes -r $(filter %.lock,$^)
+@"$(BIN)/python" -c 'import site; print("import site; site.addsitedir(" + repr(site.getsitepackages()[-1]) + ")")' \
+  > "$$("$(1)/$(notdir $(BIN))/python" -c 'import site; print(site.getsitepackages()[-1])')/book.pth"
+endef
+
 $(GRADER): $(STAMP) tests/nbgrader.lock
-	@"$(BIN)/python" -m venv --clear "$(GRADER)"
-	@"$(GRADER)/$(notdir $(BIN))/python" -m pip install -qq --disable-pip-version-check --no-deps --require-hashes -r tests/nbgrader.lock
-	@"$(BIN)/python" -c 'import site; print("import site; site.addsitedir(" + repr(site.getsitepackages()[-1]) + ")")' \
-	  > "$$("$(GRADER)/$(notdir $(BIN))/python" -c 'import site; print(site.getsitepackages()[-1])')/book.pth"
+	$(call ON_TOP,$(GRADER))
 	@touch "$(GRADER)"
+
+# What a browser's Python lacks comes along as wheels, in the versions of the lock file.
+$(LITE)/.installed: $(STAMP) book/_tools/lite.py book/_tools/lite.lock
+	$(call ON_TOP,$(LITE))
+	@"$(BIN)/python" book/_tools/lite.py wheels > "$(LITE)/wheels.txt"
+	@"$(BIN)/python" -m pip download -qq --disable-pip-version-check --no-deps --require-hashes --platform any \
+	  -d "$(LITE)/wheels" -r "$(LITE)/wheels.txt"
+	@touch "$@"
 
 book: $(STAMP)  ## Run the notebooks on the built-in data and build the site, warnings as errors
 	@rm -rf "$(SITE)"
@@ -126,6 +140,9 @@ wheel: $(STAMP) copies  ## Write both kinds of copies, and into dist the wheel w
 	@"$(BIN)/python" -m pip wheel -q --disable-pip-version-check --no-deps --no-build-isolation -w dist .
 	@rm -rf build book/pfslam_book/chapters
 
+lite: $(LITE)/.installed wheel  ## The chapters for a browser that runs them itself, in _build/lite (an experiment)
+	@"$(BIN)/python" book/_tools/lite.py build _build/student dist "$(LITE)" _build/lite
+
 $(SITE)/index.html:
 	@$(MAKE) book
 
@@ -165,9 +182,13 @@ lowest:  ## The package's unit tests with the lowest versions that pyproject.tom
 	OPENBLAS_NUM_THREADS=1 "$(LOWEST)/$(notdir $(BIN))/python" -m pytest -q -n $(WORKERS) --dist loadfile -m "$(USUAL)" \
 	  $$(grep -LE '$(OF_THE_BOOK)' tests/test_*.py)
 
-lock:  ## Renew requirements.lock from requirements.in (needs uv)
-	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-emit-index-url \
-	  --no-emit-find-links --custom-compile-command "make lock" -q requirements.in -o requirements.lock
+# A file on top of the environment is its own list of what to install: only the hashes are found anew.
+COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-emit-index-url \
+  --no-emit-find-links --custom-compile-command "make lock" -q
+lock:  ## Renew the lock files: requirements.lock from requirements.in, two others from their names (needs uv)
+	$(COMPILE) requirements.in -o requirements.lock
+	@for file in tests/nbgrader.lock book/_tools/lite.lock; do \
+	  grep -o '^[[:alnum:]][^ ]*' "$$file" | $(COMPILE) --no-deps - > "$$file.new" && mv "$$file.new" "$$file" || exit 1; done
 
 clean:  ## Remove everything that was built, and the environment
 	rm -rf _build "$(VENV)" "$(LOWEST)" site.zip site.zip.sha256 *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis out dist build

@@ -19,6 +19,8 @@ import pfslam
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 LOCK = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+BESIDE_IT = ("tests/nbgrader.lock", "book/_tools/lite.lock")
+LOCKS = {"requirements.lock": LOCK, **{name: (ROOT / name).read_text(encoding="utf-8") for name in BESIDE_IT}}
 ENTRY = re.compile(r"^([\w.-]+)(?:\[[\w,-]+\])?==\S+((?:.*\\\n)+.*)$", re.MULTILINE)
 
 
@@ -39,15 +41,22 @@ def test_the_lock_holds_everything_that_the_project_asks_for():
     assert "setuptools" in locked, "the build backend too, or building fetches something unpinned"
 
 
-def test_every_locked_package_has_hashes():
-    entries = ENTRY.findall(LOCK)
-    assert len(entries) > 100
-    assert len(entries) == len(re.findall(r"^[\w.-]+(?:\[[\w,-]+\])?==", LOCK, re.MULTILINE))
+@pytest.mark.parametrize("lock", LOCKS.values(), ids=LOCKS)
+def test_every_locked_package_has_hashes(lock):
+    entries = ENTRY.findall(lock)
+    assert len(entries) == len(re.findall(r"^[^\s#]", lock, re.MULTILINE)) > 3
     assert [name for name, rest in entries if "--hash=sha256:" not in rest] == []
 
 
-def test_the_lock_names_no_host():
-    assert re.findall(r"://|--index-url|--find-links|^-i ", LOCK, re.MULTILINE) == []
+@pytest.mark.parametrize("lock", LOCKS.values(), ids=LOCKS)
+def test_a_lock_names_no_host(lock):
+    assert re.findall(r"://|--index-url|--find-links|^-i ", lock, re.MULTILINE) == []
+
+
+@pytest.mark.parametrize("name", BESIDE_IT)
+def test_what_is_installed_on_top_of_the_environment_replaces_nothing_in_it(name):
+    beside, below = ({normal(package) for package, _ in ENTRY.findall(lock)} for lock in (LOCKS[name], LOCK))
+    assert beside & below == set()
 
 
 def test_the_number_of_the_version_is_stated_once():

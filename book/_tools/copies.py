@@ -39,6 +39,7 @@ POINTER = "Open the cell below for a solution."
 POINTING = re.compile(re.escape(POINTER) + r"[^\n]*")
 EVAL = re.compile(r"\{eval\}`([^`]+)`")
 OPEN = re.compile(r"\*\*Exercise (\d+)[^*]*(?:explore and explain|open)[^*]*\*\*")
+WHEEL = f"pfslam-{__version__}-py3-none-any.whl"
 FOUND = "found"
 """The tag of what follows an open question: how we looked, and what may be found."""
 INSTALL = """# Run this cell first: it brings the book's code to Colab, and lets Colab show its laboratories.
@@ -122,10 +123,14 @@ def _marked(cell: dict, name: str, *, grade=False, solution=False, locked=False)
 
 def colab_copy(notebook: dict, numbers: Iterable[str], place: Place) -> dict:
     """The students' copy with a first cell for Colab, which has no pfslam: it installs the wheel beside the site."""
-    wheel = f"{place.site}/pfslam-{__version__}-py3-none-any.whl"
+    wheel = f"{place.site}/{WHEEL}"
+    return with_first_cell(student_copy(notebook, numbers, place), INSTALL.format(wheel=wheel))
+
+
+def with_first_cell(copy: dict, code: str) -> dict:
+    """The copy with one more cell before all others: it brings the book's code to where the copy is opened."""
     cell = {"cell_type": "code", "id": "install", "metadata": {}, "outputs": [], "execution_count": None}
-    copy = student_copy(notebook, numbers, place)
-    return {**copy, "cells": [{**cell, "source": INSTALL.format(wheel=wheel)}, *copy["cells"]]}
+    return {**copy, "cells": [{**cell, "source": code}, *copy["cells"]]}
 
 
 def solution_cells(notebook: dict) -> list[dict]:

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import partial
-from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +109,8 @@ def _workers_without_ctrl_c(start: Callable[[], Any]) -> Any:
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows, where a worker ignores it once it runs
         return start()
+    from multiprocessing import resource_tracker  # a browser's Python has none, and can read studies
+
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
