@@ -1,8 +1,8 @@
 """What a chapter's page shows of its code, and what its folds are called.
 
 Out of sight are the lines that only draw, with what a picture says to those who cannot see it (the notebook has them),
-calls that only show a laboratory, and sentences that point at a fold. A listing of the package is a link to the page
-that shows it. Every other fold is named by what is in it.
+calls that only show a laboratory, solutions that only call what the page has, and sentences that point at a fold. A
+listing of the package is a link to the page that shows it. Every other fold is named by what is in it.
 """
 
 import ast
@@ -28,6 +28,8 @@ def tidy(app, doctree) -> None:
         listing = listed(cell, known)
         if listing is not None:
             cell.replace_self(listing)
+        elif is_solved_above(cell):
+            cell.parent.remove(cell)
         elif source_of(cell) is not None and out_of_sight(cell):
             cell.remove(source_of(cell))
         else:
@@ -41,6 +43,11 @@ def tidy(app, doctree) -> None:
 def out_of_sight(cell: nodes.container) -> bool:
     """Whether the code of a cell only draws, or only serves a sentence, or only calls for a laboratory."""
     return tags(cell) & {"hide-input", "setup"} == {"hide-input"} or (draws(cell) and only_calls(code(cell)))
+
+
+def is_solved_above(cell: nodes.container) -> bool:
+    """Whether a solution is one call of what the page has, as the words of the exercise say."""
+    return any(SOLUTION.fullmatch(tag) for tag in tags(cell)) and only_calls(code(cell))
 
 
 def source_of(cell: nodes.container) -> nodes.container | None:

@@ -139,7 +139,7 @@ ALT_IN_CODE = re.compile(r'\bshow\(\w+,\s*<span class="s')
 
 def test_folds_are_few_and_have_names_and_no_code_tells_what_a_picture_shows(site):
     chapters = [path.read_text(encoding="utf-8") for path in sorted((site / "notebooks").glob("*.html"))]
-    assert sum(len(FOLDS.findall(text)) for text in chapters) <= 142
+    assert sum(len(FOLDS.findall(text)) for text in chapters) <= 139
     assert [words for words in OUT_OF_SIGHT for text in chapters if words in text] == []
     assert [found[0] for text in chapters if (found := ALT_IN_CODE.search(text))] == []
 

@@ -12,7 +12,6 @@ from pfslam_book.ch09.tables import (
     ladder_table,
     lattice_medians,
     lost,
-    median_interval,
     nearer,
     on_floors,
     paired,
@@ -49,7 +48,6 @@ __all__ += [
 ]
 __all__ += ["ladder_table", "lattice_medians", "line_step", "lost", "map_along"]
 __all__ += [
-    "median_interval",
     "nearer",
     "on_floors",
     "paired",
