@@ -164,7 +164,8 @@ def test_points_are_moved_to_where_they_are_at_the_stamp(tmp_path, driver):
     field, _, share, _ = DRIVERS[driver]
     first, last = SWEEP * (-0.5 - share), SWEEP * (0.5 - share)
     assert (
-        f"by the field {field} of 4 clouds: measured {first:.3f} to {last:.3f} s after it" in found.notes[0]
+        f"as its field {field} tells (in 4 clouds, usually {first:+.3f} to {last:+.3f} s from the stamp)"
+        in found.notes[0]
     )
 
 
@@ -217,7 +218,7 @@ def test_a_cloud_whose_times_are_damaged_is_as_old_as_its_stamp(tmp_path):
     for value, message in zip((np.nan, np.inf, 1.7e308), clouds[1:], strict=True):
         message.data.reshape(-1, 20)[500, 12:] = np.array([value]).view(np.uint8)
     found = loaded(tmp_path, rows)
-    assert "of 1 clouds" in found.notes[0]
+    assert "in 1 clouds" in found.notes[0]
     assert len(found.lidar.t) == 4
 
 

@@ -125,8 +125,8 @@ class Slicer:
         spans = np.array(self.spans)[np.isfinite(self.spans).all(axis=1)]
         if self.odometry and self.clock and len(spans):
             first, last = np.median(spans, axis=0)
-            said += f"; points are moved to where they are at the stamp of their cloud, by the field {self.clock} of "
-            return f"{said}{len(spans)} clouds: measured {first:.3f} to {last:.3f} s after it, as a rule"
+            said += f"; each point is moved to where it is at the stamp of its cloud, as its field {self.clock} tells"
+            return f"{said} (in {len(spans)} clouds, usually {first:+.3f} to {last:+.3f} s from the stamp)"
         said += "; all points of a cloud are taken to be as old as its stamp"
         why = "it does not fit their stamps" if self.odometry else "there is no odometry"
         return said + (f": they have a field {self.clock}, but {why}" if self.clock else "")
