@@ -111,6 +111,47 @@ def test_a_cloud_from_ahead_has_beams_ahead_only(tmp_path):
     assert lidar.beams == 122
 
 
+# ---- the nearest surface ------------------------------------------------------------------------
+
+CENTRES = np.arange(-80, 81) * 2.0 * np.pi / BEAMS + np.pi / BEAMS
+"""The middles of some of a slice's beams, by their bearings (rad)."""
+
+
+def seen_ahead(tmp_path, *surfaces):
+    """The ranges at ``CENTRES`` from clouds of points at bearings and distances ``(N, 2)`` from the LiDAR."""
+    rows = rows_of(BOX, mount=[("base_link", "laser", LIDAR.position_b, LEVEL)])
+    rows = [row for row in rows if row[0] != "/scan"]
+    bearings, away = np.vstack(surfaces).T
+    points = np.column_stack([away * np.cos(bearings), away * np.sin(bearings), np.zeros(len(away))])
+    for t in BOX.lidar.t[:2]:
+        rows.append(("/points", nanoseconds(t) + LATER, Messages().cloud(t, points)))
+    found = loaded(tmp_path, rows)
+    beams = np.rint((CENTRES - found.robot.lidar.angle_min) / found.robot.lidar.increment).astype(int)
+    return found.lidar.ranges[0][beams]
+
+
+def slanting(bearings, tangent):
+    """A wall 3 m ahead that is turned: ``tangent`` metres along the beam that looks ahead for one across it."""
+    return np.column_stack([bearings, 3.0 / (np.cos(bearings) - tangent * np.sin(bearings))])
+
+
+@pytest.mark.parametrize("tangent", [0.0, 0.5, -0.5])
+def test_a_slanting_wall_is_where_it_is(tmp_path, tangent):
+    """Eight points lie around each bearing. The nearest of them would put the walls too near by 5 to 12 mm."""
+    dense = np.radians(np.arange(-61.0, 61.0, 0.0625) + 0.02)
+    off = seen_ahead(tmp_path, slanting(dense, tangent)) - slanting(CENTRES, tangent)[:, 1]
+    assert abs(off.mean()) < 0.002
+    assert np.abs(off).max() < 0.02
+
+
+def test_what_stands_before_a_wall_is_seen_beside_a_bearing_too(tmp_path):
+    """A post that one ring meets a fifth of a degree beside the bearing hides the wall that others meet right at it."""
+    wall = slanting(np.radians(np.arange(-61.0, 61.0, 0.0625)), 0.5)
+    behind = slanting(CENTRES, 0.5)[:, 1]
+    post = np.column_stack([CENTRES + np.radians(0.2), 0.75 * behind])
+    np.testing.assert_allclose(seen_ahead(tmp_path, wall, post), 0.75 * behind, rtol=1e-6)
+
+
 # ---- clouds that take a time -------------------------------------------------------------------
 
 SWEEP = 0.1

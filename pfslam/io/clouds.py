@@ -1,4 +1,4 @@
-"""Slices of point clouds as scans: for each bearing the nearest point between two heights.
+"""Slices of point clouds as scans: for each bearing the nearest surface between two heights.
 
 A scanner of many rings writes a PointCloud2: points ``x y z`` in its own frame, each somewhere in a record of
 ``point_step`` bytes. A floor plan needs one plane of them. So the points are turned upright, as the tree of frames
@@ -23,6 +23,8 @@ from pfslam.sensors import FLOOR_CLEARANCE
 
 BEAMS = 720
 """Bearings of a slice: half a degree apart, as many as ``pointcloud_to_laserscan`` has by default."""
+STEEPEST = 8.0
+"""Metres along a beam for each metre across it, on a wall that is met at a slant: the tangent of 83 degrees."""
 NUMBERS = {7: "f4", 8: "f8"}
 """The types of a coordinate that are read, by their number in a PointField."""
 TIMES = ("t", "time", "timestamp", "offset_time")
@@ -67,9 +69,7 @@ class Slicer:
             self.heights = self.heights or (FLOOR_CLEARANCE, 2.0 * height - FLOOR_CLEARANCE)
             low, high = self.heights
             if not -np.inf < low < high < np.inf:
-                expected = (
-                    f"--slice LOW HIGH in m, of which the first is less (the LiDAR is {height:g} m high)"
-                )
+                expected = f"--slice LOW HIGH in m, LOW less than HIGH (the LiDAR is {height:g} m high)"
                 raise DataError(self.log.path, f"{self.name}, heights", f"{low:g} to {high:g}", expected)
         return self.places[frame]
 
@@ -78,7 +78,11 @@ class Slicer:
         return transform(translation=self.at(frame)[:3, 3])
 
     def ranges(self, message: Any, frame: str) -> np.ndarray:
-        """Return the ranges ``(BEAMS,)`` float32 to the nearest points of a message, bearing by bearing."""
+        """Return the ranges ``(BEAMS,)`` float32 to the nearest surfaces of a message, bearing by bearing.
+
+        The nearest point around a bearing may lie beside it. On a slanting wall it always lies on the near side.
+        So the range is that of the point closest in bearing, of those that can lie on one wall with the nearest.
+        """
         T, (points, told), stamp = self.at(frame), self.points(message), stamp_of(message)
         # Many drivers write zeros where nothing came back.
         some = (np.abs(points) < POSE_LIMIT[0]).all(axis=1) & points.any(axis=1)
@@ -87,9 +91,14 @@ class Slicer:
         within = (z >= low) & (z <= high)
         later = self.later(stamp, told[some])[within]
         x, y = (self.at_stamp(stamp, later, np.column_stack([x, y])[within]) - T[:2, 3]).T
-        beam = ((np.arctan2(y, x) + np.pi) * (BEAMS / (2.0 * np.pi))).astype(int) % BEAMS
+        bearing, away = (np.arctan2(y, x) + np.pi) * (BEAMS / (2.0 * np.pi)), np.hypot(x, y)
+        # The points closest to their bearing come last: where several are written to one beam, the last stays.
+        order = np.argsort(-np.abs(bearing % 1.0 - 0.5), kind="stable")
+        beam, away = bearing[order].astype(int) % BEAMS, away[order]
         nearest = np.full(BEAMS, np.inf)
-        np.minimum.at(nearest, beam, np.hypot(x, y))
+        np.minimum.at(nearest, beam, away)
+        one_wall = away <= nearest[beam] * (1.0 + STEEPEST * 2.0 * np.pi / BEAMS)
+        nearest[beam[one_wall]] = away[one_wall]
         return nearest.astype(np.float32)
 
     def later(self, stamp: float, told: np.ndarray) -> np.ndarray:
@@ -114,8 +123,7 @@ class Slicer:
         """Put points ``(N, 2)`` of the robot's frame ``later (N,)`` s after a stamp into its frame at the stamp."""
         if self.odometry is None or not later.any():
             return points_b
-        times = np.clip(stamp + np.append(0.0, later), *self.odometry.t[[0, -1]])
-        poses = self.odometry.at(times)
+        poses = self.odometry.at(np.clip(stamp + np.append(0.0, later), *self.odometry.t[[0, -1]]))
         return compose(between(poses[0], poses[1:]), np.column_stack([points_b, 0.0 * later]))[:, :2]
 
     def said(self) -> str:
@@ -137,9 +145,8 @@ class Slicer:
         Without such a field it tells zeros. Raises ``DataError`` if the message is not whole.
         """
         fields = {field.name: field for field in message.fields}
-        found = (
-            ", ".join(f"{f.name} of type {f.datatype} at {f.offset}" for f in fields.values()) or "no fields"
-        )
+        layout = (f"{f.name} of type {f.datatype} at {f.offset}" for f in fields.values())
+        found = ", ".join(layout) or "no fields"
         times = [name for name in TIMES if name in fields and fields[name].datatype in CLOCKS][:1]
         self.clock = times[0] if times else ""
         step, order = message.point_step, ">" if message.is_bigendian else "<"
@@ -172,9 +179,8 @@ def without_blind_ends(log: Log, topic: Topic) -> Topic:
     """Leave out the bearings at both ends to which no cloud has a point: not every LiDAR looks all around."""
     some = np.flatnonzero(np.isfinite(topic.rows).any(axis=0))
     if not len(some):
-        raise DataError(
-            log.path, f"{topic.name}, points between the heights of the slice", "none", "another --slice"
-        )
+        what = f"{topic.name}, points between the heights of the slice"
+        raise DataError(log.path, what, "none", "another --slice")
     first, last = int(some[0]), int(some[-1])
     cut = {
         b: b._replace(number=last - first + 1, angle_min=b.angle_min + first * b.angle_increment)
