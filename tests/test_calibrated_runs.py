@@ -27,7 +27,7 @@ from pfslam.io.selection import select
 from pfslam.motion import dead_reckoning
 from pfslam.poses import Trajectory
 from pfslam.recording import LidarScans, Recording
-from pfslam.study.disturbances import first_seconds
+from pfslam.study.disturbances import disturb, first_seconds
 
 BOX = box_recording(images=0)
 
@@ -140,6 +140,31 @@ def test_what_is_wrong_with_confidence_is_found_and_put_right(drive, name):
     assert {f.severity for f in findings} <= {"ok", "note", "-"}
     np.testing.assert_allclose(found.get("masks", []), expected.get("masks", []), atol=0.3)
     assert find_corrections(spoil(drive), known=found)[:2] == ({}, [])
+
+
+def noisy(recording, metres, sigma, seed):
+    """See no farther than so many metres, with noise of ``sigma`` (m)."""
+    ranges = disturb(recording, {"range_noise": sigma}, seed).lidar.ranges
+    return with_ranges(recording, np.where(ranges < metres, ranges, np.inf))
+
+
+NOISY = {
+    "two things at once": (3.0, 0.08, 0, 60.0),
+    "one that the first fit cannot tell": (3.0, 0.08, 1, 180.0),
+    "in three tries": (3.0, 0.08, 4, 60.0),
+}
+
+
+@pytest.mark.parametrize("name", NOISY)
+def test_a_correction_is_improved_until_the_fit_finds_it_right(drive, name):
+    """Where ranges are short and noisy, the first fit takes the ways for 4 to 6 % shorter than they are."""
+    *scanner, seed, yaw = NOISY[name]
+    found, lines, findings = find_corrections(turned(noisy(drive, *scanner, seed), yaw))
+    assert found.keys() == {"yaw", "scale"}
+    assert abs((found["yaw"] - yaw + 180.0) % 360.0 - 180.0) < 0.5
+    assert found["scale"] == pytest.approx(1.0, abs=0.02)
+    assert "stop" not in {finding.severity for finding in findings}
+    assert len(lines) == 2
 
 
 SOUND = {

@@ -138,9 +138,8 @@ class Drive:
         turns, drift, late, ways, yaw, x, y = values
         way, turn = self.odometry(late)
         turn = turns * turn + drift * (self.t1 - self.t0)
-        move = np.exp(-1j * yaw) * (
-            ways * way * np.exp(0.5j * turn) + (np.exp(1j * turn) - 1.0) * (x + 1j * y)
-        )
+        by_arm = (np.exp(1j * turn) - 1.0) * (x + 1j * y)
+        move = np.exp(-1j * yaw) * (ways * way * np.exp(0.5j * turn) + by_arm)
         return np.column_stack([move.real, move.imag, turn])
 
     def off(self, values: np.ndarray, moves: np.ndarray) -> np.ndarray:

@@ -138,16 +138,14 @@ class Steps(Sequence[RefinedStep]):
             new, pasts = {name: column[done:] for name, column in columns.items()}, deepcopy(pasts)
             before = columns["estimate"][np.maximum(np.arange(done, self._count) - 1, 0)]
             found = {
-                "deviation": np.column_stack(
-                    [past.judge(new, name) for past, name in zip(pasts, SCORES, strict=True)]
+                "deviation": np.transpose(
+                    [p.judge(new, name) for p, name in zip(pasts, SCORES, strict=True)]
                 ),
                 "sigma": _sigma(new["covariance"]),
                 "moved": np.linalg.norm(between(before, new["estimate"]), axis=1),
                 "since": np.searchsorted(columns["t"], new["t"] - WITHIN),
             }
-            judged = (
-                {name: np.concatenate([judged[name], found[name]]) for name in found} if judged else found
-            )
+            judged = {name: np.concatenate([judged.get(name, v[:0]), v]) for name, v in found.items()}
             self._judged = judged, pasts
         return columns | judged
 
