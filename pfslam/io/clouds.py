@@ -92,13 +92,13 @@ class Slicer:
         later = self.later(stamp, told[some])[within]
         x, y = (self.at_stamp(stamp, later, np.column_stack([x, y])[within]) - T[:2, 3]).T
         bearing, away = (np.arctan2(y, x) + np.pi) * (BEAMS / (2.0 * np.pi)), np.hypot(x, y)
-        # The points closest to their bearing come last: where several are written to one beam, the last stays.
-        order = np.argsort(-np.abs(bearing % 1.0 - 0.5), kind="stable")
-        beam, away = bearing[order].astype(int) % BEAMS, away[order]
-        nearest = np.full(BEAMS, np.inf)
+        beam, nearest = bearing.astype(int) % BEAMS, np.full(BEAMS, np.inf)
         np.minimum.at(nearest, beam, away)
         one_wall = away <= nearest[beam] * (1.0 + STEEPEST * 2.0 * np.pi / BEAMS)
-        nearest[beam[one_wall]] = away[one_wall]
+        beam, away, beside = beam[one_wall], away[one_wall], np.abs(bearing[one_wall] % 1.0 - 0.5)
+        # The points closest to their bearing come last: where several are written to one beam, the last stays.
+        order = np.argsort(-beside, kind="stable")
+        nearest[beam[order]] = away[order]
         return nearest.astype(np.float32)
 
     def later(self, stamp: float, told: np.ndarray) -> np.ndarray:
