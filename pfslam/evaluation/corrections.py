@@ -59,8 +59,9 @@ def find_corrections(
         rest = numbers(corrected, after)
         if all(rest[name][0] for name in wrong):
             return masks | wrong, _told(masks | wrong), check_up(corrected, after, whole)
-        more = {n: v for n, (ok, v) in rest.items() if n in wrong or (ok is False and n not in known)}
-        wrong = {n: round(TOGETHER[n](wrong.get(n, NEUTRAL[n]), v), 4) for n, v in more.items()}
+        told = {n: answer for n, answer in rest.items() if answer[0] is not None and n not in known}
+        more = {n: value for n, (ok, value) in told.items() if n in wrong or not ok}
+        wrong |= {n: round(TOGETHER[n](wrong.get(n, NEUTRAL[n]), v), 4) for n, v in more.items()}
     return masks, _told(masks), check_up(masked, mounting, whole)
 
 
