@@ -19,7 +19,6 @@ from pathlib import Path
 
 import pytest
 from copies import ROOT, WHEEL, source, write_notebook
-from headless import running_chromium
 from lite import INSTALL, WHEELS, locked, write_sources
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -163,11 +162,6 @@ def address(lite_site):
     server.shutdown()
 
 
-@pytest.fixture(scope="module")
-def chromium():
-    yield from running_chromium()
-
-
 @pytest.mark.nightly
 def test_the_site_lists_all_chapters_each_with_its_first_cell(lite_site):
     listed = {entry["name"] for entry in read(lite_site / "api" / "contents" / "all.json")["content"]}
@@ -193,7 +187,7 @@ def test_the_site_has_its_wheels_and_asks_no_index(lite_site):
 
 @pytest.mark.nightly
 @pytest.mark.browser
-def test_a_chapter_opens_in_a_browser_without_a_network(chromium, address):
+def test_a_chapter_opens_in_a_browser_without_a_network(address, chromium):
     """JupyterLab comes up and lists the chapters; one opens with its text. It asks for Python alone from elsewhere."""
     page, complaints, strangers = chromium.new_page(viewport={"width": 1280, "height": 800}), [], []
     page.on("request", lambda r: r.url.startswith((address, "data:", "blob:")) or strangers.append(r.url))
