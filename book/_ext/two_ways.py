@@ -28,10 +28,16 @@ ALWAYS_ASIDE = ("Test yourself", "Exercises")
 NUMBER = re.compile(r"\d+\.$")
 SHOWN = re.compile(r"pfslam-(?:picture|lab|explorer)\b")
 HEADING = re.compile(r"^(?=#{2,3} )", re.MULTILINE)
-# The page must not be painted in one way and then turn to the other.
-EARLY = """try {
-  if (localStorage.getItem("pfslam:read") === "story") document.documentElement.dataset.read = "story";
-} catch {}"""
+# The page must not be painted in one way and then turn to the other. Readers who have not chosen yet get Story on
+# a phone, where nobody works through code, and where laying out the whole chapter takes as long again.
+EARLY = """{
+  let way = null;
+  try {
+    way = localStorage.getItem("pfslam:read");
+  } catch {}
+  way ||= Math.min(screen.width, screen.height) < 600 ? "story" : "workshop";
+  if (way === "story") document.documentElement.dataset.read = way;
+}"""
 
 
 def marked(cell: dict) -> str:

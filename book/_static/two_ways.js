@@ -21,6 +21,11 @@
     return part.getClientRects().length > 0 && getComputedStyle(part).visibility !== "hidden";
   }
 
+  /* The theme looks only at a new size for code that scrolls, in which one must be able to stand by the keyboard. */
+  function laidOut() {
+    window.dispatchEvent(new Event("resize"));
+  }
+
   /* Turn to a way, and keep what stands at the top of the window where it is. */
   function turn(way) {
     const blocks = [...document.querySelectorAll("article section > :not(section)")];
@@ -29,6 +34,7 @@
     if (way === "Story") root.dataset.read = "story";
     else delete root.dataset.read;
     buttons.forEach((button, name) => button.setAttribute("aria-pressed", String(name === way)));
+    laidOut();
     for (let k = first; k > 0; k--) {
       if (!shown(blocks[k])) continue;
       window.scrollBy({top: blocks[k].getBoundingClientRect().top - Math.max(places[k], 0), behavior: "instant"});
@@ -39,6 +45,7 @@
   function open(section, on) {
     section.classList.toggle("pfslam-open", on);
     section.querySelector(":scope > :is(h2, h3) > .pfslam-unfold").setAttribute("aria-expanded", String(on));
+    laidOut();
   }
 
   /* What the address names: an element by its id, or a laboratory, as `#lab=cells-2&particles=77`. */

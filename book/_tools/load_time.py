@@ -1,6 +1,7 @@
 """How heavy each chapter is, and when it can be read: `python book/_tools/load_time.py [SITE ...]`.
 
-Every chapter of every built site is opened in turn in a headless Chromium as wide as a phone, and nobody touches it.
+Every chapter of every built site is opened in turn in a headless Chromium as wide as a phone, and nobody touches it:
+once as a phone opens it, which is Story, and once by a reader who has chosen Workshop before.
 Counted is the time that the processor spends on the page, its scripts, layout and painting, so that other programs do
 not count; a processor that is four times slower spends four times as much. *Ready* is all of that until the browser
 has loaded the page and all scripts have set it up. *Blocked* is how much of it the page could answer nobody: of each
@@ -18,6 +19,7 @@ import numpy as np
 from lab_stills import chromium
 
 SLOWER, VISITS, PHONE = 4, 3, {"width": 390, "height": 844}
+WAYS = ("story", "workshop")
 TRACED = ["devtools.timeline", "disabled-by-default-devtools.timeline"]
 SETTLED = 300  # ms after loading, in which the page sets itself up
 BEYOND = 50  # ms of a task, during which a reader does not feel that the page answers late
@@ -37,9 +39,10 @@ def served(site: Path) -> str:
     return f"http://127.0.0.1:{server.server_port}/"
 
 
-def visit(browser, address: str) -> list[float]:
+def visit(browser, address: str, way: str) -> list[float]:
     """Bytes that were sent, time until the page was ready and time blocked (ms), elements: of one visit."""
     context, sent = browser.new_context(viewport=PHONE, device_scale_factor=2), []
+    context.add_init_script(f"localStorage['pfslam:read'] = '{way}'")
     page = context.new_page()
     session = context.new_cdp_session(page)
     session.on("Network.loadingFinished", lambda event: sent.append(event["encodedDataLength"]))
@@ -73,10 +76,12 @@ def main(sites: list[str]) -> None:
     print(f"processor {SLOWER} times slower, {PHONE['width']} px wide: size, ready, blocked, elements")
     with chromium() as browser:
         for name in sorted(path.name for path in roots[0].glob("notebooks/*.html")):
-            visits = [[visit(browser, f"{at}notebooks/{name}") for at in addresses] for _ in range(VISITS)]
-            for size, ready, blocked, elements in np.median(visits, axis=0):
-                spent = f"{ready / 1000:5.2f} s  {blocked / 1000:5.2f} s"
-                print(f"{name[:2]}  {size / 1e6:5.2f} MB  {spent}  {elements:6.0f}", flush=True)
+            for way in WAYS:
+                rounds = range(VISITS)
+                visits = [[visit(browser, f"{at}notebooks/{name}", way) for at in addresses] for _ in rounds]
+                for size, ready, blocked, elements in np.median(visits, axis=0):
+                    spent = f"{ready / 1000:5.2f} s  {blocked / 1000:5.2f} s"
+                    print(f"{name[:2]}  {way:8}  {size / 1e6:5.2f} MB  {spent}  {elements:6.0f}", flush=True)
 
 
 if __name__ == "__main__":

@@ -127,12 +127,19 @@ def open_file(chromium):
 
 @pytest.fixture
 def visit(chromium, addresses):
-    """Open a page of the site: `visit("book/index.html", scheme="file", width=390)`."""
+    """Open a page of the site: `visit("book/index.html", scheme="file", width=390, way="workshop")`.
+
+    The way is what the reader has chosen on an earlier visit, if any.
+    """
     contexts = []
 
-    def go(name: str, scheme: str = "http", width: int = 1280, height: int = 900, **options) -> Visit:
+    def go(
+        name: str, scheme: str = "http", width: int = 1280, height: int = 900, way=None, **options
+    ) -> Visit:
         context = chromium.new_context(viewport={"width": width, "height": height}, **options)
         contexts.append(context)
+        if way:
+            context.add_init_script(f"localStorage['pfslam:read'] ??= '{way}'")
         return open_page(context, addresses[scheme] + name, addresses[scheme])
 
     yield go

@@ -62,7 +62,7 @@ def test_a_laboratory_stays_while_its_questions_are_read(read, chapter, width):
 
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (1280, 800)])
 def test_where_there_is_no_room_questions_stand_below(read, width, height):
-    page = read(CHAPTERS[1], width, height)
+    page = read(CHAPTERS[1], width, height, way="workshop")
     start = scrolled(page, 100)
     assert start["words"]["top"] >= start["lab"]["bottom"]
     assert start["words"]["left"] == pytest.approx(start["all"]["left"], abs=1)

@@ -312,13 +312,14 @@ def test_who_comes_for_the_first_time_has_one_theme_from_the_first_line_on(chrom
 
 @pytest.mark.parametrize("width", [390, 1280], ids=["phone", "desktop"])
 def test_printed_from_the_dark_every_figure_is_light_without_waiting(visit, chapter_page, width):
-    assert visit(chapter_page, width=width, color_scheme="dark").page.evaluate(NOT_YET_LIGHT) == 0
+    page = visit(chapter_page, width=width, way="workshop", color_scheme="dark").page
+    assert page.evaluate(NOT_YET_LIGHT) == 0
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_a_page_is_light_to_load(visit, page_name, theme):
     """Before anybody scrolls or touches: a chapter at most 1.4 MB, others 1 MB beside the search index."""
-    page = visit(page_name, width=390, color_scheme=theme).page
+    page = visit(page_name, width=390, way="workshop", color_scheme=theme).page
     page.wait_for_load_state("networkidle")
     loaded = dict(page.evaluate(LOADED))
     weight = sum(loaded.values())
