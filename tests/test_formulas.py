@@ -57,9 +57,15 @@ def test_what_touches_a_formula_stays_on_its_line(formulas):
         f"<p>({INLINE.format('x')}) or <em>{INLINE.format('y')}</em>, not {INLINE.format('z')} here</p>",
     )
     assert page.count(joined) == 3
-    assert f"({joined}<span" in page
+    assert f'<span class="pfslam-held">({joined}</span><span' in page
     assert f"</span>{joined})" in page
     assert f"</em>{joined}," in page
+
+
+def test_what_touches_a_formula_is_one_sign_however_it_is_written(formulas):
+    page = drawn(formulas, f"<p>&lt;{INLINE.format('x')}&gt;</p>")
+    assert f'<p><span class="pfslam-held">&lt;{formulas.JOINED}</span><span' in page
+    assert page.count("<span") == page.count("</span>")
 
 
 def test_what_is_not_understood_is_named(formulas):

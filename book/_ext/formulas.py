@@ -16,9 +16,13 @@ from sphinx.ext.mathjax import html_visit_displaymath, html_visit_math
 
 STYLE = "katex/katex.css"
 JOINED = "\u2060"  # a word joiner: between it and its neighbours no line ends
-# As Sphinx writes a formula for a script that would draw it; classes of its place in the text may stand before its own.
+# A line may end after every box of a formula, whatever follows, unless the box stands in a span that must not break.
+HELD, BOX = '<span class="pfslam-held">', '<span class="base">'
+# As Sphinx writes a formula for a script that would draw it, and what touches it in front; classes of its place in
+# the text may stand before its own.
 INLINE = re.compile(
-    r'(<span class="[^">]*\bmath\b[^>]*>)\\\((.*?)\\\)(</span>(?:</(?:em|strong)>)?)', re.DOTALL
+    r'(&#?\w+;|[^\s<>]|)(<span class="[^">]*\bmath\b[^>]*>)\\\((.*?)\\\)(</span>(?:</(?:em|strong)>)?)',
+    re.DOTALL,
 )
 DISPLAY = re.compile(r'(<div class="[^">]*\bmath\b[^>]*>.*?)\\\[(.*?)\\\](?=\s*</div>)', re.DOTALL)
 HAS_SOME = re.compile(r'<(?:span|div) class="[^">]*\bmath\b')
@@ -57,7 +61,7 @@ def one_word(letters: re.Match) -> str:
 
 def formulas_of(page: str) -> list[tuple[str, bool]]:
     """The formulas of a built page, as ``draw`` takes them."""
-    within = [(unescape(found[2]), False) for found in INLINE.finditer(page)]
+    within = [(unescape(found[3]), False) for found in INLINE.finditer(page)]
     return within + [(unescape(found[2]), True) for found in DISPLAY.finditer(page)]
 
 
@@ -65,10 +69,12 @@ def with_drawn(page: str, drawn: dict[tuple[str, bool], str]) -> str:
     """A built page in which the formulas are drawn. What touches one, such as a full stop, stays on its line."""
 
     def within(found: re.Match) -> str:
-        before, after = (
-            JOINED if page[at : at + 1].strip(" \n<>") else "" for at in (found.start() - 1, found.end())
-        )
-        return f"{before}{found[1]}{drawn[unescape(found[2]), False]}{found[3]}{after}"
+        touching, start, source, end = found.groups()
+        before = f"{HELD}{touching}{JOINED}</span>" if touching else ""
+        boxes, _, last = drawn[unescape(source), False].rpartition(BOX)
+        after = JOINED if page[found.end() : found.end() + 1].strip(" \n<>") else ""
+        held = f"{HELD}{BOX}{last}</span>"  # all that is open ends here, and every one with the same tag
+        return f"{before}{start}{boxes}{held}{end}{after}"
 
     drawn_within = INLINE.sub(within, page)
     return DISPLAY.sub(lambda found: found[1] + drawn[unescape(found[2]), True], drawn_within)

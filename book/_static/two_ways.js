@@ -18,7 +18,7 @@
   }
 
   function shown(part) {
-    return part.getClientRects().length > 0 && getComputedStyle(part).visibility !== "hidden";
+    return part.getClientRects().length > 0;
   }
 
   /* The theme looks only at a new size for code that scrolls, in which one must be able to stand by the keyboard. */

@@ -18,6 +18,23 @@ pytestmark = pytest.mark.browser
 PACK = Path(__file__).resolve().parents[2] / "book" / "_tools" / "pack.py"
 FORMULAS_WITH_SCROLL_BARS = """() => [...document.querySelectorAll('article :is(.math, .katex-display)')]
   .filter(e => /auto|scroll/.test(getComputedStyle(e).overflowX)).map(e => e.textContent)"""
+# Formulas whose last box, or first, stands on another line than the sign that touches it.
+TORN_OFF = r"""() => [...document.querySelectorAll('article .katex')].filter(formula => {
+  const boxes = formula.querySelectorAll('.base'), text = document.createRange();
+  const math = formula.closest('.math'), whole = math.nextSibling ? math : math.parentNode;
+  if (formula.closest('.katex-display') || !boxes.length || !formula.getClientRects().length) return false;
+  const torn = (node, pattern, box, side) => {
+    const at = node?.textContent.search(pattern) ?? -1;
+    if (at < 0) return false;
+    text.selectNodeContents(node.firstChild ?? node);
+    text.setStart(text.startContainer, at);
+    text.setEnd(text.startContainer, at + 1);
+    const sign = text.getBoundingClientRect(), edge = box.getBoundingClientRect();
+    return side * (sign.left - edge.left) < 0;
+  };
+  return torn(whole.nextSibling, /(?<=^\u2060)\S/, boxes[boxes.length - 1], 1)
+    || torn(math.previousSibling, /\S(?=\u2060$)/, boxes[0], -1);
+}).map(formula => formula.querySelector('annotation').textContent)"""
 CODE_CUT_OFF = """() => [...document.querySelectorAll('article pre')]
   .filter(e => e.scrollWidth > e.clientWidth + 1).map(e => e.textContent.trim().slice(0, 60))"""
 
@@ -308,6 +325,13 @@ def test_who_comes_for_the_first_time_has_one_theme_from_the_first_line_on(chrom
     page.goto(addresses["http"] + "notebooks/03_prediction_only.html", wait_until="load")
     assert page.evaluate("[...themes]") == [scheme]
     context.close()
+
+
+def test_no_line_ends_between_a_formula_and_what_touches_it(visit, chapter_page):
+    page = visit(chapter_page, way="workshop").page
+    for width in (340, 365, 390, 430, 700, 1000, 1280, 1600):
+        page.set_viewport_size({"width": width, "height": 900})
+        assert not page.evaluate(TORN_OFF), width
 
 
 @pytest.mark.parametrize("width", [390, 1280], ids=["phone", "desktop"])

@@ -30,7 +30,7 @@ DANGLING = """() => {
 LAID_OUT_IN_VAIN = """[...document.querySelectorAll('article *:not(.headerlink)')].filter(part =>
   getComputedStyle(part).visibility === 'hidden' && part.getClientRects().length).length"""
 FITTED = """() => [...document.querySelectorAll('article figure.pfslam-lab')].every(figure =>
-  !figure.getClientRects().length || !figure.checkVisibility() || figure.lab?.stage.fitted)"""
+  !figure.checkVisibility() || figure.lab?.stage.fitted)"""
 # Of what is shown: how wide each laboratory is drawn, and whether one can stand in code and formulas, which may scroll.
 WIDTHS = """() => Object.fromEntries([...document.querySelectorAll('article :is(canvas, pre, .katex-display)')]
   .map((part, k) => [k, part]).filter(([, part]) => part.checkVisibility({visibilityProperty: true}))
