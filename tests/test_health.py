@@ -13,14 +13,15 @@ from pfslam.evaluation.trajectory import relations_error
 from pfslam.io.formats import read_relations
 from pfslam.refined.health import (
     ALONG_METRES,
+    COLUMNS,
     LEAST_PAST,
+    SIGNS,
     UNSURE_METRES,
     Steps,
     alarms,
     departures,
     distrust,
     in_doubt,
-    lost,
     was_dragged,
 )
 from pfslam.refined.record import RefinedStep
@@ -77,7 +78,7 @@ def test_a_fall_is_found_whatever_the_ordinary_score_and_falls_close_together_ar
     """The same threshold serves a LiDAR whose scans score 0.95 and one whose scans score 0.3."""
     scores = ordinary(400)
     scores[list(fell)] = 0.3
-    np.testing.assert_array_equal(np.flatnonzero(lost(infos(scale * scores))), list(fell))
+    np.testing.assert_array_equal(np.flatnonzero(Steps(infos(scale * scores)).judged()["lost"]), list(fell))
     np.testing.assert_allclose(alarms(infos(scale * scores)), when)
 
 
@@ -267,6 +268,16 @@ def test_a_silence_in_which_the_robot_went_no_farther_than_usual_is_no_reason_fo
     assert [d["to"] for d in distrust(paused(steady(), seconds, metres))] == [190 / 8 + seconds] * doubted
 
 
+def test_a_recorder_that_pauses_while_a_robot_stands_loses_nothing_however_long_it_has_stood():
+    """The usual step is the mean one: the median of a robot that mostly stands is what its estimate trembles by."""
+    standing = [
+        replace(step, estimate=np.array([min(0.1 * k, 4.0), 0.001 * (k % 2), 0.0]))
+        for k, step in enumerate(steady())
+    ]
+    assert distrust(paused(standing, 10.0, 0.01)) == []
+    assert len(distrust(paused(standing, 10.0, 0.1))) == 1
+
+
 def test_ten_metres_of_bare_corridor_are_in_doubt_and_nine_are_not():
     for metres, flagged in ((0.9 * ALONG_METRES, False), (1.1 * ALONG_METRES, True)):
         free = [np.array([1.0, 0.0]) if 100 <= k < 100 + 10 * metres else None for k in range(400)]
@@ -316,8 +327,20 @@ def test_asked_after_each_scan_or_seldom_steps_say_what_a_list_of_them_says():
     assert distrust(seldom) == distrust(Steps.of_columns(seldom.columns)) == distrust(run)
     assert len({stretch["reason"][:12] for stretch in distrust(run)}) == 6
     assert was_dragged(often) == was_dragged(run)
-    np.testing.assert_array_equal(lost(often), lost(run))
-    np.testing.assert_array_equal(score_deviation(often), score_deviation(run))
+    assert often.judged().keys() == COLUMNS.keys() | SIGNS.keys()
+    for name, column in Steps(run).judged().items():
+        np.testing.assert_array_equal(often.judged()[name], column, err_msg=name)
+
+
+def test_the_next_scan_is_judged_without_those_of_long_ago():
+    """What they were may be gone: so the next one costs no more after hours."""
+    run = eventful()
+    kept = Steps(run[:399])
+    distrust(kept)
+    for name in COLUMNS.keys() - {"t", "rejected"}:  # reasons tell the seconds, and what was rejected
+        kept.columns[name][:380] = 0
+    kept.append(run[399])
+    assert distrust(kept) == distrust(run)
 
 
 def test_steps_that_are_kept_are_read_back_as_they_were():

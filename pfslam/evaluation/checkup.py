@@ -22,7 +22,7 @@ from pfslam.io.selection import PART
 from pfslam.motion import dead_reckoning
 from pfslam.poses import between
 from pfslam.recording import Recording, image_pairs
-from pfslam.refined.health import LONGEST_PAUSE, farther_than_usual
+from pfslam.refined.health import LONGEST_PAUSE
 from pfslam.refined.outliers import NOISY
 from pfslam.refined.scan_odometry import FARTHEST_APART
 
@@ -134,12 +134,14 @@ def _lost(recording: Recording, t: np.ndarray) -> np.ndarray:
     """Return the gaps (s) between stamps across which something may be lost.
 
     Increments that are missing tell nothing. Where the odometry has poses, they tell how far the robot moved meanwhile.
+    If it stood, or went no farther than usual, nothing is missing. A radian counts as a metre.
     """
     gaps = np.diff(t)
     if recording.odometry is None:
         return gaps
     poses = recording.odometry.at(np.clip(t, *recording.odometry.t[[0, -1]]))
-    return gaps[farther_than_usual(poses) | (gaps > LONGEST_PAUSE)]
+    steps = np.linalg.norm(between(poses[:-1], poses[1:]), axis=1)
+    return gaps[(steps > 2.0 * np.median(steps)) | (gaps > LONGEST_PAUSE)] if len(gaps) else gaps
 
 
 def check_speed(recording: Recording) -> Finding:

@@ -44,6 +44,8 @@ BLIND_SECONDS = 2.0
 """Seconds for which odometry alone is good to some centimetres."""
 LONGEST_PAUSE = 3600.0
 """Seconds without a reading after which a clock was set, or the robot was switched off and moved."""
+UNUSUAL = 5.0
+"""A pause is a silence if it is so many times as long as the usual one."""
 SETTLING = 3
 """So many scans after a silence may fit badly: they take back what odometry has drifted.
 
@@ -70,6 +72,14 @@ COLUMNS = {
 }
 """The columns of ``Steps``: all fields of a step but the cloud. Where there is no direction or covariance, NaN."""
 OPTIONAL = ("silent_direction", "covariance")
+SIGNS: dict[str, np.dtype] = {
+    **{"deviation": np.dtype((float, 2)), "sums": np.dtype((float, 4))},
+    **dict.fromkeys(("shift", "usual_shift", "strange", "sigma"), np.dtype(float)),
+    **dict.fromkeys(("pauses", "moved", "lengths", "driven", "along"), np.dtype(float)),
+    **dict.fromkeys(("last_used", "last_silence"), np.dtype(int)),
+    **dict.fromkeys(("lost", "dragged", "no_way", "unsure", "unseen"), np.dtype(bool)),
+}
+"""What is found of each scan from it and those before, never from later ones: so each is judged once."""
 Columns = Mapping[str, np.ndarray]
 
 
@@ -83,17 +93,18 @@ class Steps(Sequence[RefinedStep]):
 
     def __init__(self, infos: Iterable[RefinedStep] = ()):
         infos = list(infos)
-        self._rows = {name: _column(name, [getattr(info, name) for info in infos]) for name in COLUMNS}
-        self._count, self._judged = len(infos), (dict[str, np.ndarray](), [_Past(), _Past()])
-        self.judged()
+        self._keep({name: _column(name, [getattr(info, name) for info in infos]) for name in COLUMNS})
 
     @classmethod
     def of_columns(cls, columns: Columns) -> Steps:
         """Make the steps that had these ``columns``."""
         steps = cls()
-        steps._rows, steps._count = dict(columns), len(columns["t"])
-        steps.judged()
+        steps._keep(columns)
         return steps
+
+    def _keep(self, columns: Columns) -> None:
+        self._count, self._judged, self._pasts = len(columns["t"]), 0, [_Past(), _Past()]
+        self._rows = {**columns, **{name: np.zeros(self._count, kind) for name, kind in SIGNS.items()}}
 
     def __len__(self) -> int:
         return self._count
@@ -111,9 +122,9 @@ class Steps(Sequence[RefinedStep]):
         if k == len(self._rows["t"]):
             size = max(64, 2 * k)  # twice as many, so that a long drive is not copied ever again
             self._rows = {name: np.resize(rows, (size, *rows.shape[1:])) for name, rows in self._rows.items()}
-        for name, column in self._rows.items():
+        for name in COLUMNS:
             value = getattr(step, name)
-            column[k] = np.nan if value is None else value
+            self._rows[name][k] = np.nan if value is None else value
         self._count = k + 1
 
     def cut(self, count: int) -> None:
@@ -123,31 +134,103 @@ class Steps(Sequence[RefinedStep]):
     @property
     def columns(self) -> dict[str, np.ndarray]:
         """What happened at each scan, ``(K, ...)`` by the names in ``COLUMNS``."""
-        return {name: column[: self._count] for name, column in self._rows.items()}
+        return {name: self._rows[name][: self._count] for name in COLUMNS}
 
     def judged(self) -> dict[str, np.ndarray]:
-        """Return the columns, and what follows from each scan and those before it; only new scans are computed.
+        """Return the columns and the ``SIGNS``; only those of new scans are computed.
 
-        ``deviation (K, 2)`` is that of both scores (see ``_Past.judge``), ``sigma (K,)`` the standard deviation (m)
-        of the position along its worst direction, ``moved (K,)`` the length of the step (m, a radian as a metre), and
-        ``since (K,)`` the first scan of the two seconds that end at each.
+        ``deviation (K, 2)`` is that of both scores (see ``_Past.judge``), ``shift (K,)`` and ``usual_shift (K,)`` are
+        what ``departures`` returns, and ``strange (K,)`` is the share of beams of two seconds that no wall explains.
+        ``sigma (K,)`` is the largest standard deviation so far (m) of the position along its worst direction.
+        ``last_used (K,)`` is the last scan up to each that was matched or drawn.
         """
-        columns, (judged, pasts) = self.columns, self._judged
-        done = len(judged["sigma"]) if judged else 0
-        if done < self._count or not judged:
-            new, pasts = {name: column[done:] for name, column in columns.items()}, deepcopy(pasts)
-            before = columns["estimate"][np.maximum(np.arange(done, self._count) - 1, 0)]
-            found = {
-                "deviation": np.transpose(
-                    [p.judge(new, name) for p, name in zip(pasts, SCORES, strict=True)]
-                ),
-                "sigma": _sigma(new["covariance"]),
-                "moved": np.linalg.norm(between(before, new["estimate"]), axis=1),
-                "since": np.searchsorted(columns["t"], new["t"] - WITHIN),
-            }
-            judged = {name: np.concatenate([judged.get(name, v[:0]), v]) for name, v in found.items()}
-            self._judged = judged, pasts
-        return columns | judged
+        run = {name: rows[: self._count] for name, rows in self._rows.items()}
+        if self._judged < self._count:
+            pasts = deepcopy(self._pasts)  # after an interrupted question all is as it was
+            _NewScans(run, self._judged).judge(pasts)
+            self._judged, self._pasts = self._count, pasts
+        return run
+
+
+class _NewScans:
+    """The scans of a run from ``done`` on, whose signs are to be found, and those before, whose signs are known."""
+
+    def __init__(self, run: Columns, done: int):
+        self.run, self.done, self.k = run, done, np.arange(done, len(run["t"]))
+        self.new, self.last = {name: column[done:] for name, column in run.items()}, np.maximum(self.k - 1, 0)
+
+    def judge(self, pasts: Sequence[_Past]) -> None:
+        """Fill in the signs, at a cost that does not grow with the scans before.
+
+        A robot is lost if a scan fits the map so badly that the robot cannot be where the filter puts it. Both the
+        particles and the estimate must fit badly. If an odometry stands still, the particles stay behind and fit badly,
+        but the lines lead the estimate on, and nothing is lost.
+        """
+        new, deviations = self.new, [p.judge(self.new, name) for p, name in zip(pasts, SCORES, strict=True)]
+        new["deviation"][:] = np.transpose(deviations)
+        silence, settling = self.silences()
+        new["lost"][:] = (new["deviation"] < LOST_BELOW).all(axis=1) & ~settling
+        self.find_drags(settling)
+        steps = between(self.run["estimate"][self.last], new["estimate"])
+        self.find_unseen(steps, silence)
+        self.find_bare_corridors(steps)
+        new["unsure"][:] = self.so_far("sigma", _sigma(new["covariance"]), np.maximum) > UNSURE_METRES
+
+    def so_far(self, name: str, values: np.ndarray, joined: np.ufunc = np.add) -> np.ndarray:
+        """Go on with a sum or maximum. One value goes in at a time: sums are the same however often it is asked."""
+        known = self.run[name][max(self.done - 1, 0) : self.done]
+        self.new[name][:] = joined.accumulate(np.concatenate([known, values]))[len(known) :]
+        return self.new[name]
+
+    def silences(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return from how many seconds on a pause is unusual, and which scans are the first after one that is.
+
+        The usual pause is the geometric mean of all so far. A short pause counts as one that is no silence anywhere.
+        """
+        pause = self.new["t"] - self.run["t"][self.last]
+        lengths = np.log(np.maximum(pause, BLIND_SECONDS / UNUSUAL)) * (self.k > 0)
+        silence = UNUSUAL * np.exp(self.so_far("pauses", lengths) / np.maximum(self.k, 1))
+        last = self.so_far("last_silence", np.where(pause > silence, self.k, -SETTLING), np.maximum)
+        return silence, self.k - last < SETTLING
+
+    def find_drags(self, settling: np.ndarray) -> None:
+        """Find where scans moved the estimate improbably far, while walls leave part of them unexplained.
+
+        If scans moved the estimate so that more beams end on old walls, the wheels have slipped with somebody in view,
+        and nothing is wrong.
+        """
+        new, departure = self.new, np.where(settling[:, None], 0.0, self.new["departure"])
+        sums = self.so_far("sums", np.column_stack([departure, new["unexplained"], new["matched"]]))
+        since = np.searchsorted(self.run["t"], new["t"] - WITHIN)
+        before = np.where(since[:, None] > 0, self.run["sums"][since - 1], 0.0)
+        x, y, unexplained, matched = (sums - before).T
+        new["shift"][:], new["strange"][:] = np.hypot(x, y), unexplained / np.maximum(matched, 1.0)
+        mean = self.so_far("lengths", np.log(new["shift"] ** 2 + MotionNoise.xy**2)) / (self.k + 1)
+        new["usual_shift"][:] = np.exp(mean / 2)
+        strange = (new["strange"] > UNEXPLAINED) & (new["old_walls"] < BACK_ON_WALLS)
+        new["dragged"][:] = strange & (new["shift"] > IMPROBABLE * new["usual_shift"])
+
+    def find_unseen(self, steps: np.ndarray, silence: np.ndarray) -> None:
+        """Find the scans with which a time without a usable one ends.
+
+        If the robot went no farther than usual from one scan to the next, a silence between them has lost nothing. In
+        this a radian counts as a metre.
+        """
+        new, moved = self.new, np.linalg.norm(steps, axis=1)
+        far = moved > 2.0 * self.so_far("moved", moved) / np.maximum(self.k, 1)
+        used = new["matched"] | new["drawn"]
+        self.so_far("last_used", np.where(used, self.k, -1), np.maximum)
+        before = self.run["last_used"][self.last]
+        longest = np.where(far, silence, np.maximum(silence, LONGEST_PAUSE))
+        longest[self.k - before > 1] = BLIND_SECONDS
+        new["unseen"][:] = used & (new["t"] - self.run["t"][np.maximum(before, 0)] > longest)
+
+    def find_bare_corridors(self, steps: np.ndarray) -> None:
+        """Find where most of the way was driven where no wall shows how far."""
+        metres, bare = np.hypot(*steps.T[:2]), ~np.isnan(self.new["silent_direction"][:, 0])
+        driven, along = self.so_far("driven", metres), self.so_far("along", metres * bare)
+        since = np.searchsorted(self.run["driven"], driven - ALONG_WITHIN)
+        self.new["no_way"][:] = along - self.run["along"][since] > ALONG_METRES
 
 
 def _column(name: str, values: list) -> np.ndarray:
@@ -197,42 +280,14 @@ def _sigma(covariances: np.ndarray) -> np.ndarray:
     return np.sqrt(np.linalg.eigvalsh(positions)[:, 1])
 
 
-def _judged(infos: Sequence[RefinedStep] | Columns) -> Columns:
-    """Return the columns of a run, which may be at hand already."""
-    if isinstance(infos, Mapping):
-        return infos
+def _judged(infos: Sequence[RefinedStep]) -> dict[str, np.ndarray]:
     return (infos if isinstance(infos, Steps) else Steps(infos)).judged()
 
 
-def lost(infos: Sequence[RefinedStep] | Columns) -> np.ndarray:
-    """Which scans ``(K,)`` bool fit the map so badly that the robot cannot be where the filter puts it.
-
-    Both the particles and the estimate must fit badly. If an odometry stands still, the particles stay behind and fit
-    badly, but the lines lead the estimate on, and nothing is lost.
-    """
-    run = _judged(infos)
-    particles, estimate = run["deviation"].T < LOST_BELOW
-    return particles & estimate & ~_settling(run["t"])
-
-
-def _silence(t: np.ndarray) -> float:
-    """Return from how many seconds on a time without scans is unusual for this recording."""
-    usual = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
-    return max(BLIND_SECONDS, 5.0 * usual)
-
-
-def _settling(t: np.ndarray) -> np.ndarray:
-    """Which scans ``(K,)`` bool are the first after a silence."""
-    pauses, found = np.diff(t, prepend=t[:1]), np.zeros(len(t) + SETTLING, dtype=bool)
-    if (pauses > BLIND_SECONDS).any():  # no silence is shorter
-        found[np.flatnonzero(pauses > _silence(t))[:, None] + np.arange(SETTLING)] = True
-    return found[: len(t)]
-
-
-def alarms(infos: Sequence[RefinedStep] | Columns) -> np.ndarray:
+def alarms(infos: Sequence[RefinedStep]) -> np.ndarray:
     """List the times ``(A,)`` (s) at which the robot was found to be lost; falls less than 5 s apart are one alarm."""
     run = _judged(infos)
-    t = run["t"][lost(run)]
+    t = run["t"][run["lost"]]
     return t[np.diff(t, prepend=-np.inf) > ONE_ALARM]
 
 
@@ -255,8 +310,6 @@ The share is that at the estimate, less that at the pose to which odometry alone
 people, nearly all right corrections raised it by as much. At 0.15 two runs that were right were doubted; at 0.07 two
 that were off got no word.
 """
-BELIEVED = "that could be believed"
-"""What the reason says was missing if scans came, but their matches lay beyond the gate."""
 ALONG_METRES = 10.0
 """Metres along a corridor whose walls do not show the way; over so many, wheels that are 2 % off are off by 0.2 m."""
 ALONG_WITHIN = 20.0
@@ -267,6 +320,14 @@ UNSURE_METRES = 1.0
 
 No run that was right to 5 cm had more than 0.7 m.
 """
+LASTING = {
+    "lost": "scans fit the map far worse than before: the robot is lost, or was moved by hand",
+    "dragged": f"scans moved the estimate {{shift:.2f}} m from its odometry within {WITHIN:.0f} s, "
+    "while {strange:.0f} % of the beams met what the map does not have",
+    "no_way": f"{ALONG_METRES:.0f} m driven where no wall shows the way along: scans do not tell how far",
+    "unsure": "the walls seen fix the position no better than to {sigma:.1f} m (standard deviation)",
+}
+"""The signs after which a run is in doubt to its end, and the reason that each gives."""
 
 
 def distrust(infos: Sequence[RefinedStep]) -> list[Distrust]:
@@ -276,8 +337,7 @@ def distrust(infos: Sequence[RefinedStep]) -> list[Distrust]:
     stretches last, because an error that is drawn into the map stays there.
     """
     run = _judged(infos)
-    signs = _lost(run), _dragged(run), _blind(run), _along(run), _unsure(run)
-    return sorted((stretch for sign in signs for stretch in sign), key=lambda d: d["from"])
+    return sorted([*_lasting(run), *_blind(run)], key=lambda d: d["from"])
 
 
 def in_doubt(stretches: Sequence[Distrust], t: np.ndarray) -> np.ndarray:
@@ -294,12 +354,10 @@ def was_dragged(infos: Sequence[RefinedStep]) -> bool:
     Only scans before the first alarm count. After a robot was carried off, scans contradict odometry and are right.
     """
     run = _judged(infos)
-    before = run["t"] < min(alarms(run), default=np.inf)
-    before_alarm = {name: column[before] for name, column in run.items()}
-    return any(True for _ in _dragged(before_alarm))
+    return bool((run["dragged"] & ~np.maximum.accumulate(run["lost"])).any())
 
 
-def departures(infos: Sequence[RefinedStep] | Columns) -> tuple[np.ndarray, np.ndarray]:
+def departures(infos: Sequence[RefinedStep]) -> tuple[np.ndarray, np.ndarray]:
     """Return how far ``(K,)`` (m) scans moved the estimate from its odometry within two seconds, and what is usual.
 
     The second array ``(K,)`` (m) is the standard deviation of each component in the run so far. It is computed as the
@@ -308,88 +366,30 @@ def departures(infos: Sequence[RefinedStep] | Columns) -> tuple[np.ndarray, np.n
     2001). For normal departures it is chi-square with two degrees of freedom, except for a factor of 1.12.
     """
     run = _judged(infos)
-    t, departure = run["t"], run["departure"].T
-    metres = np.hypot(*(_added_up(moved, run) for moved in np.where(_settling(t), 0.0, departure)))
-    mean = np.cumsum(np.log(metres**2 + MotionNoise.xy**2)) / np.arange(1, len(metres) + 1)
-    return metres, np.exp(mean / 2)
+    return run["shift"], run["usual_shift"]
 
 
-def _lost(run: Columns) -> Iterator[Distrust]:
-    if len(when := alarms(run)):
-        reason = "scans fit the map far worse than before: the robot is lost, or was moved by hand"
-        yield {"from": float(when[0]), "to": None, "reason": reason}
-
-
-def _dragged(run: Columns) -> Iterator[Distrust]:
-    """Find the first time at which scans moved the estimate improbably far, while walls leave part of them unexplained.
-
-    If scans moved the estimate so that more beams end on old walls, the wheels have slipped with somebody in view, and
-    nothing is wrong.
-    """
-    t, (metres, sigma) = run["t"], departures(run)
-    unexplained = _added_up(run["unexplained"], run) / np.maximum(_added_up(run["matched"], run), 1)
-    strange = (unexplained > UNEXPLAINED) & (run["old_walls"] < BACK_ON_WALLS)
-    found = (metres > IMPROBABLE * sigma) & strange
-    if found.any():
-        k = int(np.argmax(found))
-        dragged = f"scans moved the estimate {metres[k]:.2f} m from its odometry"
-        why = f"while {100 * unexplained[k]:.0f} % of the beams met what the map does not have"
-        reason = f"{dragged} within {WITHIN:.0f} s, {why}"
-        yield {"from": float(t[k]), "to": None, "reason": reason}
-
-
-def _added_up(values: np.ndarray, run: Columns) -> np.ndarray:
-    """Add up the values ``(K,)`` of the two seconds that end at each scan."""
-    sums = np.append(0.0, np.cumsum(values))
-    return sums[1:] - sums[run["since"]]
-
-
-def farther_than_usual(poses: np.ndarray) -> np.ndarray:
-    """Which of the steps ``(K - 1,)`` between poses ``(K, 3)`` are more than twice the median one.
-
-    A radian counts as a metre. If a robot stood, or went no farther than usual, no scan is missing in between.
-    """
-    steps = np.linalg.norm(between(poses[:-1], poses[1:]), axis=1)
-    return steps > 2.0 * np.median(steps) if len(steps) else steps > 0.0
+def _lasting(run: Columns) -> Iterator[Distrust]:
+    """Find the first time of each sign that lasts."""
+    for name, reason in LASTING.items():
+        for k in np.flatnonzero(run[name])[:1]:
+            told = reason.format(
+                shift=run["shift"][k], strange=100 * run["strange"][k], sigma=run["sigma"][-1]
+            )
+            yield {"from": float(run["t"][k]), "to": None, "reason": told}
 
 
 def _blind(run: Columns) -> Iterator[Distrust]:
     """Find the times without a usable scan, from the last one that was matched to the next."""
-    t, used = run["t"], run["matched"] | run["drawn"]
-    seen = np.flatnonzero(used)
-    # A stretch goes up to each scan that was used, and the last one to the end.
-    since, until = np.append(t[:1], t[seen]), np.append(t[seen], t[-1:])
-    if not (until - since > BLIND_SECONDS).any():
-        return
-    ends = np.append(seen, len(t))
-    blind, rejected = np.diff(ends, prepend=-1) > 1, np.append(0, np.cumsum(run["rejected"] & ~used))
-    why = np.where(np.diff(rejected[ends], prepend=0) > 0, BELIEVED, "with enough beams")
-    silence, far = _silence(t), run["moved"] > 2.0 * np.median(run["moved"])  # as in farther_than_usual
-    pause = np.where(far[seen], silence, max(silence, LONGEST_PAUSE))
-    for k in np.flatnonzero(until - since > np.where(blind, BLIND_SECONDS, np.append(pause, np.inf))):
-        to = float(until[k]) if k < len(seen) else None
-        missing = why[k] if blind[k] else "was recorded"
-        reason = f"no scan {missing} for {until[k] - since[k]:.1f} s: odometry alone"
-        yield {"from": float(since[k]), "to": to, "reason": reason}
-
-
-def _along(run: Columns) -> Iterator[Distrust]:
-    """Find the first time at which most of the way was driven where no wall shows how far."""
-    x, y = run["estimate"].T[:2]
-    metres = np.hypot(np.diff(x, prepend=x[:1]), np.diff(y, prepend=y[:1]))
-    driven, along = np.cumsum(metres), np.cumsum(metres * ~np.isnan(run["silent_direction"][:, 0]))
-    if not len(along) or along[-1] <= ALONG_METRES:
-        return
-    since = np.searchsorted(driven, driven - ALONG_WITHIN)
-    found = along - along[since] > ALONG_METRES
-    if found.any():
-        reason = f"{ALONG_METRES:.0f} m driven where no wall shows the way along: scans do not tell how far"
-        yield {"from": float(run["t"][int(np.argmax(found))]), "to": None, "reason": reason}
-
-
-def _unsure(run: Columns) -> Iterator[Distrust]:
-    """Find the first time at which the covariance of the estimate leaves the position open."""
-    sigma = run["sigma"]
-    if (above := sigma > UNSURE_METRES).any():
-        reason = f"the walls seen fix the position no better than to {sigma.max():.1f} m (standard deviation)"
-        yield {"from": float(run["t"][int(np.argmax(above))]), "to": None, "reason": reason}
+    t, last = run["t"], run["last_used"]
+    ends = [*np.flatnonzero(run["unseen"])]
+    if len(t) and t[-1] - t[max(last[-1], 0)] > BLIND_SECONDS:
+        ends.append(len(t))  # still without one
+    for k in ends:
+        before = last[k - 1]
+        missing = "was recorded" if k - before == 1 else "with enough beams"
+        if run["rejected"][before + 1 : k].any():  # scans came, but their matches lay beyond the gate
+            missing = "that could be believed"
+        since, to = float(t[max(before, 0)]), float(t[k]) if k < len(t) else None
+        seconds = (t[-1] if to is None else to) - since
+        yield {"from": since, "to": to, "reason": f"no scan {missing} for {seconds:.1f} s: odometry alone"}
