@@ -352,3 +352,30 @@ def test_a_picture_plays_to_its_end_and_steps_for_who_wants_no_motion(open_pictu
     assert page.get_by_role("slider").input_value() == "360"
     step.click()
     assert page.get_by_role("slider").input_value() == "0"
+
+
+SPECKS = """() => {
+  const canvas = document.createElement('canvas'), context = canvas.getContext('2d'), at = (x, y) => [x, y];
+  Object.assign(canvas, {width: 24, height: 12});
+  context.setTransform(2, 0, 0, 2, 2, 0);  // two pixels to a unit, one unit to the right
+  context.beginPath();
+  context.rect(-1, 0, 10, 6);
+  context.clip();
+  context.globalAlpha = 0.5;
+  pfslam.draw.specks({context, at}, [2, 2, 2, 2, -1, 5.5, 8.5, 1, 10.5, 1, 50, 50, NaN, NaN], '#ff0000', 1.4);
+  pfslam.draw.specks({context, at}, [50, 50], '#ff0000', 1.4);
+  const {data} = context.getImageData(0, 0, 24, 12), seen = [];
+  for (let k = 3; k < data.length; k += 4) if (data[k]) seen.push([(k >> 2) % 24, Math.floor((k >> 2) / 24), data[k]]);
+  return seen;
+}"""
+
+
+def test_specks_are_squares_at_their_points_as_far_as_the_sheet_and_its_clip_go(open_picture):
+    """Three pixels a side; two in one place are no darker. The clip cuts the third off after column 19."""
+    whole, at_the_edge, cut = ((5, 8), (3, 6)), ((0, 2), (10, 12)), ((18, 20), (1, 4))
+    squares = [
+        (x, y) for across, down in (whole, at_the_edge, cut) for x in range(*across) for y in range(*down)
+    ]
+    seen = open_picture("dot").evaluate(SPECKS)
+    assert sorted((x, y) for x, y, _ in seen) == sorted(squares)
+    assert {alpha for *_, alpha in seen} <= {127, 128}

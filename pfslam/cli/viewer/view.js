@@ -536,6 +536,8 @@
     }
   }
 
+  const scratch = document.createElement("canvas");
+
   const draw = {
     /** What does not change in every frame: `paint(sheet)` draws it on a sheet of its own, like `plan`, and only when one of
      * `parts` is another than it was, or the plan has another size. */
@@ -596,18 +598,37 @@
       context.setLineDash([]);
     },
 
-    /** Squares of `side` pixels at points x, y, x, y, ... on a sheet that is empty, or becomes so: tens of thousands of dots, one
-     * by one, would hold the page up. */
-    specks(sheet, points, colour, side) {
-      const {context} = sheet, {width, height} = context.canvas, ratio = context.getTransform().a, size = Math.round(side * ratio);
-      const image = context.createImageData(width, height), pixels = new Uint32Array(image.data.buffer);
-      const [ink] = new Uint32Array(Uint8Array.of(...rgb(colour), 255).buffer);
+    /** Squares of `side` pixels at points x, y, x, y, ...: thousands of dots, one by one, would hold the page up. They are put
+     * together as an image of their own, so that none is darker where they overlap. */
+    specks(plan, points, colour, side) {
+      const {context} = plan, {width, height} = context.canvas, {a: ratio, e: left, f: top} = context.getTransform(), size = Math.ceil(side * ratio);
+      const corners = new Float64Array(points.length), low = [width, height], high = [0, 0];
       for (let k = 0; k < points.length; k += 2) {
-        const [x, y] = sheet.at(points[k], points[k + 1]), left = Math.round(ratio * x - size / 2), top = Math.round(ratio * y - size / 2);
-        if (left < 0 || left + size > width) continue;
-        for (let row = Math.max(top, 0); row < Math.min(top + size, height); row++) pixels.fill(ink, row * width + left, row * width + left + size);
+        const [x, y] = plan.at(points[k], points[k + 1]), across = Math.round(ratio * x + left - size / 2), down = Math.round(ratio * y + top - size / 2);
+        corners[k] = across;
+        corners[k + 1] = down;
+        if (across < low[0]) low[0] = Math.max(across, 0);
+        if (down < low[1]) low[1] = Math.max(down, 0);
+        if (across + size > high[0]) high[0] = Math.min(across + size, width);
+        if (down + size > high[1]) high[1] = Math.min(down + size, height);
       }
-      context.putImageData(image, 0, 0);
+      const across = high[0] - low[0], down = high[1] - low[1];
+      if (across <= 0 || down <= 0) return;
+      const image = context.createImageData(across, down), pixels = new Uint32Array(image.data.buffer);
+      const [ink] = new Uint32Array(Uint8Array.of(...rgb(colour), 255).buffer);
+      for (let k = 0; k < corners.length; k += 2) {
+        const from = Math.max(corners[k] - low[0], 0), to = Math.min(corners[k] - low[0] + size, across);
+        const last = Math.min(corners[k + 1] - low[1] + size, down);
+        for (let row = Math.max(corners[k + 1] - low[1], 0); row < last; row++) {
+          for (let at = row * across + from; at < row * across + to; at++) pixels[at] = ink;
+        }
+      }
+      Object.assign(scratch, {width: across, height: down});
+      scratch.getContext("2d").putImageData(image, 0, 0);
+      context.save();
+      context.resetTransform();
+      context.drawImage(scratch, ...low);
+      context.restore();
     },
 
     /** Dots at points x, y, x, y, ...; `radius` in pixels, one or one for each; a `rim` {colour, width} tells neighbours apart. */

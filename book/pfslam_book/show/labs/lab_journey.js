@@ -19,9 +19,11 @@
       const dice = core.generator(1), [x, y] = core.transformPoints(POSE, camera.position.slice(0, 2));
       this.holes = new Set(Array.from({length: HOLES}, () => Math.floor(dice.uniform() * camera.width * camera.height)));
       this.walls = core.castRays(world.WALLS, [], [x, y, POSE[2]], Float64Array.from({length: RAYS}, (_, k) => SIGHT * ((2 * k) / RAYS - 1)));
-      this.colours = this.picture();
-      this.few = this.thinned();
     }
+
+    /** The image of the colour camera and the thinned pixels: a page waits for them only where they are seen. */
+    get image() { return (this.taken ??= this.picture()); }
+    get few() { return (this.kept ??= this.thinned()); }
 
     /** What is seen at a pixel of the depth camera: its depth (m), and its colour [r, g, b]. */
     view(u, v) {
@@ -42,8 +44,8 @@
     /** The image of the colour camera, in pixels of `HALF`: for each the depth pixel is sought that Eq. 16 takes there. */
     picture() {
       const c = this.camera, [width, height] = [c.width / HALF, c.height / HALF];
-      this.image = Object.assign(document.createElement("canvas"), {width, height});
-      const context = this.image.getContext("2d"), image = context.createImageData(width, height);
+      const canvas = Object.assign(document.createElement("canvas"), {width, height});
+      const context = canvas.getContext("2d"), image = context.createImageData(width, height);
       for (let k = 0; k < width * height; k++) {
         const v = (HALF * Math.floor(k / width) * c.rgbDivisor - c.rgbOffsetV) / c.rgbFocal;
         const u = inverse => (HALF * (k % width) * c.rgbDivisor - c.rgbOffsetU - c.rgbBaseline * inverse) / c.rgbFocal;
@@ -51,7 +53,7 @@
         image.data.set([...seen.colour, 255], 4 * k);
       }
       context.putImageData(image, 0, 0);
-      return image.data;
+      return {canvas, colours: image.data};
     }
 
     /** The disparity of a pixel: whole numbers, and none in a hole. */
@@ -109,12 +111,16 @@
       return points;
     }
 
-    /** The thinned pixels as the pitch has them now: their colour pixels, and where they are ahead and above the floor (m). */
+    /** The thinned pixels as the pitch has them now, those that count as floor and the others: the `pixels` u, v, u, v, ... of the
+     * colour camera, and the `points` x, z, x, z, ... ahead and above the floor (m). */
     fromTheSide() {
-      return this.few.map(([u, v, ...point]) => {
-        const [x, , z] = this.body(point);
-        return [u, v, x, z];
-      });
+      const floor = {pixels: [], points: []}, others = {pixels: [], points: []};
+      for (const [u, v, ...point] of this.few) {
+        const [x, , z] = this.body(point), {pixels, points} = Math.abs(z) <= this.settings.tolerance ? floor : others;
+        pixels.push(u, v);
+        points.push(x, z);
+      }
+      return {floor, others};
     }
 
     /** The pixels round the chosen one colour the floor, each its cell, if its journey gets there. */
@@ -182,10 +188,12 @@
       draw() {
         side.clear(stage.colours.paper);
         const steps = shot.journey();
-        const seen = shot.fromTheSide();
-        paintImage(plan, stage.colours, shot, steps, seen);
-        paintFloor(plan, stage.colours, shot);
-        paintSide(frame, stage.colours, shot, steps, seen);
+        const {colours} = stage, look = [shot.settings.pitch, shot.settings.tolerance, colours];
+        draw.kept(plan, look, sheet => paintImage(sheet, colours, shot));
+        draw.kept(side, look, sheet => paintPoints(frameOf(sheet), colours, shot));
+        paintPixel(plan, colours, steps);
+        paintFloor(plan, colours, shot);
+        paintRay(frame, colours, shot, steps);
         side.write(`From the side, with a pitch of ${(shot.settings.pitch * degrees).toFixed(2)}°: drag the ring to change it.`);
         story.innerHTML = tell(steps, shot);
       },
@@ -194,17 +202,17 @@
   });
 
   /** The colour image, with a green veil on what counts as floor. */
-  function paintImage(plan, colours, shot, steps, seen) {
-    const {context} = plan, size = EVERY * plan.scale;
-    context.drawImage(shot.image, 0, 0, plan.width, plan.height);
-    context.fillStyle = colours.clear;
+  function paintImage(plan, colours, shot) {
+    const {context} = plan, image = {context, at: (u, v) => [u * plan.scale, v * plan.scale]};
+    context.drawImage(shot.image.canvas, 0, 0, plan.width, plan.height);
     context.globalAlpha = 0.35;
-    context.beginPath();  // thousands of squares as one path cost less than one by one
-    for (const [u, v, , z] of seen) {
-      if (Math.abs(z) <= shot.settings.tolerance) context.rect(u * plan.scale - size / 2, v * plan.scale - size / 2, size, size);
-    }
-    context.fill();
+    draw.specks(image, shot.fromTheSide().floor.pixels, colours.clear, EVERY * plan.scale);
     context.globalAlpha = 1;
+  }
+
+  /** The pixel that is followed, with a ring, and its colour pixel, with a cross. */
+  function paintPixel(plan, colours, steps) {
+    const {context} = plan;
     const [x, y] = plan.at(steps.u + 0.5, -steps.v - 0.5);
     for (const [colour, width] of [["#1b1b1b", 5], [colours.highlight, 2.5]]) {
       Object.assign(context, {strokeStyle: colour, lineWidth: width});
@@ -257,19 +265,16 @@
   /** The pitch of a line of sight that ends at x. */
   function pitchTo({camera: {position: [px, , pz]}}, x) { return Math.atan2(pz - END, x - px); }
 
-  /** All points from the side: floor in green. The ray of the pixel goes from the camera to its point. */
-  function paintSide(frame, colours, shot, steps, seen) {
+  /** All points from the side: floor in green. */
+  function paintPoints(frame, colours, shot) {
+    const {floor, others} = shot.fromTheSide();
+    draw.specks(frame, others.points, colours.muted, 2);
+    draw.specks(frame, floor.points, colours.clear, 2);
+  }
+
+  /** From the side, the ray of the pixel from the camera to its point, and the line of sight. */
+  function paintRay(frame, colours, shot, steps) {
     const {at, context} = frame, [px, , pz] = shot.camera.position, {tolerance} = shot.settings;
-    for (const floor of [false, true]) {
-      context.fillStyle = floor ? colours.clear : colours.muted;
-      context.beginPath();
-      for (const [, , x, z] of seen) {
-        if (Math.abs(z) <= tolerance !== floor) continue;
-        const [a, b] = at(x, z);
-        context.rect(a - 1, b - 1, 2, 2);
-      }
-      context.fill();
-    }
     const line = (x0, z0, x1, z1, colour, width) => {
       Object.assign(context, {strokeStyle: colour, lineWidth: width});
       context.beginPath();
@@ -297,7 +302,7 @@
   function colourOf(shot, {colour}) {
     const [width, height] = [shot.camera.width / HALF, shot.camera.height / HALF], [u, v] = colour.map(value => Math.round(value / HALF));
     const k = 4 * (Math.max(0, Math.min(height - 1, v)) * width + Math.max(0, Math.min(width - 1, u)));
-    return `rgb(${shot.colours.slice(k, k + 3).join(",")})`;
+    return `rgb(${shot.image.colours.slice(k, k + 3).join(",")})`;
   }
 
   const metres = (...values) => values.map(value => value.toFixed(2)).join(", ");

@@ -32,8 +32,8 @@
             name, points, cm, title: `${name}: ${cm.toFixed(0)} cm`, equal: true, xName: "x [m]", yName: "y [m]",
             x: [x - AROUND, x + AROUND], y: [y - AROUND, y + AROUND],
             paint(pen, colours) {
-              draw.dots(pen, right, colours.muted, 2.4);
-              draw.dots(pen, points, colours.hits, 1.2);
+              draw.specks(pen, right, colours.muted, 5);
+              draw.specks(pen, points, colours.hits, 2.5);
             },
           };
         });

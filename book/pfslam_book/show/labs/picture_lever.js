@@ -47,6 +47,8 @@
       places: {wide: [[0, 0, 0.48, 1], [0.48, 0, 0.52, 1]], narrow: [[0, 0, 1, 0.42], [0, 0.42, 1, 0.58]]},
       compute({ahead}) {
         const scans = walls(ahead), count = cellsOf(scans), lidars = mounted(ahead).flatMap(([x, y]) => [x, y]);
+        const cloud = new Float64Array(scans.reduce((numbers, points) => numbers + points.length, 0));
+        scans.reduce((at, points) => { cloud.set(points, at); return at + points.length; }, 0);
         return {
           panels: [
             {
@@ -62,7 +64,7 @@
               title: "the walls of one turn", equal: true, xName: "x [m]", yName: "y [m]",
               x: [middle[0] - AROUND, middle[0] + AROUND], y: [middle[1] - AROUND, middle[1] + AROUND],
               paint(pen, colours) {
-                for (const points of scans) draw.dots(pen, points, colours.hits, 0.8);
+                draw.specks(pen, cloud, colours.hits, 1.5);
                 draw.dots(pen, lidars, colours.highlight, 2.5);
               },
             },
